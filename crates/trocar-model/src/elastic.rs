@@ -1,0 +1,700 @@
+//! Deformation force of the seal: two direction-dependent branches, each two joined polynomials, EMS (25).
+//!
+//! A seal that is bent one way and back shows two branches: the force `F_u` while the deflection rises and `F_d`
+//! while it falls. Between them the force depends on the past. With
+//!
+//! ```text
+//! M = (F_u + F_d)/2        h = (F_u - F_d)/2, clipped at 0        q in [-h, h]
+//! F_e = M(z) + q           q⁺ = clamp(q + κ·(z⁺ - z), -h(z⁺), h(z⁺))
+//! ```
+//!
+//! the element is a spring M beside a slip element of stiffness κ whose limit is the half gap h. For κ >= max|h'|
+//!
+//! - a full reversal follows the measured branches exactly: h never widens faster than q can follow;
+//! - the force is Lipschitz in the deflection, |dF_e/dz| <= |M'| + κ, so a partial reversal makes no jump;
+//! - no closed motion yields work: ∫M dz + q²/(2κ) is stored, and what is not stored is lost;
+//! - returning to a turning point restores the force there (return-point memory);
+//! - one clamp is exact for a monotone motion of any length.
+//!
+//! Outside [-c, c] the two branches are one straight line, h = 0.
+
+use crate::error::{ParamError, finite, positive};
+
+/// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has degree 7.
+pub const MAX_DEGREE: usize = 7;
+
+const COUNT: usize = MAX_DEGREE + 1;
+
+/// Least slope outside [-c, c], as a fraction of the mean slope of the branch over [-c, c].
+///
+/// A fitted polynomial may be flat or falling at its end; the line that continues it must rise, or the element would
+/// never reach the sliding force (the hypothesis of EMS proposition III.1).
+pub const END_SLOPE_FLOOR: f64 = 0.05;
+
+/// Allowed force jump at a join, as a fraction of the force span of the branch.
+const JOIN_TOLERANCE: f64 = 1e-6;
+
+/// Allowed mismatch of two interval ends, as a fraction of the interval.
+const END_TOLERANCE: f64 = 1e-9;
+
+/// Default κ over the steepest sampled slope of h: covers what sampling may miss.
+const YIELD_STIFFNESS_MARGIN: f64 = 1.01;
+
+/// Samples of each polynomial piece when its extremes are sought.
+const SAMPLES: usize = 256;
+
+/// One polynomial on [from, to], in the Legendre basis of its own interval.
+///
+/// ```text
+/// F(z) = Σ l_k·P_k(t)       t = (2z - from - to)/(to - from)        l_k in N        (25)
+/// ```
+///
+/// In this basis the fit is well conditioned and the coefficients have the unit of the result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    from: f64,
+    to: f64,
+    count: usize,
+    legendre: [f64; COUNT],
+    /// The same polynomial as Σ a_k·t^k.
+    power: [f64; COUNT],
+}
+
+impl Piece {
+    /// A polynomial on [`from`, `to`] (m) with Legendre coefficients `legendre` (N), lowest degree first.
+    ///
+    /// # Errors
+    /// An empty or infinite interval, no or too many coefficients, a coefficient that is not finite.
+    pub fn new(from: f64, to: f64, legendre: &[f64]) -> Result<Self, ParamError> {
+        finite("from", from)?;
+        finite("to", to)?;
+        if to <= from || !(to - from).is_finite() || !(2.0 / (to - from)).is_finite() {
+            return Err(ParamError::EmptyInterval { from, to });
+        }
+        let count = legendre.len();
+        if count == 0 || count > COUNT {
+            return Err(ParamError::CoefficientCount { count });
+        }
+        let mut own = [0.0; COUNT];
+        for (slot, &value) in own.iter_mut().zip(legendre) {
+            *slot = finite("legendre coefficient", value)?;
+        }
+        Ok(Self {
+            from,
+            to,
+            count,
+            legendre: own,
+            power: legendre_to_power(&own),
+        })
+    }
+
+    /// Left end, m.
+    pub fn from(&self) -> f64 {
+        self.from
+    }
+
+    /// Right end, m.
+    pub fn to(&self) -> f64 {
+        self.to
+    }
+
+    /// Degree of the polynomial.
+    pub fn degree(&self) -> usize {
+        self.count - 1
+    }
+
+    /// Legendre coefficients, N, lowest degree first.
+    pub fn legendre(&self) -> &[f64] {
+        self.legendre.get(..self.count).unwrap_or(&self.legendre)
+    }
+
+    /// The coefficients θ_i of EMS (25) about z = 0, N/m^i. For reporting: badly conditioned for evaluation.
+    pub fn monomial(&self) -> [f64; COUNT] {
+        let scale = 2.0 / (self.to - self.from);
+        compose(&self.power, scale, -0.5 * (self.from + self.to) * scale)
+    }
+
+    /// Force at deflection `z` (m), N. Outside the interval the polynomial itself is continued.
+    pub fn force(&self, z: f64) -> f64 {
+        horner(&self.power, self.local(z)).0
+    }
+
+    /// dF/dz at deflection `z` (m), N/m.
+    pub fn stiffness(&self, z: f64) -> f64 {
+        horner(&self.power, self.local(z)).1 * 2.0 / (self.to - self.from)
+    }
+
+    fn local(&self, z: f64) -> f64 {
+        ((z - self.from) + (z - self.to)) / (self.to - self.from)
+    }
+}
+
+/// One branch of the deformation force: two polynomials joined without a force jump, EMS (25).
+///
+/// The slope may jump at the join (the seal turns over there). Outside its interval the branch goes on as a straight
+/// line with the slope of its end, at least [`END_SLOPE_FLOOR`] of its mean slope.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Branch {
+    left: Piece,
+    right: Piece,
+}
+
+impl Branch {
+    /// Joins `left` and `right`.
+    ///
+    /// # Errors
+    /// The pieces do not meet, the force jumps at the join, the outer ends are not at -c and +c, or the force at the
+    /// right end does not exceed the force at the left end.
+    pub fn new(left: Piece, right: Piece) -> Result<Self, ParamError> {
+        let width = right.to - left.from;
+        if (left.to - right.from).abs() > END_TOLERANCE * width {
+            return Err(ParamError::PiecesApart {
+                left_ends: left.to,
+                right_starts: right.from,
+            });
+        }
+        let half_width = right.to;
+        if (left.from + right.to).abs() > END_TOLERANCE * width {
+            return Err(ParamError::IntervalNotCentred {
+                from: left.from,
+                to: right.to,
+                half_width,
+            });
+        }
+        let (at_left, at_right) = (left.force(left.from), right.force(right.to));
+        if at_right <= at_left || !(at_right - at_left).is_finite() {
+            return Err(ParamError::EndForcesNotRising { at_left, at_right });
+        }
+        let (before, after) = (left.force(left.to), right.force(right.from));
+        if (before - after).abs() > JOIN_TOLERANCE * (at_right - at_left) {
+            return Err(ParamError::ForceJump {
+                join: left.to,
+                left: before,
+                right: after,
+            });
+        }
+        Ok(Self { left, right })
+    }
+
+    /// The join a of EMS (25), m.
+    pub fn join(&self) -> f64 {
+        self.left.to
+    }
+
+    /// The piece below the join.
+    pub fn left(&self) -> &Piece {
+        &self.left
+    }
+
+    /// The piece above the join.
+    pub fn right(&self) -> &Piece {
+        &self.right
+    }
+
+    /// c, m.
+    pub fn half_width(&self) -> f64 {
+        self.right.to
+    }
+
+    /// Force at deflection `z` (m), N.
+    pub fn force(&self, z: f64) -> f64 {
+        let (from, to) = (self.left.from, self.right.to);
+        if z > to {
+            self.right.force(to) + self.stiffness(z) * (z - to)
+        } else if z < from {
+            self.left.force(from) + self.stiffness(z) * (z - from)
+        } else {
+            self.piece(z).force(z)
+        }
+    }
+
+    /// dF/dz at deflection `z` (m), N/m; at the join the slope of the right piece.
+    pub fn stiffness(&self, z: f64) -> f64 {
+        let (from, to) = (self.left.from, self.right.to);
+        if z > to {
+            self.right.stiffness(to).max(self.slope_floor())
+        } else if z < from {
+            self.left.stiffness(from).max(self.slope_floor())
+        } else {
+            self.piece(z).stiffness(z)
+        }
+    }
+
+    fn piece(&self, z: f64) -> &Piece {
+        if z < self.left.to {
+            &self.left
+        } else {
+            &self.right
+        } // EMS (25): "if z < a ... else"
+    }
+
+    fn slope_floor(&self) -> f64 {
+        let (from, to) = (self.left.from, self.right.to);
+        END_SLOPE_FLOOR * (self.right.force(to) - self.left.force(from)) / (to - from)
+    }
+}
+
+/// M and h over one stretch between neighbouring joins, as power series of t in [-1, 1].
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stretch {
+    mid: f64,
+    inverse_half: f64,
+    /// [M, h] coefficient by coefficient, N: side by side so that both are evaluated in one vector.
+    force: [[f64; 2]; COUNT],
+    /// [dM/dz, dh/dz], N/m.
+    slope: [[f64; 2]; COUNT],
+}
+
+/// The deformation force F_e of one seal: mid curve M, half gap h and yield stiffness κ (module documentation).
+///
+/// Outside [-c, c]: h = 0 and M is a straight line, with the end slope of `F_u` above +c and of `F_d` below -c, so that
+/// the slope is continuous for the motion that goes out there; a floor of [`END_SLOPE_FLOOR`] keeps it rising.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeformationForce {
+    rising: Branch,
+    falling: Branch,
+    half_width: f64,
+    yield_stiffness: f64,
+    /// The two inner joins, ascending.
+    joins: [f64; 2],
+    stretches: [Stretch; 3],
+    /// M at -c and +c.
+    end_force: [f64; 2],
+    end_stiffness: [f64; 2],
+}
+
+/// M, h and their slopes at one deflection.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Local {
+    pub(crate) mid: f64,
+    pub(crate) gap: f64,
+    pub(crate) mid_slope: f64,
+    pub(crate) gap_slope: f64,
+}
+
+impl DeformationForce {
+    /// Deformation force with branch `rising` = F_u for a rising and `falling` = F_d for a falling deflection.
+    ///
+    /// `yield_stiffness` = κ, N/m; `None` takes 1.01 times the steepest slope of h, the softest law that follows both
+    /// branches exactly.
+    ///
+    /// # Errors
+    /// The branches span different intervals, or κ is below the steepest slope of h.
+    pub fn new(
+        rising: Branch,
+        falling: Branch,
+        yield_stiffness: Option<f64>,
+    ) -> Result<Self, ParamError> {
+        let half_width = rising.half_width();
+        let (from, to) = (falling.left.from, falling.right.to);
+        if (to - half_width).abs() > END_TOLERANCE * half_width {
+            return Err(ParamError::IntervalNotCentred {
+                from,
+                to,
+                half_width,
+            });
+        }
+        let joins = [
+            rising.join().min(falling.join()),
+            rising.join().max(falling.join()),
+        ];
+        let bounds = [-half_width, joins[0], joins[1], half_width];
+        let stretch =
+            |k: usize, left: f64, right: f64| Stretch::new(&rising, &falling, left, right, k);
+        let stretches = [
+            stretch(0, bounds[0], bounds[1]),
+            stretch(1, bounds[1], bounds[2]),
+            stretch(2, bounds[2], bounds[3]),
+        ];
+        let mean = |z: f64| 0.5 * (rising.force(z) + falling.force(z));
+        let mut this = Self {
+            rising,
+            falling,
+            half_width,
+            yield_stiffness: 0.0,
+            joins,
+            stretches,
+            end_force: [mean(-half_width), mean(half_width)],
+            end_stiffness: [
+                falling
+                    .left
+                    .stiffness(-half_width)
+                    .max(falling.slope_floor()),
+                rising.right.stiffness(half_width).max(rising.slope_floor()),
+            ],
+        };
+        this.yield_stiffness = this.checked_yield_stiffness(yield_stiffness)?;
+        Ok(this)
+    }
+
+    /// A linear spring without hysteresis, `stiffness` in N/m > 0, on [-`half_width`, `half_width`] in m.
+    ///
+    /// # Errors
+    /// A value that is not positive and finite.
+    pub fn linear(stiffness: f64, half_width: f64) -> Result<Self, ParamError> {
+        positive("stiffness", stiffness, "N/m")?;
+        positive("half_width", half_width, "m")?;
+        let half_force = 0.5 * stiffness * half_width;
+        let left = Piece::new(-half_width, 0.0, &[-half_force, half_force])?;
+        let right = Piece::new(0.0, half_width, &[half_force, half_force])?;
+        let branch = Branch::new(left, right)?;
+        Self::new(branch, branch, None)
+    }
+
+    /// c, m.
+    pub fn half_width(&self) -> f64 {
+        self.half_width
+    }
+
+    /// The branch F_u.
+    pub fn rising(&self) -> &Branch {
+        &self.rising
+    }
+
+    /// The branch F_d.
+    pub fn falling(&self) -> &Branch {
+        &self.falling
+    }
+
+    /// κ, N/m.
+    pub fn yield_stiffness(&self) -> f64 {
+        self.yield_stiffness
+    }
+
+    /// Slopes of the straight lines below -c and above +c, N/m, both positive.
+    pub fn end_stiffness(&self) -> (f64, f64) {
+        (self.end_stiffness[0], self.end_stiffness[1])
+    }
+
+    /// M(z), N.
+    pub fn mid(&self, z: f64) -> f64 {
+        self.mid_and_gap(z).0
+    }
+
+    /// h(z) >= 0, N; 0 outside [-c, c].
+    pub fn half_gap(&self, z: f64) -> f64 {
+        self.mid_and_gap(z).1
+    }
+
+    /// Force and yield force after a monotone motion from deflection `from` with yield force `q` to deflection `to`.
+    pub(crate) fn reach(&self, from: f64, q: f64, to: f64) -> (f64, f64) {
+        let (mid, gap) = self.mid_and_gap(to);
+        let trial = q + self.yield_stiffness * (to - from);
+        let q = if trial > gap {
+            gap
+        } else if trial < -gap {
+            -gap
+        } else {
+            trial
+        };
+        (mid + q, q)
+    }
+
+    /// As [`Self::reach`], with the slope of the force for a motion that goes on in direction `to` - `from`.
+    pub(crate) fn reach_with_slope(&self, from: f64, q: f64, to: f64) -> (f64, f64) {
+        let local = self.local(to);
+        let trial = q + self.yield_stiffness * (to - from);
+        if trial > local.gap {
+            (local.mid + local.gap, local.mid_slope + local.gap_slope)
+        } else if trial < -local.gap {
+            (local.mid - local.gap, local.mid_slope - local.gap_slope)
+        } else {
+            (local.mid + trial, local.mid_slope + self.yield_stiffness)
+        }
+    }
+
+    /// M at -c (0) or +c (1).
+    pub(crate) fn end_force(&self, end: usize) -> f64 {
+        if end == 0 {
+            self.end_force[0]
+        } else {
+            self.end_force[1]
+        }
+    }
+
+    #[inline]
+    pub(crate) fn mid_and_gap(&self, z: f64) -> (f64, f64) {
+        if z > self.half_width {
+            return (
+                self.end_force[1] + self.end_stiffness[1] * (z - self.half_width),
+                0.0,
+            );
+        }
+        if z < -self.half_width {
+            return (
+                self.end_force[0] + self.end_stiffness[0] * (z + self.half_width),
+                0.0,
+            );
+        }
+        let stretch = self.stretch(z);
+        let [mid, gap] = estrin(&stretch.force, stretch.local(z));
+        (mid, gap.max(0.0))
+    }
+
+    pub(crate) fn local(&self, z: f64) -> Local {
+        let (mid, gap) = self.mid_and_gap(z);
+        if z > self.half_width || z < -self.half_width {
+            let mid_slope = if z > 0.0 {
+                self.end_stiffness[1]
+            } else {
+                self.end_stiffness[0]
+            };
+            return Local {
+                mid,
+                gap,
+                mid_slope,
+                gap_slope: 0.0,
+            };
+        }
+        let stretch = self.stretch(z);
+        let [mid_slope, gap_slope] = estrin(&stretch.slope, stretch.local(z));
+        // Where h is clipped it stays at zero.
+        Local {
+            mid,
+            gap,
+            mid_slope,
+            gap_slope: if gap > 0.0 { gap_slope } else { 0.0 },
+        }
+    }
+
+    fn stretch(&self, z: f64) -> &Stretch {
+        let [below, between, above] = &self.stretches;
+        if z < self.joins[0] {
+            below
+        } else if z < self.joins[1] {
+            between
+        } else {
+            above
+        }
+    }
+
+    /// The interval outside which both branches rise, EMS (15): from the first to the last deflection in [-c, c] where
+    /// dF_u/dz <= 0 or dF_d/dz <= 0. `None` when both rise everywhere.
+    pub fn softening_interval(&self) -> Option<(f64, f64)> {
+        let softens = |z: f64| self.least_branch_slope(z) <= 0.0;
+        let step = 2.0 * self.half_width / (4 * SAMPLES) as f64;
+        let grid = |k: usize| (-self.half_width + step * k as f64).min(self.half_width);
+        let first = (0..=4 * SAMPLES).find(|&k| softens(grid(k)))?;
+        let last = (0..=4 * SAMPLES).rev().find(|&k| softens(grid(k)))?;
+        let from = if first == 0 {
+            grid(0)
+        } else {
+            edge(softens, grid(first), grid(first - 1))
+        };
+        let to = if last == 4 * SAMPLES {
+            grid(last)
+        } else {
+            edge(softens, grid(last), grid(last + 1))
+        };
+        Some((from, to))
+    }
+
+    fn least_branch_slope(&self, z: f64) -> f64 {
+        let local = self.local(z);
+        local.mid_slope - local.gap_slope.abs()
+    }
+
+    /// Over [-c, c]: highest force, lowest force, least branch slope.
+    pub(crate) fn extremes(&self) -> Extremes {
+        let mut extremes = Extremes {
+            highest_force: self.end_force[1],
+            lowest_force: self.end_force[0],
+            least_slope: self.end_stiffness[0].min(self.end_stiffness[1]),
+        };
+        self.sample(|local| {
+            extremes.highest_force = extremes.highest_force.max(local.mid + local.gap);
+            extremes.lowest_force = extremes.lowest_force.min(local.mid - local.gap);
+            extremes.least_slope = extremes
+                .least_slope
+                .min(local.mid_slope - local.gap_slope.abs());
+        });
+        extremes
+    }
+
+    fn checked_yield_stiffness(&self, given: Option<f64>) -> Result<f64, ParamError> {
+        let mut steepest = 0.0_f64;
+        self.sample(|local| steepest = steepest.max(local.gap_slope.abs()));
+        let Some(given) = given else {
+            return Ok(YIELD_STIFFNESS_MARGIN * steepest);
+        };
+        finite("yield_stiffness", given)?;
+        if given < steepest {
+            return Err(ParamError::YieldStiffnessTooLow {
+                given,
+                minimum: steepest,
+            });
+        }
+        Ok(given)
+    }
+
+    /// Calls `see` on a grid over each stretch, its two ends included.
+    fn sample(&self, mut see: impl FnMut(Local)) {
+        let bounds = [
+            -self.half_width,
+            self.joins[0],
+            self.joins[1],
+            self.half_width,
+        ];
+        for ((stretch, &from), &to) in self
+            .stretches
+            .iter()
+            .zip(&bounds)
+            .zip(bounds.iter().skip(1))
+        {
+            if to <= from {
+                continue;
+            }
+            for k in 0..=SAMPLES {
+                let t = -1.0 + 2.0 * k as f64 / SAMPLES as f64;
+                let [mid, gap] = estrin(&stretch.force, t);
+                let [mid_slope, gap_slope] = estrin(&stretch.slope, t);
+                let gap_slope = if gap > 0.0 { gap_slope } else { 0.0 };
+                see(Local {
+                    mid,
+                    gap: gap.max(0.0),
+                    mid_slope,
+                    gap_slope,
+                });
+            }
+        }
+    }
+}
+
+/// What the element must know of a deformation force before it can choose its solver.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extremes {
+    pub(crate) highest_force: f64,
+    pub(crate) lowest_force: f64,
+    pub(crate) least_slope: f64,
+}
+
+impl Stretch {
+    /// The stretch `index` (0, 1, 2) between the joins, from `left` to `right`; an empty one is never evaluated.
+    fn new(rising: &Branch, falling: &Branch, left: f64, right: f64, index: usize) -> Self {
+        let half = 0.5 * (right - left);
+        let mid = 0.5 * (left + right);
+        if half <= 0.0 || !(1.0 / half).is_finite() {
+            let none = [[0.0; 2]; COUNT];
+            return Self {
+                mid,
+                inverse_half: 0.0,
+                force: none,
+                slope: none,
+            };
+        }
+        let up = restrict(piece_over(rising, mid, index), mid, half);
+        let down = restrict(piece_over(falling, mid, index), mid, half);
+        let mut force = [[0.0; 2]; COUNT];
+        for (pair, (u, d)) in force.iter_mut().zip(up.iter().zip(&down)) {
+            *pair = [0.5 * (u + d), 0.5 * (u - d)];
+        }
+        let mut slope = [[0.0; 2]; COUNT];
+        for (k, (to, from)) in slope.iter_mut().zip(force.iter().skip(1)).enumerate() {
+            let factor = (k + 1) as f64 / half;
+            *to = [from[0] * factor, from[1] * factor];
+        }
+        Self {
+            mid,
+            inverse_half: 1.0 / half,
+            force,
+            slope,
+        }
+    }
+
+    #[inline]
+    fn local(&self, z: f64) -> f64 {
+        (z - self.mid) * self.inverse_half
+    }
+}
+
+/// The piece of `branch` that covers the stretch with this index and middle.
+fn piece_over(branch: &Branch, mid: f64, index: usize) -> &Piece {
+    match index {
+        0 => &branch.left,
+        2 => &branch.right,
+        _ => branch.piece(mid),
+    }
+}
+
+/// `piece` as a power series of t in [-1, 1] over [mid - half, mid + half].
+fn restrict(piece: &Piece, mid: f64, half: f64) -> [f64; COUNT] {
+    compose(
+        &piece.power,
+        2.0 * half / (piece.to - piece.from),
+        piece.local(mid),
+    )
+}
+
+/// Coefficients of p(scale·t + shift).
+fn compose(p: &[f64; COUNT], scale: f64, shift: f64) -> [f64; COUNT] {
+    let mut result = [0.0; COUNT];
+    for &coefficient in p.iter().rev() {
+        let mut carry = 0.0;
+        for slot in &mut result {
+            let old = *slot;
+            *slot = old * shift + carry;
+            carry = old * scale;
+        }
+        if let Some(constant) = result.first_mut() {
+            *constant += coefficient;
+        }
+    }
+    result
+}
+
+/// Σ l_k·P_k(t) as a power series, by P_(k+1) = ((2k+1)·t·P_k - k·P_(k-1))/(k+1).
+fn legendre_to_power(legendre: &[f64; COUNT]) -> [f64; COUNT] {
+    let mut sum = [0.0; COUNT];
+    let mut before = [0.0; COUNT];
+    let mut current = [0.0; COUNT];
+    current[0] = 1.0;
+    for (k, &weight) in legendre.iter().enumerate() {
+        for (slot, &value) in sum.iter_mut().zip(&current) {
+            *slot += weight * value;
+        }
+        let k = k as f64;
+        let mut next = [0.0; COUNT];
+        let mut shifted = 0.0;
+        for ((slot, &value), &old) in next.iter_mut().zip(&current).zip(&before) {
+            *slot = ((2.0 * k + 1.0) * shifted - k * old) / (k + 1.0);
+            shifted = value;
+        }
+        before = current;
+        current = next;
+    }
+    sum
+}
+
+/// Value and derivative of a power series.
+fn horner(power: &[f64; COUNT], t: f64) -> (f64, f64) {
+    power.iter().rev().fold((0.0, 0.0), |(value, slope), &a| {
+        (value * t + a, slope * t + value)
+    })
+}
+
+/// Two power series at once by Estrin's scheme: a short dependency chain, so faster than Horner without fused
+/// multiply-add.
+#[inline]
+fn estrin(a: &[[f64; 2]; COUNT], t: f64) -> [f64; 2] {
+    let t2 = t * t;
+    let t4 = t2 * t2;
+    let lane = |i: usize| {
+        let low = (a[0][i] + a[1][i] * t) + (a[2][i] + a[3][i] * t) * t2;
+        let high = (a[4][i] + a[5][i] * t) + (a[6][i] + a[7][i] * t) * t2;
+        low + high * t4
+    };
+    [lane(0), lane(1)]
+}
+
+/// The edge of a region between a point `inside` and a point `outside`, by bisection.
+fn edge(is_inside: impl Fn(f64) -> bool, mut inside: f64, mut outside: f64) -> f64 {
+    for _ in 0..60 {
+        let middle = 0.5 * (inside + outside);
+        if is_inside(middle) {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    inside
+}

@@ -1,0 +1,338 @@
+//! The Extended Maxwell-Slip (EMS) element: a seal that first bends with the instrument, then lets it slide.
+
+use crate::damping::SealDamping;
+use crate::elastic::DeformationForce;
+use crate::error::ParamError;
+use crate::sliding::SlidingFriction;
+
+/// Allowed distance between a branch end and the static force, as a fraction of the static force.
+const PIN_TOLERANCE: f64 = 1e-6;
+
+/// Parameters of one element. Checked by [`Element::new`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ElementParams {
+    /// F_e(z): force of the bent seal, EMS (25).
+    pub deformation: DeformationForce,
+    /// σ(ż): damping of the seal, EMS (9).
+    pub damping: SealDamping,
+    /// Sliding friction for v_sl > 0.
+    pub insertion: SlidingFriction,
+    /// Sliding friction for v_sl < 0.
+    pub withdrawal: SlidingFriction,
+}
+
+/// What the seal does at the moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// The seal sticks to the instrument and bends: v_sl = 0, EMS (10).
+    Deforming,
+    /// The instrument slides through the seal: v_sl != 0, EMS (14).
+    Sliding,
+}
+
+/// Everything that changes while an element runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    deflection: f64,
+    yield_force: f64,
+    force: f64,
+    slip_velocity: f64,
+}
+
+impl State {
+    /// z, m: deflection of the seal.
+    pub fn deflection(&self) -> f64 {
+        self.deflection
+    }
+
+    /// q, N: force beyond the mid curve, |q| <= h(z).
+    pub fn yield_force(&self) -> f64 {
+        self.yield_force
+    }
+
+    /// F, N: force that the instrument exerts on the seal.
+    pub fn force(&self) -> f64 {
+        self.force
+    }
+
+    /// v_sl, m/s: velocity of the instrument against the seal at the end of the last step.
+    pub fn slip_velocity(&self) -> f64 {
+        self.slip_velocity
+    }
+
+    /// Whether the seal bends or slides.
+    pub fn mode(&self) -> Mode {
+        if self.slip_velocity == 0.0 {
+            Mode::Deforming
+        } else {
+            Mode::Sliding
+        }
+    }
+}
+
+/// Whether the force decides the slip speed in one direction, in the limit of short steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Folding {
+    /// One slip speed for every force: β + min dD/dż exceeds the steepest fall of g.
+    Unique,
+    /// Between these slip speeds (m/s) the sliding force falls with speed; there steady sliding is unstable and the
+    /// seal sticks and slips by itself.
+    Folded {
+        /// Where the fall begins, m/s; 0 for a shape exponent of 1 or less.
+        from: f64,
+        /// Where the fall ends, m/s; infinite without any damping at high speed.
+        to: f64,
+    },
+}
+
+/// One EMS element: validated, immutable; many states may share it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element {
+    params: ElementParams,
+}
+
+/// Direction of slip or of the force. An own type, since `f64::signum(-0.0)` is -1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    Withdrawal,
+    Insertion,
+}
+
+impl Side {
+    fn of(value: f64) -> Self {
+        if value < 0.0 {
+            Self::Withdrawal
+        } else {
+            Self::Insertion
+        }
+    }
+
+    fn sign(self) -> f64 {
+        match self {
+            Self::Withdrawal => -1.0,
+            Self::Insertion => 1.0,
+        }
+    }
+
+    fn end(self) -> usize {
+        match self {
+            Self::Withdrawal => 0,
+            Self::Insertion => 1,
+        }
+    }
+}
+
+impl Element {
+    /// Checks the parameters and prepares the step.
+    ///
+    /// # Errors
+    /// A value out of its range, or a branch that misses (-c, -F_s) or (+c, +F_s).
+    pub fn new(params: ElementParams) -> Result<Self, ParamError> {
+        params.insertion.check()?;
+        params.withdrawal.check()?;
+        params.damping.check()?;
+        check_pins(&params)?;
+        Ok(Self { params })
+    }
+
+    /// The parameters.
+    pub fn params(&self) -> &ElementParams {
+        &self.params
+    }
+
+    /// Whether the sliding law folds, for insertion and for withdrawal.
+    pub fn folded(&self) -> (Folding, Folding) {
+        let least = self.params.damping.least_slope();
+        (
+            folding(&self.params.insertion, least),
+            folding(&self.params.withdrawal, least),
+        )
+    }
+
+    /// State at rest with zero yield force at `deflection`, m. A deflection that is not finite counts as 0.
+    pub fn rest_state(&self, deflection: f64) -> State {
+        self.state(deflection, 0.0)
+    }
+
+    /// State at rest at `deflection` (m) with `yield_force` (N), the latter clamped to ±h. What is not finite counts as 0.
+    pub fn state(&self, deflection: f64, yield_force: f64) -> State {
+        let deflection = if deflection.is_finite() {
+            deflection
+        } else {
+            0.0
+        };
+        let yield_force = if yield_force.is_finite() {
+            yield_force
+        } else {
+            0.0
+        };
+        let (force, yield_force) =
+            self.params
+                .deformation
+                .reach(deflection, yield_force, deflection);
+        State {
+            deflection,
+            yield_force,
+            force,
+            slip_velocity: 0.0,
+        }
+    }
+
+    /// Advances `state` by `displacement` (m) within `duration` (s); returns the force (N) at the end.
+    pub fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
+        let velocity = displacement / duration;
+        if duration > 0.0 && duration.is_finite() && velocity.is_finite() {
+            let next = self.advance_confined(state, velocity, duration);
+            if next.force.is_finite() && next.deflection.is_finite() {
+                *state = next;
+            }
+        }
+        state.force
+    }
+
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    pub fn step_velocity(&self, state: &mut State, velocity: f64, duration: f64) -> f64 {
+        self.step(state, velocity * duration, duration)
+    }
+
+    fn sliding(&self, side: Side) -> &SlidingFriction {
+        match side {
+            Side::Withdrawal => &self.params.withdrawal,
+            Side::Insertion => &self.params.insertion,
+        }
+    }
+
+    /// The exact solution at constant velocity when sliding only happens on the straight ends.
+    fn advance_confined(&self, state: &State, velocity: f64, mut time: f64) -> State {
+        let c = self.params.deformation.half_width();
+        let mut z = state.deflection;
+        let mut q = state.yield_force;
+        if z.abs() > c {
+            let side = Side::of(z);
+            let (next, left) = self.slide_on_end(side, side.sign() * z - c, velocity, time);
+            if left <= 0.0 {
+                return next;
+            }
+            (z, q, time) = (side.sign() * c, 0.0, left);
+        }
+        let target = z + velocity * time;
+        if target.abs() <= c {
+            let (force, yield_force) = self.params.deformation.reach(z, q, target);
+            return State {
+                deflection: target,
+                yield_force,
+                force,
+                slip_velocity: 0.0,
+            };
+        }
+        let side = Side::of(target);
+        self.slide_on_end(side, 0.0, velocity, (target.abs() - c) / velocity.abs())
+            .0
+    }
+
+    /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the time left.
+    fn slide_on_end(&self, side: Side, excess: f64, velocity: f64, time: f64) -> (State, f64) {
+        let deformation = &self.params.deformation;
+        let s = side.sign();
+        let (low, high) = deformation.end_stiffness();
+        let stiffness = if s > 0.0 { high } else { low };
+        let beta = self.sliding(side).viscous_damping;
+        let settled = beta * s * velocity / stiffness;
+        let decay = if beta > 0.0 {
+            libm::exp(-stiffness * time / beta)
+        } else {
+            0.0
+        };
+        let end = settled + (excess - settled) * decay;
+        let mut left = 0.0;
+        if end < 0.0 || (end <= 0.0 && s * velocity < 0.0) {
+            let reached = if settled < 0.0 {
+                beta / stiffness * libm::log1p(-excess / settled)
+            } else {
+                0.0
+            };
+            left = time - reached;
+        }
+        let end = end.max(0.0);
+        let slip = if beta > 0.0 {
+            s * stiffness * end / beta
+        } else {
+            velocity
+        };
+        let force = deformation.end_force(side.end()) + s * stiffness * end;
+        let state = State {
+            deflection: s * (deformation.half_width() + end),
+            yield_force: 0.0,
+            force,
+            slip_velocity: slip,
+        };
+        (state, left)
+    }
+}
+
+/// Both branches must end where sliding begins: (-c, -F_s) and (+c, +F_s).
+fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
+    let c = params.deformation.half_width();
+    let ends = [
+        (-c, -params.withdrawal.static_force),
+        (c, params.insertion.static_force),
+    ];
+    for (deflection, expected) in ends {
+        for branch in [params.deformation.rising(), params.deformation.falling()] {
+            let force = branch.force(deflection);
+            if (force - expected).abs() > PIN_TOLERANCE * expected.abs() {
+                return Err(ParamError::NotPinned {
+                    deflection,
+                    force,
+                    expected,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Stationary points of H(u) = g(u) + b·u with b = β + min dD/dż.
+fn folding(sliding: &SlidingFriction, least_damping: f64) -> Folding {
+    let b = sliding.viscous_damping + least_damping;
+    if b > sliding.steepest_fall() || sliding.is_constant() {
+        return Folding::Unique;
+    }
+    let steepest = sliding.steepest_speed();
+    let falls = |u: f64| sliding.level_and_slope(u).1 + b < 0.0;
+    let from = if steepest > 0.0 {
+        boundary(falls, steepest, 0.0)
+    } else {
+        0.0
+    };
+    if b == 0.0 {
+        return Folding::Folded {
+            from,
+            to: f64::INFINITY,
+        };
+    }
+    let mut beyond = steepest + sliding.stribeck_velocity;
+    for _ in 0..1000 {
+        if !falls(beyond) {
+            break;
+        }
+        beyond *= 2.0;
+    }
+    Folding::Folded {
+        from,
+        to: boundary(falls, steepest, beyond),
+    }
+}
+
+/// Where `holds` changes between `yes` and `no`, by bisection.
+fn boundary(holds: impl Fn(f64) -> bool, mut yes: f64, mut no: f64) -> f64 {
+    for _ in 0..100 {
+        let middle = 0.5 * (yes + no);
+        if holds(middle) {
+            yes = middle;
+        } else {
+            no = middle;
+        }
+    }
+    0.5 * (yes + no)
+}

@@ -1,0 +1,240 @@
+//! What is wrong with a parameter set. Everything is checked once, when a model is built.
+
+use core::fmt;
+
+/// Why a parameter set was refused. Values are carried in SI units.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ParamError {
+    /// A value is NaN or infinite.
+    NotFinite {
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value found.
+        value: f64,
+    },
+    /// A value must be above zero.
+    NotPositive {
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value found.
+        value: f64,
+        /// Unit of the value, empty for a pure number.
+        unit: &'static str,
+    },
+    /// A value must be zero or above.
+    Negative {
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value found.
+        value: f64,
+        /// Unit of the value.
+        unit: &'static str,
+    },
+    /// The static force lies below the Coulomb force.
+    StaticBelowCoulomb {
+        /// F_s, N.
+        static_force: f64,
+        /// F_c, N.
+        coulomb_force: f64,
+    },
+    /// The damping force sigma(zdot)*zdot falls somewhere as the deformation speed grows.
+    DampingForceFalls {
+        /// Smallest slope of the damping force over all speeds, N*s/m; minus infinity when it is unbounded.
+        slope: f64,
+    },
+    /// A polynomial piece has no coefficient or more than [`crate::MAX_DEGREE`] + 1.
+    CoefficientCount {
+        /// Number of coefficients found.
+        count: usize,
+    },
+    /// A polynomial piece has no length.
+    EmptyInterval {
+        /// Left end, m.
+        from: f64,
+        /// Right end, m.
+        to: f64,
+    },
+    /// The two pieces of a branch do not meet.
+    PiecesApart {
+        /// Right end of the left piece, m.
+        left_ends: f64,
+        /// Left end of the right piece, m.
+        right_starts: f64,
+    },
+    /// The force of a branch jumps where its two pieces join, against EMS (25).
+    ForceJump {
+        /// The join, m.
+        join: f64,
+        /// Force of the left piece there, N.
+        left: f64,
+        /// Force of the right piece there, N.
+        right: f64,
+    },
+    /// A branch does not span a symmetric interval, or the two branches span different ones.
+    IntervalNotCentred {
+        /// Left end, m.
+        from: f64,
+        /// Right end, m.
+        to: f64,
+        /// Half width asked for, m.
+        half_width: f64,
+    },
+    /// The force at the right end of a branch does not exceed the force at the left end.
+    EndForcesNotRising {
+        /// Force at -c, N.
+        at_left: f64,
+        /// Force at +c, N.
+        at_right: f64,
+    },
+    /// A branch misses the static force at an end of the deformation range.
+    NotPinned {
+        /// The end, m.
+        deflection: f64,
+        /// Force of the branch there, N.
+        force: f64,
+        /// Force required there, N.
+        expected: f64,
+    },
+    /// The yield stiffness is below the steepest slope of the half gap between the branches.
+    YieldStiffnessTooLow {
+        /// The value found, N/m.
+        given: f64,
+        /// The least value allowed, N/m.
+        minimum: f64,
+    },
+    /// F_s > F_c with neither viscous nor seal damping: the deflection would have to jump.
+    UndampedBreakaway {
+        /// F_s, N.
+        static_force: f64,
+        /// F_c, N.
+        coulomb_force: f64,
+    },
+}
+
+impl fmt::Display for ParamError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NotFinite { name, value } => write!(f, "{name} must be finite, got {value}"),
+            Self::NotPositive { name, value, unit } => {
+                write!(
+                    f,
+                    "{name} must be positive, got {value}{}{unit}",
+                    space(unit)
+                )
+            }
+            Self::Negative { name, value, unit } => {
+                write!(
+                    f,
+                    "{name} must not be negative, got {value}{}{unit}",
+                    space(unit)
+                )
+            }
+            Self::StaticBelowCoulomb {
+                static_force,
+                coulomb_force,
+            } => write!(
+                f,
+                "static_force must be at least coulomb_force = {coulomb_force} N, got {static_force} N"
+            ),
+            Self::DampingForceFalls { slope } => write!(
+                f,
+                "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m"
+            ),
+            Self::CoefficientCount { count } => write!(
+                f,
+                "a piece needs 1 to {} Legendre coefficients, got {count}",
+                crate::MAX_DEGREE + 1
+            ),
+            Self::EmptyInterval { from, to } => {
+                write!(
+                    f,
+                    "a piece must end right of its start, got [{from}, {to}] m"
+                )
+            }
+            Self::PiecesApart {
+                left_ends,
+                right_starts,
+            } => write!(
+                f,
+                "the pieces of a branch must meet, left ends at {left_ends} m, right starts at {right_starts} m"
+            ),
+            Self::ForceJump { join, left, right } => write!(
+                f,
+                "a branch must be continuous at its join {join} m, got {left} N and {right} N"
+            ),
+            Self::IntervalNotCentred {
+                from,
+                to,
+                half_width,
+            } => write!(
+                f,
+                "a branch must span [{}, {half_width}] m, got [{from}, {to}] m",
+                -half_width
+            ),
+            Self::EndForcesNotRising { at_left, at_right } => write!(
+                f,
+                "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N"
+            ),
+            Self::NotPinned {
+                deflection,
+                force,
+                expected,
+            } => write!(
+                f,
+                "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N"
+            ),
+            Self::YieldStiffnessTooLow { given, minimum } => write!(
+                f,
+                "yield_stiffness must be at least {minimum} N/m, the steepest slope of the half gap, got {given} N/m"
+            ),
+            Self::UndampedBreakaway {
+                static_force,
+                coulomb_force,
+            } => write!(
+                f,
+                "static_force {static_force} N above coulomb_force {coulomb_force} N needs viscous_damping or seal damping above zero"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for ParamError {}
+
+fn space(unit: &str) -> &'static str {
+    if unit.is_empty() { "" } else { " " }
+}
+
+pub(crate) fn finite(name: &'static str, value: f64) -> Result<f64, ParamError> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(ParamError::NotFinite { name, value })
+    }
+}
+
+pub(crate) fn positive(
+    name: &'static str,
+    value: f64,
+    unit: &'static str,
+) -> Result<f64, ParamError> {
+    finite(name, value)?;
+    if value > 0.0 {
+        Ok(value)
+    } else {
+        Err(ParamError::NotPositive { name, value, unit })
+    }
+}
+
+pub(crate) fn not_negative(
+    name: &'static str,
+    value: f64,
+    unit: &'static str,
+) -> Result<f64, ParamError> {
+    finite(name, value)?;
+    if value >= 0.0 {
+        Ok(value)
+    } else {
+        Err(ParamError::Negative { name, value, unit })
+    }
+}
