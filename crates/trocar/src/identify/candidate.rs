@@ -1,0 +1,144 @@
+//! A candidate model as a vector of free numbers, for the refinement against simulated force.
+
+use trocar_model::{DeformationForce, Element, ElementParams, ParamError, SealDamping, SlidingFriction};
+
+use super::shape::{BranchShape, Pins};
+
+/// An EMS element (key EMS in SOURCES.md, (8)-(14)) with the sensor offset beside it, before it is checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// Sensor offset F_0, N; not part of the seal.
+    pub offset: f64,
+    /// Mass between sensor and seal that the readings show beyond the one given, kg.
+    pub hidden_mass: f64,
+    /// Sliding force in insertion.
+    pub insertion: SlidingFriction,
+    /// Sliding force in withdrawal.
+    pub withdrawal: SlidingFriction,
+    /// c, m.
+    pub half_width: f64,
+    /// Branch of the insertion.
+    pub rising: BranchShape,
+    /// Branch of the withdrawal.
+    pub falling: BranchShape,
+    /// σ, N s/m.
+    pub seal_damping: f64,
+}
+
+impl Candidate {
+    /// Forces at ±c.
+    pub fn pins(&self) -> Pins {
+        Pins { low: -self.withdrawal.static_force, high: self.insertion.static_force }
+    }
+
+    /// The model's parameters.
+    ///
+    /// # Errors
+    /// When the numbers do not make a model.
+    pub fn params(&self) -> Result<ElementParams, ParamError> {
+        let pins = self.pins();
+        let rising = self.rising.branch(self.half_width, pins)?;
+        let falling = self.falling.branch(self.half_width, pins)?;
+        Ok(ElementParams {
+            deformation: DeformationForce::new(rising, falling, None)?,
+            damping: SealDamping { coefficients: [self.seal_damping, 0.0, 0.0] },
+            insertion: self.insertion,
+            withdrawal: self.withdrawal,
+        })
+    }
+
+    /// The model, ready to run.
+    ///
+    /// # Errors
+    /// When the numbers do not make a model.
+    pub fn element(&self) -> Result<Element, ParamError> {
+        Element::new(self.params()?)
+    }
+}
+
+/// Which numbers of a candidate are free, in the order of the parameter vector.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Layout {
+    pub(super) symmetric: bool,
+    pub(super) viscous: bool,
+    pub(super) stribeck: bool,
+    pub(super) damping: bool,
+    pub(super) hidden_mass: bool,
+}
+
+/// One free number: its value, the step of its difference quotient and its range.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Free {
+    pub(super) value: f64,
+    pub(super) step: f64,
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+impl Layout {
+    /// Visits every free number of the candidate, in a fixed order.
+    fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, f64, f64, f64)) {
+        let free = f64::INFINITY;
+        let force = 1e-4 * candidate.insertion.coulomb_force;
+        on(&mut candidate.offset, force, -free, free);
+        if self.hidden_mass {
+            on(&mut candidate.hidden_mass, 1e-4, -free, free);
+        }
+        on(&mut candidate.insertion.coulomb_force, force, 10.0 * force, free);
+        if self.viscous {
+            on(&mut candidate.insertion.viscous_damping, 100.0 * force, 0.0, free);
+        }
+        if self.stribeck {
+            on(&mut candidate.insertion.static_force, force, 10.0 * force, free);
+            on(&mut candidate.insertion.stribeck_velocity, 1e-5, 5e-4, 1.0);
+        }
+        if self.symmetric {
+            candidate.withdrawal = candidate.insertion;
+        } else {
+            on(&mut candidate.withdrawal.coulomb_force, force, 10.0 * force, free);
+            if self.viscous {
+                on(&mut candidate.withdrawal.viscous_damping, 100.0 * force, 0.0, free);
+            }
+            if self.stribeck {
+                candidate.withdrawal.static_force = candidate.insertion.static_force;
+                candidate.withdrawal.stribeck_velocity = candidate.insertion.stribeck_velocity;
+            }
+        }
+        for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
+            if self.stribeck {
+                sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
+            } else {
+                sliding.static_force = sliding.coulomb_force;
+            }
+        }
+        let width = candidate.half_width;
+        on(&mut candidate.half_width, 1e-4 * width, 0.3 * width, 3.0 * width);
+        for shape in [&mut candidate.rising, &mut candidate.falling] {
+            on(&mut shape.join, 1e-3, -0.85, 0.85);
+            on(&mut shape.join_force, force, -free, free);
+            for value in shape.left.iter_mut().chain(&mut shape.right) {
+                on(value, force, -free, free);
+            }
+        }
+        if self.damping {
+            on(&mut candidate.seal_damping, 10.0 * force, 0.0, free);
+        }
+    }
+
+    /// The free numbers of a candidate.
+    pub(super) fn free(self, candidate: &Candidate) -> Vec<Free> {
+        let mut free = Vec::new();
+        self.visit(&mut candidate.clone(), |value, step, low, high| free.push(Free { value: *value, step, low, high }));
+        free
+    }
+
+    /// The candidate with its free numbers replaced, each held within its range.
+    pub(super) fn with(self, candidate: &Candidate, values: &[f64]) -> Candidate {
+        let mut replaced = candidate.clone();
+        let mut values = values.iter();
+        self.visit(&mut replaced, |value, _, low, high| {
+            *value = values.next().expect("one value for each free number").clamp(low, high);
+        });
+        replaced
+    }
+}

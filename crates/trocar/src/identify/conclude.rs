@@ -1,0 +1,407 @@
+//! Refinement, intervals and warnings: from the two steps to the result.
+
+use statrs::statistics::{Data, OrderStatistics};
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::candidate::{Candidate, Layout};
+use super::deformation::{DeformationFit, Traverse, curves_of, mean_points};
+use super::estimate::{Estimate, t_quantile};
+use super::refine::{self, Refined};
+use super::shape::BranchShape;
+use super::steady::SteadyFit;
+use super::training::{Segmented, Training};
+use super::{
+    Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Refinement, Segments, Warning, acceleration,
+};
+use crate::recording::Recording;
+use crate::segment::Direction;
+
+/// A hidden mass is kept when it differs from zero by this many standard errors.
+const HIDDEN_MASS_LEVEL: f64 = 4.0;
+
+/// What the two steps left.
+pub(super) struct TwoSteps<'a> {
+    pub(super) recordings: &'a [Recording],
+    pub(super) segments: &'a [Segments],
+    pub(super) steady: SteadyFit,
+    pub(super) deformation: Result<DeformationFit, String>,
+    pub(super) candidate: Candidate,
+    /// The deformation was not resolved: the candidate's is assumed.
+    pub(super) assumed: bool,
+}
+
+/// Replicates of a candidate, and how an interval follows from them.
+enum Replicates {
+    /// Clusters left out one at a time: variance, Student's t.
+    Jackknife(Vec<Candidate>),
+    /// Clusters resampled: percentiles.
+    Bootstrap(Vec<Candidate>),
+}
+
+impl Replicates {
+    fn estimate(&self, best: &Candidate, unit: &'static str, of: &dyn Fn(&Candidate) -> f64) -> Estimate {
+        let value = of(best);
+        match self {
+            Self::Jackknife(left_out) => {
+                let g = left_out.len() as f64;
+                let values: Vec<f64> = left_out.iter().map(of).collect();
+                let mean = values.iter().sum::<f64>() / g.max(1.0);
+                let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+                Estimate::from_standard_error(value, ((g - 1.0) / g * squares).sqrt(), g - 1.0, unit)
+            }
+            Self::Bootstrap(resampled) if resampled.len() >= 20 => {
+                let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());
+                Estimate::from_bounds(value, values.quantile(0.025), values.quantile(0.975), unit)
+            }
+            Self::Bootstrap(_) => Estimate::not_pinned(value, unit, "too few resamples for an interval"),
+        }
+    }
+}
+
+/// Refines, sets the intervals, and says what is to be said.
+pub(super) fn conclude(
+    two: TwoSteps,
+    options: &IdentifyOptions,
+    progress: Progress,
+) -> Result<Identification, IdentifyError> {
+    two.candidate.element()?;
+    let mut layout = Layout {
+        symmetric: !two.steady.is_asymmetric(),
+        viscous: two.steady.viscous_damping_n_s_m.pinned,
+        stribeck: two.steady.stribeck.is_some(),
+        damping: two.candidate.seal_damping > 0.0,
+        hidden_mass: options.estimate_hidden_mass,
+    };
+    progress("refining", 0.3);
+    let outcome = match (&two.deformation, options.refine) {
+        (Ok(_), true) => refined(&two, &mut layout)?,
+        _ => None,
+    };
+    progress("intervals", 0.7);
+    let two_step_parameters = two_step_parameters(&two, options);
+    let accepted = outcome.as_ref().filter(|o| o.summary.accepted);
+    let (model, parameters) = match accepted {
+        Some(o) => (o.refined.candidate.clone(), refined_parameters(&two, &o.refined, layout, options)),
+        None => (two.candidate.clone(), two_step_parameters.clone()),
+    };
+    let element = model.element()?;
+    let refinement = outcome.map(|o| o.summary);
+    let warnings = warnings(&two, &model, refinement.as_ref(), &parameters);
+    progress("residuals", 0.9);
+    let residual_rms = residual_rms(&two, &model, &element);
+    Ok(Identification {
+        model,
+        element,
+        two_step: two.candidate,
+        parameters,
+        two_step_parameters,
+        steady: two.steady,
+        deformation: two.deformation,
+        refinement,
+        residual_rms,
+        warnings,
+    })
+}
+
+struct Outcome {
+    refined: Refined,
+    summary: Refinement,
+}
+
+/// The refinement, with the hidden mass dropped where it is not significant, and its trial on held-out passes.
+fn refined(two: &TwoSteps, layout: &mut Layout) -> Result<Option<Outcome>, IdentifyError> {
+    let training = training(two)?;
+    if training.clusters() < 4 {
+        return Ok(None);
+    }
+    let Some(mut found) = refine::refine(&training, &two.candidate, *layout) else { return Ok(None) };
+    if layout.hidden_mass && !hidden_mass_is_significant(&found, *layout) {
+        layout.hidden_mass = false;
+        let without = Candidate { hidden_mass: 0.0, ..found.candidate.clone() };
+        let Some(again) = refine::refine(&training, &without, *layout) else { return Ok(None) };
+        found = again;
+    }
+    let Some(held_out) = refine::better_on_held_out(&training, &two.candidate, *layout) else { return Ok(None) };
+    let before = (refine::cost(&training, &two.candidate, |_| true) / found.weight()).sqrt();
+    let summary = Refinement {
+        two_step_rms_n: before,
+        refined_rms_n: found.rms[1],
+        held_out_two_step_rms_n: held_out.two_step_rms,
+        held_out_refined_rms_n: held_out.refined_rms,
+        iterations: found.iterations,
+        converged: found.converged,
+        accepted: held_out.refined_rms <= held_out.two_step_rms,
+    };
+    Ok(Some(Outcome { refined: found, summary }))
+}
+
+fn training(two: &TwoSteps) -> Result<Training, IdentifyError> {
+    let data: Vec<Segmented> = two
+        .recordings
+        .iter()
+        .zip(two.segments)
+        .map(|(recording, s)| Segmented {
+            recording,
+            passes: &s.passes,
+            stretches: &s.stretches,
+            acceleration: acceleration(recording),
+        })
+        .collect();
+    let noise = two.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max).max(1e-6);
+    let mut training = Training::new(&data, noise, two.steady.pass_scatter_n);
+    training.forget_unknown_starts(&two.candidate.element()?);
+    Ok(training)
+}
+
+fn hidden_mass_is_significant(found: &Refined, layout: Layout) -> bool {
+    let estimate = Replicates::Jackknife(found.jackknife(layout)).estimate(&found.candidate, "kg", &|c| c.hidden_mass);
+    let error = estimate.half_width() / t_quantile(1e6);
+    estimate.value > HIDDEN_MASS_LEVEL * error
+}
+
+fn residual_rms(two: &TwoSteps, model: &Candidate, element: &trocar_model::Element) -> f64 {
+    let corrected = |r: &Recording| r.without_moving_mass(model.hidden_mass, 0.0);
+    let (mut squares, mut samples) = (0.0, 0.0);
+    for recording in two.recordings {
+        let recording = corrected(recording);
+        let run = crate::replay::replay(std::slice::from_ref(element), &recording, model.offset);
+        for i in run.known.into_iter().flatten() {
+            squares += (recording.force[i] - model.offset - run.force[i]).powi(2);
+            samples += 1.0;
+        }
+    }
+    f64::sqrt(squares / f64::max(samples, 1.0))
+}
+
+/// Parameters that come from the branches and their names: join, force there, and the paper's θ (25).
+fn branch_quantities(candidate: &Candidate) -> Vec<(String, &'static str, Box<dyn Fn(&Candidate) -> f64>)> {
+    type Side = fn(&Candidate) -> &BranchShape;
+    const POWERS: [&str; 8] = ["N", "N/m", "N/m^2", "N/m^3", "N/m^4", "N/m^5", "N/m^6", "N/m^7"];
+    let sides: [(&str, Side); 2] = [("rising", |c| &c.rising), ("falling", |c| &c.falling)];
+    let mut all: Vec<(String, &'static str, Box<dyn Fn(&Candidate) -> f64>)> = Vec::new();
+    for (name, side) in sides {
+        all.push((format!("{name}_join_m"), "m", Box::new(move |c| side(c).join * c.half_width)));
+        all.push((format!("{name}_join_force_n"), "N", Box::new(move |c| side(c).join_force)));
+        for (piece, degree) in side(candidate).degrees().into_iter().enumerate() {
+            for power in 0..=degree {
+                let monomial = move |c: &Candidate| {
+                    let Ok(branch) = side(c).branch(c.half_width, c.pins()) else { return f64::NAN };
+                    if piece == 0 { branch.left().monomial()[power] } else { branch.right().monomial()[power] }
+                };
+                let unit = if power == 0 { "n".to_owned() } else { format!("n_m{power}") };
+                all.push((format!("{name}_theta{}_{power}_{unit}", piece + 1), POWERS[power], Box::new(monomial)));
+            }
+        }
+    }
+    all
+}
+
+fn named(name: impl Into<String>, estimate: Estimate) -> Parameter {
+    Parameter { name: name.into(), estimate }
+}
+
+/// Lines of both directions: always the steady state's own, through the readings as they are.
+fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
+    let lines = [("positive", &steady.positive), ("negative", &steady.negative)];
+    let found = lines.into_iter().filter_map(|(name, line)| Some((name, line.as_ref()?)));
+    found
+        .flat_map(|(name, line)| {
+            [
+                named(format!("coulomb_force_n_{name}"), line.coulomb_force_n.clone()),
+                named(format!("viscous_damping_n_s_m_{name}"), line.viscous_damping_n_s_m.clone()),
+            ]
+        })
+        .collect()
+}
+
+fn two_step_parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Parameter> {
+    let steady = &two.steady;
+    let mut all = vec![
+        named("coulomb_force_n", steady.coulomb_force_n.clone()),
+        named("viscous_damping_n_s_m", steady.viscous_damping_n_s_m.clone()),
+        named("offset_n", steady.offset_n.clone()),
+    ];
+    all.extend(direction_parameters(steady));
+    if let Some(s) = &steady.stribeck {
+        all.push(named("static_force_n", s.static_force_n.clone()));
+        all.push(named("stribeck_velocity_m_s", s.stribeck_velocity_m_s.clone()));
+    }
+    match &two.deformation {
+        Ok(found) => {
+            all.push(named("half_width_m", found.half_width.clone()));
+            if let Some(test) = &found.damping {
+                all.push(named("seal_damping_n_s_m", test.seal_damping_n_s_m.clone()));
+            }
+            let replicates = two_step_replicates(two, found, options);
+            for (name, unit, of) in branch_quantities(&two.candidate) {
+                all.push(named(name, replicates.estimate(&two.candidate, unit, &of)));
+            }
+        }
+        Err(why) => {
+            all.push(named("half_width_m", Estimate::not_pinned(two.candidate.half_width, "m", why.clone())));
+        }
+    }
+    all
+}
+
+/// Branches refitted to traverses resampled by cycle (or left out one at a time).
+fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates {
+    let pins = two.candidate.pins();
+    let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
+        let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
+        let curves: Vec<&[f64]> = (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
+        BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
+    };
+    let [up, down] = [Direction::Positive, Direction::Negative].map(|d| curves_of(&found.traverses, d).len());
+    let with = |rising, falling| Candidate { rising, falling, ..two.candidate.clone() };
+    if options.bootstrap == 0 {
+        let n = up.min(down);
+        let left_out = |g: usize| {
+            let skip = |k: usize| if k < g { k } else { k + 1 };
+            with(
+                refit(Direction::Positive, &two.candidate.rising, &skip, up.max(2) - 1),
+                refit(Direction::Negative, &two.candidate.falling, &skip, down.max(2) - 1),
+            )
+        };
+        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect());
+    }
+    let resampled = |index: usize| {
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        rng.set_stream(index as u64);
+        let drawn: Vec<usize> = (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();
+        let chosen = |k: usize| drawn[k];
+        with(
+            refit(Direction::Positive, &two.candidate.rising, &chosen, up),
+            refit(Direction::Negative, &two.candidate.falling, &chosen, down),
+        )
+    };
+    Replicates::Bootstrap((0..options.bootstrap).into_par_iter().map(resampled).collect())
+}
+
+fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options: &IdentifyOptions) -> Vec<Parameter> {
+    let best = &refined.candidate;
+    let jackknife = Replicates::Jackknife(refined.jackknife(layout));
+    let estimate = |name: &str, unit, of: &dyn Fn(&Candidate) -> f64| named(name, jackknife.estimate(best, unit, of));
+    let steady = &two.steady;
+    let mut all = Vec::new();
+    if layout.symmetric && layout.viscous {
+        all.push(estimate("coulomb_force_n", "N", &|c| c.insertion.coulomb_force));
+        all.push(estimate("viscous_damping_n_s_m", "N s/m", &|c| c.insertion.viscous_damping));
+        all.push(estimate("offset_n", "N", &|c| c.offset));
+    } else {
+        // One speed, or directions of different slope: the common line stays the steady state's.
+        all.push(named("coulomb_force_n", steady.coulomb_force_n.clone()));
+        all.push(named("viscous_damping_n_s_m", steady.viscous_damping_n_s_m.clone()));
+        all.push(named("offset_n", steady.offset_n.clone()));
+    }
+    all.extend(direction_parameters(steady));
+    if layout.stribeck {
+        all.push(estimate("static_force_n", "N", &|c| c.insertion.static_force));
+        all.push(estimate("stribeck_velocity_m_s", "m/s", &|c| c.insertion.stribeck_velocity));
+    }
+    all.push(estimate("half_width_m", "m", &|c| c.half_width));
+    if layout.damping {
+        all.push(estimate("seal_damping_n_s_m", "N s/m", &|c| c.seal_damping));
+    } else if let Some(test) = two.deformation.as_ref().ok().and_then(|d| d.damping.as_ref()) {
+        all.push(named("seal_damping_n_s_m", test.seal_damping_n_s_m.clone()));
+    }
+    if layout.hidden_mass {
+        all.push(estimate("hidden_mass_kg", "kg", &|c| c.hidden_mass));
+    }
+    let replicates = match options.bootstrap {
+        0 => jackknife,
+        n => Replicates::Bootstrap(refined.bootstrap(layout, n, options.seed)),
+    };
+    for (name, unit, of) in branch_quantities(best) {
+        all.push(named(name, replicates.estimate(best, unit, &of)));
+    }
+    all
+}
+
+fn warnings(
+    two: &TwoSteps,
+    model: &Candidate,
+    refinement: Option<&Refinement>,
+    parameters: &[Parameter],
+) -> Vec<Warning> {
+    let mut all = Vec::new();
+    let mut say = |subject: &str, message: String, doubtful: bool| {
+        all.push(Warning { subject: subject.to_owned(), message, doubtful });
+    };
+    for recording in two.recordings {
+        for warning in &recording.quality.warnings {
+            say(&recording.name, warning.to_string(), true);
+        }
+    }
+    for p in parameters.iter().filter(|p| !p.estimate.pinned) {
+        let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");
+        say(&p.name, format!("not pinned: {why}"), true);
+    }
+    if two.assumed {
+        let message = format!(
+            "the deformation of the seal is not resolved; the model holds a straight spring of half width {:.3} mm in its place",
+            1e3 * model.half_width
+        );
+        say("half_width_m", message, true);
+    }
+    steady_warnings(&two.steady, &mut say);
+    if let Ok(found) = &two.deformation {
+        deformation_warnings(found, &mut say);
+    }
+    if model.hidden_mass > 0.0 {
+        let message = format!(
+            "the readings hold the inertia of about {:.3} kg that was not declared; declare it with --moving-mass-kg",
+            model.hidden_mass
+        );
+        say("hidden_mass_kg", message, false);
+    }
+    if let Some(r) = refinement {
+        if !r.accepted {
+            let message = format!(
+                "not accepted: {:.4} N on held-out passes against {:.4} N of the two-step result",
+                r.held_out_refined_rms_n, r.held_out_two_step_rms_n
+            );
+            say("refinement", message, false);
+        } else if !r.converged {
+            say("refinement", format!("did not come to rest in {} steps", r.iterations), true);
+        }
+    }
+    all
+}
+
+fn steady_warnings(steady: &SteadyFit, say: &mut impl FnMut(&str, String, bool)) {
+    if let Some(test) = steady.lack_of_fit.as_ref().filter(|t| t.p_value < 0.01) {
+        let message = format!(
+            "the straight line does not fit (p = {:.3}, {:+.3} N at the slowest speed): {}",
+            test.p_value, test.excess_at_slowest_n, test.verdict
+        );
+        say("sliding friction", message, false);
+    }
+    if let (true, Some(p)) = (steady.is_asymmetric(), steady.symmetry_p_value) {
+        let message = format!("insertion and withdrawal differ in slope (p = {p:.2e}): each direction has its own");
+        say("viscous_damping_n_s_m", message, false);
+    }
+}
+
+fn deformation_warnings(found: &DeformationFit, say: &mut impl FnMut(&str, String, bool)) {
+    if let Some(p) = found.speed_dependence_p_value.filter(|p| *p < 0.01) {
+        let message = format!(
+            "the half width changes with speed (p = {p:.1e}), within a spread of {:.3} mm",
+            1e3 * found.deflection_error
+        );
+        say("half_width_m", message, false);
+    }
+    if let Some(test) = found.damping.as_ref().filter(|t| !t.kept && !t.equivalent_to_zero) {
+        let message = format!(
+            "set to zero, but these data cannot exclude a damping force of up to {:.2} N at the fastest deformation",
+            test.largest_force_not_excluded_n
+        );
+        say("seal_damping_n_s_m", message, false);
+    }
+    let partial = "the minor-loop stiffness is the default (1.01 times the steepest change of the gap between the branches): \
+                   it rules partial reversals, and is not identified from them";
+    say("yield_stiffness_n_m", partial.to_owned(), false);
+}

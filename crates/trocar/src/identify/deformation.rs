@@ -1,0 +1,409 @@
+//! Dynamics: switching instants, deflection, the two branches and the influence of the deformation velocity
+//! (EMS section IV-B).
+//!
+//! # Equations (key EMS in SOURCES.md)
+//! ```text
+//! F = F_s·sgn(v_d)                       ends the deformation                 (12)
+//! z(t_i) = x(t_i) − x(t_0) + z(t_0)      from positions, not from velocities  (24)
+//! F_def(z) = two joined polynomials per direction, least squares              (25), (26)
+//! ```
+//! A traverse runs from the crossing of −F_s behind a reversal to the first crossing of +F_s: the seal has turned
+//! over, from −c to +c. Its travel is 2c; the spread of c over traverses is the error of the rebuilt deflection.
+//! EMS (24) sums velocities; the encoder's positions give the same without accumulating their error.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::estimate::{Estimate, LinearFit, t_p_value, t_quantile};
+use super::shape::{BranchShape, Pins};
+use crate::recording::Recording;
+use crate::segment::{Direction, Pass};
+
+/// Points per traverse at which the deformation force is kept.
+pub const BINS: usize = 100;
+/// Fewest samples inside a traverse that still draw it.
+const FEWEST_SAMPLES: usize = 8;
+/// Fewest traverses from which a half width is taken.
+const FEWEST_TRAVERSES: usize = 3;
+/// Largest relative spread of c over traverses for which a deformation is called resolved.
+const LARGEST_SPREAD: f64 = 0.35;
+/// Deflections, as z/c, at which the influence of the velocity is tested (figure 7 uses one).
+const LEVELS: [f64; 7] = [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75];
+/// A damping force below this, N, at the fastest deformation is no influence in practice (equivalence bound).
+const NEGLIGIBLE_DAMPING_FORCE: f64 = 0.1;
+
+/// Sliding limits, N, seen by the seal (sensor offset removed): F_s of either direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Sensor offset F_0, N.
+    pub offset: f64,
+    /// Limit in insertion, N, positive.
+    pub positive: f64,
+    /// Limit in withdrawal, N, positive.
+    pub negative: f64,
+}
+
+impl Limits {
+    fn of(&self, direction: Direction) -> f64 {
+        match direction {
+            Direction::Positive => self.positive,
+            Direction::Negative => self.negative,
+        }
+    }
+
+    fn against(&self, direction: Direction) -> f64 {
+        match direction {
+            Direction::Positive => self.negative,
+            Direction::Negative => self.positive,
+        }
+    }
+
+    /// The pins of both branches: (−c, −F_s) and (+c, +F_s).
+    pub fn pins(&self) -> Pins {
+        Pins { low: -self.negative, high: self.positive }
+    }
+}
+
+/// One full turn-over of the seal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Traverse {
+    /// Index of the recording.
+    pub recording: usize,
+    /// Sense of the motion.
+    pub direction: Direction,
+    /// First sample: the force leaves the other direction's limit (12).
+    pub from: usize,
+    /// First sample at the limit of this direction.
+    pub to: usize,
+    /// Half the travel, m.
+    pub half_travel: f64,
+    /// Mean speed, m/s.
+    pub speed: f64,
+    /// Force, N, at the bin centres of z/c from -1 to 1 (sensor offset removed).
+    pub curve: Vec<f64>,
+    /// Velocity, m/s, at the same points.
+    pub velocity: Vec<f64>,
+}
+
+/// Test of the influence of the deformation velocity (figure 7).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DampingTest {
+    /// σ, N s/m, from all levels and traverses jointly.
+    pub seal_damping_n_s_m: Estimate,
+    /// p value of σ = 0.
+    pub p_value: f64,
+    /// Largest damping force in the data, N: |σ| times the fastest deformation.
+    pub largest_force_n: f64,
+    /// Largest damping force, N, that the 95 % interval still allows.
+    pub largest_force_not_excluded_n: f64,
+    /// Whether an influence above the practical bound can be excluded at 95 %.
+    pub equivalent_to_zero: bool,
+    /// Whether σ is kept in the model.
+    pub kept: bool,
+    /// Error of the rebuilt deflection used, m (1 sd).
+    pub deflection_error_m: f64,
+}
+
+/// Both branches of one direction's fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BranchFit {
+    /// The joined polynomials (25).
+    pub shape: BranchShape,
+    /// Root mean square residual, N, to the mean curve.
+    pub rms: f64,
+    /// Single polynomial of degree 7 beside it: Legendre coefficients over [-c, c], N (figure 8).
+    pub single_polynomial: Vec<f64>,
+    /// Root mean square residual, N, of the single polynomial.
+    pub single_polynomial_rms: f64,
+    /// Mean curve at the bin centres, N.
+    pub mean_curve: Vec<f64>,
+    /// Standard deviation over traverses at the bin centres, N.
+    pub scatter: Vec<f64>,
+}
+
+/// Result of the dynamic step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeformationFit {
+    /// c, m.
+    pub half_width: Estimate,
+    /// Standard deviation of c over traverses, m: the error of the rebuilt deflection.
+    pub deflection_error: f64,
+    /// p value of c changing with speed; `None` with too few speeds.
+    pub speed_dependence_p_value: Option<f64>,
+    /// Branch of the insertion (z rising).
+    pub rising: BranchFit,
+    /// Branch of the withdrawal (z falling).
+    pub falling: BranchFit,
+    /// Influence of the deformation velocity; `None` when all traverses have one speed.
+    pub damping: Option<DampingTest>,
+    /// The traverses.
+    pub traverses: Vec<Traverse>,
+}
+
+/// Bin centres as z/c, from -1 to 1.
+pub fn bin_centres() -> impl Iterator<Item = f64> {
+    (0..BINS).map(|k| (2 * k + 1) as f64 / BINS as f64 - 1.0)
+}
+
+/// Finds the full turn-overs of one recording.
+pub fn traverses(index: usize, recording: &Recording, passes: &[Pass], limits: &Limits) -> Vec<Traverse> {
+    let mut found = Vec::new();
+    let mut slid_before: Option<Direction> = None;
+    for pass in passes {
+        let crossing = crossings(recording, pass, limits);
+        let opposite = slid_before.is_some_and(|d| d != pass.direction);
+        if let (Some((from, to)), true, true) = (crossing, opposite, pass.starts_at_reversal) {
+            found.extend(traverse(index, recording, pass.direction, from, to, limits));
+        }
+        // A pass that never reached its limit leaves the seal somewhere inside: its successor is no full turn-over.
+        slid_before = crossing.map(|_| pass.direction);
+    }
+    found
+}
+
+/// Mean of the force over a few samples around `i`, against single noisy readings.
+fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
+    let window = &recording.force[i.saturating_sub(2).max(from)..=(i + 2).min(to)];
+    window.iter().sum::<f64>() / window.len() as f64
+}
+
+/// First sample inside the limits behind the reversal, and first sample at this direction's limit.
+fn crossings(recording: &Recording, pass: &Pass, limits: &Limits) -> Option<(usize, usize)> {
+    let s = pass.direction.sign();
+    let along = |i: usize| s * (smoothed(recording, i, pass.start, pass.end) - limits.offset);
+    let from = (pass.start..pass.end).find(|i| along(*i) > -limits.against(pass.direction))?;
+    let to = (from + 1..=pass.end).find(|i| along(*i) >= limits.of(pass.direction))?;
+    Some((from, to))
+}
+
+fn traverse(
+    index: usize,
+    recording: &Recording,
+    direction: Direction,
+    from: usize,
+    to: usize,
+    limits: &Limits,
+) -> Option<Traverse> {
+    let s = direction.sign();
+    let x = &recording.position;
+    let total = s * (x[to] - x[from]);
+    if to - from < FEWEST_SAMPLES || total <= 0.0 {
+        return None;
+    }
+    let force: Vec<f64> = (from..=to).map(|i| recording.force[i] - limits.offset).collect();
+    let u: Vec<f64> = (from..=to).map(|i| 2.0 * s * (x[i] - x[from]) / total - 1.0).collect();
+    let t: Vec<f64> = (from..=to).map(|i| recording.time[i]).collect();
+    let mut curve = resampled(&u, &force);
+    let when = resampled(&u, &t);
+    let step = 2.0 * (0.5 * total) / BINS as f64;
+    let mut velocity: Vec<f64> = (0..BINS)
+        .map(|k| {
+            let (a, b) = (k.saturating_sub(3), (k + 3).min(BINS - 1));
+            s * step * (b - a) as f64 / (when[b] - when[a]).max(f64::MIN_POSITIVE)
+        })
+        .collect();
+    if direction == Direction::Negative {
+        // Bins run along z: a withdrawal passes them from the far end.
+        curve.reverse();
+        velocity.reverse();
+    }
+    let speed = total / (t[t.len() - 1] - t[0]).max(f64::MIN_POSITIVE);
+    Some(Traverse { recording: index, direction, from, to, half_travel: 0.5 * total, speed, curve, velocity })
+}
+
+/// Values at the bin centres along the motion: the mean of the samples in a bin, or between the neighbours.
+fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0); BINS];
+    for (u, value) in u.iter().zip(values) {
+        let bin = ((0.5 * (u + 1.0) * BINS as f64) as usize).min(BINS - 1);
+        sums[bin] = (sums[bin].0 + value, sums[bin].1 + 1.0);
+    }
+    let known: Vec<(usize, f64)> =
+        sums.iter().enumerate().filter(|(_, (_, n))| *n > 0.0).map(|(k, (sum, n))| (k, sum / n)).collect();
+    let between = |k: usize| {
+        let after = known.partition_point(|(j, _)| *j < k);
+        match (after.checked_sub(1).map(|i| known[i]), known.get(after)) {
+            (_, Some(&(j, value))) if j == k => value,
+            (Some((i, a)), Some(&(j, b))) => a + (b - a) * (k - i) as f64 / (j - i) as f64,
+            (Some((_, only)), None) | (None, Some(&(_, only))) => only,
+            (None, None) => 0.0,
+        }
+    };
+    (0..BINS).map(between).collect()
+}
+
+/// Fits half width, branches and damping to the traverses.
+///
+/// # Errors
+/// A sentence that says why the recordings do not resolve a deformation.
+pub fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2], lsb: f64) -> Result<DeformationFit, String> {
+    let count = |d| traverses.iter().filter(|t| t.direction == d).count();
+    let (rising, falling) = (count(Direction::Positive), count(Direction::Negative));
+    if rising + falling < FEWEST_TRAVERSES || rising == 0 || falling == 0 {
+        return Err(format!(
+            "{rising} insertions and {falling} withdrawals turn the seal over from one sliding limit to the other; at least \
+             {FEWEST_TRAVERSES} in all and one in each direction are needed (longer strokes, or more of them)"
+        ));
+    }
+    let n = traverses.len() as f64;
+    let mean = traverses.iter().map(|t| t.half_travel).sum::<f64>() / n;
+    let spread = (traverses.iter().map(|t| (t.half_travel - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    if spread > LARGEST_SPREAD * mean || mean < 5.0 * lsb {
+        return Err(format!(
+            "no repeatable deformation: half width {:.4} mm with a spread of {:.4} mm over {n} reversals, position steps of {:.4} mm",
+            1e3 * mean,
+            1e3 * spread,
+            1e3 * lsb
+        ));
+    }
+    let branch = |d| branch_fit(&curves_of(&traverses, d), limits.pins(), degrees);
+    let (Some(rising), Some(falling)) = (branch(Direction::Positive), branch(Direction::Negative)) else {
+        return Err("the deformation force could not be fitted by joined polynomials".to_owned());
+    };
+    let damping = damping_test(&traverses, spread, mean);
+    Ok(DeformationFit {
+        half_width: Estimate::from_standard_error(mean, spread / n.sqrt(), n - 1.0, "m"),
+        deflection_error: spread,
+        speed_dependence_p_value: speed_dependence(&traverses),
+        rising,
+        falling,
+        damping,
+        traverses,
+    })
+}
+
+/// Curves of one direction.
+pub fn curves_of(traverses: &[Traverse], direction: Direction) -> Vec<&[f64]> {
+    traverses.iter().filter(|t| t.direction == direction).map(|t| t.curve.as_slice()).collect()
+}
+
+/// Points (z/c, mean force over curves).
+pub fn mean_points(curves: &[&[f64]]) -> Vec<(f64, f64)> {
+    let n = curves.len() as f64;
+    bin_centres().enumerate().map(|(k, u)| (u, curves.iter().map(|c| c[k]).sum::<f64>() / n)).collect()
+}
+
+fn branch_fit(curves: &[&[f64]], pins: Pins, degrees: [usize; 2]) -> Option<BranchFit> {
+    let points = mean_points(curves);
+    let (shape, rms) = BranchShape::fit(degrees, pins, &points)?;
+    let (single_polynomial, single_polynomial_rms) = single_polynomial(&points)?;
+    let spread = |k: usize| {
+        let squares: f64 = curves.iter().map(|c| (c[k] - points[k].1).powi(2)).sum();
+        (squares / (curves.len().max(2) - 1) as f64).sqrt()
+    };
+    let scatter = (0..BINS).map(spread).collect();
+    let mean_curve = points.iter().map(|p| p.1).collect();
+    Some(BranchFit { shape, rms, single_polynomial, single_polynomial_rms, mean_curve, scatter })
+}
+
+/// The single 7th-degree polynomial of figure 8, in Legendre polynomials of z/c.
+fn single_polynomial(points: &[(f64, f64)]) -> Option<(Vec<f64>, f64)> {
+    let design = DMatrix::from_fn(points.len(), 8, |i, j| legendre(j, points[i].0));
+    let data = DVector::from_fn(points.len(), |i, _| points[i].1);
+    let fit = LinearFit::new(&design, &data, &DVector::from_element(points.len(), 1.0))?;
+    Some((fit.coefficients.as_slice().to_vec(), (fit.weighted_rss / points.len() as f64).sqrt()))
+}
+
+/// Legendre polynomial P_order(t).
+pub fn legendre(order: usize, t: f64) -> f64 {
+    let (mut before, mut now) = (1.0, t);
+    if order == 0 {
+        return before;
+    }
+    for i in 1..order {
+        (before, now) = (now, ((2 * i + 1) as f64 * t * now - i as f64 * before) / (i + 1) as f64);
+    }
+    now
+}
+
+/// p value of a slope of c over speed.
+fn speed_dependence(traverses: &[Traverse]) -> Option<f64> {
+    let n = traverses.len();
+    let design = DMatrix::from_fn(n, 2, |i, j| if j == 0 { 1.0 } else { traverses[i].speed });
+    let data = DVector::from_fn(n, |i, _| traverses[i].half_travel);
+    let fit = LinearFit::new(&design, &data, &DVector::from_element(n, 1.0)).filter(|f| f.degrees >= 3.0)?;
+    Some(t_p_value(fit.coefficients[1] / fit.covariance[(1, 1)].sqrt(), fit.degrees))
+}
+
+/// Generalised least squares of F_jp = f_j + σ·v_jp + K_j·δ_p + e_jp over levels j and traverses p.
+///
+/// δ_p is the error of the rebuilt deflection of the traverse (sd from the spread of c), shared by its levels: the
+/// gray rectangles of figure 7, as a covariance instead of a picture.
+fn damping_test(traverses: &[Traverse], deflection_error: f64, half_width: f64) -> Option<DampingTest> {
+    let speeds = traverses.iter().map(|t| t.speed);
+    let (slow, fast) = speeds.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+    if fast < 1.2 * slow {
+        return None;
+    }
+    let bins: Vec<usize> = LEVELS.iter().map(|u| (0.5 * (u + 1.0) * BINS as f64) as usize).collect();
+    let levels = LEVELS.len();
+    let columns = 2 * levels + 1;
+    let mut design = DMatrix::zeros(levels * traverses.len(), columns);
+    let mut data = DVector::zeros(levels * traverses.len());
+    for direction in [Direction::Positive, Direction::Negative] {
+        let curves = curves_of(traverses, direction);
+        let mean = mean_points(&curves);
+        let stiffness: Vec<f64> = bins.iter().map(|b| slope(&mean, *b, half_width)).collect();
+        let noise = level_noise(&curves, &mean, &bins);
+        let whitening = whitening(&stiffness, deflection_error, noise)?;
+        let block = if direction == Direction::Positive { 0 } else { levels };
+        for (p, t) in traverses.iter().enumerate().filter(|(_, t)| t.direction == direction) {
+            let mut rows = DMatrix::zeros(levels, columns);
+            let mut force = DVector::zeros(levels);
+            for (j, b) in bins.iter().enumerate() {
+                rows[(j, block + j)] = 1.0;
+                rows[(j, columns - 1)] = t.velocity[*b];
+                force[j] = t.curve[*b];
+            }
+            design.view_mut((p * levels, 0), (levels, columns)).copy_from(&(&whitening * rows));
+            data.rows_mut(p * levels, levels).copy_from(&(&whitening * force));
+        }
+    }
+    let rows = data.len();
+    let fit = LinearFit::new(&design, &data, &DVector::from_element(rows, 1.0))?;
+    // The traverse is the independent unit: its levels share one deflection error.
+    let degrees = traverses.len() as f64 - 2.0;
+    let sigma = fit.coefficients[columns - 1];
+    let error = fit.covariance[(columns - 1, columns - 1)].sqrt();
+    let p_value = t_p_value(sigma / error, degrees);
+    let bound = (sigma.abs() + t_quantile(degrees) * error) * fast;
+    let kept = p_value < 0.01 && sigma > 0.0 && sigma * fast > NEGLIGIBLE_DAMPING_FORCE;
+    Some(DampingTest {
+        seal_damping_n_s_m: Estimate::from_standard_error(sigma, error, degrees, "N s/m"),
+        p_value,
+        largest_force_n: sigma.abs() * fast,
+        largest_force_not_excluded_n: bound,
+        equivalent_to_zero: bound < NEGLIGIBLE_DAMPING_FORCE,
+        kept,
+        deflection_error_m: deflection_error,
+    })
+}
+
+/// dF/dz, N/m, of a mean curve around bin `b`.
+fn slope(mean: &[(f64, f64)], b: usize, half_width: f64) -> f64 {
+    let (low, high) = (b.saturating_sub(4), (b + 4).min(BINS - 1));
+    (mean[high].1 - mean[low].1) / ((mean[high].0 - mean[low].0) * half_width)
+}
+
+/// Force noise, N, of single levels: scatter of neighbouring-bin differences, which no deflection error moves.
+fn level_noise(curves: &[&[f64]], mean: &[(f64, f64)], bins: &[usize]) -> f64 {
+    let mut squares = 0.0;
+    let mut n = 0.0;
+    for curve in curves {
+        for b in bins {
+            let difference = (curve[b + 1] - curve[*b]) - (mean[b + 1].1 - mean[*b].1);
+            (squares, n) = (squares + 0.5 * difference * difference, n + 1.0);
+        }
+    }
+    (squares / f64::max(n, 1.0)).sqrt().max(1e-6)
+}
+
+/// Inverse Cholesky factor of σ_z²·K·Kᵀ + σ_e²·I.
+fn whitening(stiffness: &[f64], deflection_error: f64, noise: f64) -> Option<DMatrix<f64>> {
+    let n = stiffness.len();
+    let covariance = DMatrix::from_fn(n, n, |i, j| {
+        let own = if i == j { noise * noise } else { 0.0 };
+        own + deflection_error * deflection_error * stiffness[i] * stiffness[j]
+    });
+    covariance.cholesky()?.l().try_inverse()
+}

@@ -1,0 +1,356 @@
+//! From recordings to an EMS element: the paper's two steps (EMS section IV), then a refinement of all parameters.
+//!
+//! ```text
+//! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)        steady.rs, stribeck.rs
+//!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs
+//!            -> all parameters against simulated force, intervals           candidate.rs, training.rs, refine.rs
+//! ```
+//! Every recording is searched for what it can give. What the data do not pin is part of the result: an infinite
+//! interval, the reason, and a warning.
+
+use serde::Serialize;
+use trocar_model::{Element, SlidingFriction};
+
+use crate::recording::{Recording, local_acceleration};
+use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches};
+
+pub use candidate::Candidate;
+pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
+pub use estimate::Estimate;
+pub use shape::{BranchShape, Pins};
+pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
+
+mod candidate;
+mod conclude;
+mod deformation;
+mod estimate;
+mod random;
+mod refine;
+mod shape;
+mod steady;
+mod stribeck;
+mod training;
+
+/// How to identify.
+#[derive(Debug, Clone)]
+pub struct IdentifyOptions {
+    /// Resamples of the bootstrap over cycles; 0 takes the jackknife for all intervals.
+    pub bootstrap: usize,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Degrees of the two joined polynomials, 2 to 7 (EMS (25): 4 and 4).
+    pub degrees: [usize; 2],
+    /// Whether to refine all parameters against simulated force.
+    pub refine: bool,
+    /// Whether to estimate a mass between sensor and seal that was not declared.
+    pub estimate_hidden_mass: bool,
+    /// Tolerances of the segmentation.
+    pub segment: SegmentOptions,
+}
+
+impl Default for IdentifyOptions {
+    fn default() -> Self {
+        Self {
+            bootstrap: 200,
+            seed: 1,
+            degrees: [4, 4],
+            refine: true,
+            estimate_hidden_mass: true,
+            segment: SegmentOptions::default(),
+        }
+    }
+}
+
+/// Why nothing could be identified.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IdentifyError {
+    /// No recording was given.
+    #[error("no recording to identify from")]
+    NoRecording,
+    /// Nothing slides steadily anywhere.
+    #[error(
+        "no steady sliding found: {passes} passes between reversals, {stretches} stretches of constant velocity, none of them \
+         behind the deformation\n\nhint: record strokes at constant velocity (within 2 %, longer than 50 ms) that are longer than \
+         the seal's deformation, in both directions and at several speeds"
+    )]
+    NoSteadySliding {
+        /// Passes found.
+        passes: usize,
+        /// Stretches found.
+        stretches: usize,
+    },
+    /// The numbers found do not make a model.
+    #[error("the identified numbers do not make a model: {0}")]
+    NotAModel(#[from] trocar_model::ParamError),
+    /// Polynomial degree outside 2 to 7.
+    #[error("polynomial degree must be between 2 and 7, got {0}")]
+    Degree(usize),
+}
+
+/// Something that the user should know about the result.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Warning {
+    /// What concerns it (`viscous_damping_n_s_m`, `steady.csv`).
+    pub subject: String,
+    /// What it is and what to do.
+    pub message: String,
+    /// Whether the result is doubtful or incomplete because of it (exit code 3).
+    pub doubtful: bool,
+}
+
+/// The refinement beside the two-step result.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Refinement {
+    /// Weighted root mean square error, N, of the two-step result on all passes.
+    pub two_step_rms_n: f64,
+    /// The same after the refinement.
+    pub refined_rms_n: f64,
+    /// Error of the two-step result on the held-out half of the passes, N.
+    pub held_out_two_step_rms_n: f64,
+    /// Error there of a refinement on the other half, N.
+    pub held_out_refined_rms_n: f64,
+    /// Damped steps taken.
+    pub iterations: usize,
+    /// Whether it came to rest.
+    pub converged: bool,
+    /// Whether it was accepted: never when worse on the held-out passes.
+    pub accepted: bool,
+}
+
+/// A named parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Name with unit, as in `summary.json`.
+    pub name: String,
+    /// Value and interval.
+    pub estimate: Estimate,
+}
+
+/// What the recordings gave.
+#[derive(Debug, Clone)]
+pub struct Identification {
+    /// The model's numbers.
+    pub model: Candidate,
+    /// The model, ready to run.
+    pub element: Element,
+    /// The two-step result, before the refinement.
+    pub two_step: Candidate,
+    /// All parameters with intervals.
+    pub parameters: Vec<Parameter>,
+    /// The same parameters by the paper's two steps alone.
+    pub two_step_parameters: Vec<Parameter>,
+    /// Steady-state step.
+    pub steady: SteadyFit,
+    /// Dynamic step, or why there is none.
+    pub deformation: Result<DeformationFit, String>,
+    /// Refinement; `None` when it was not asked for or not possible.
+    pub refinement: Option<Refinement>,
+    /// Root mean square error, N, of the model over the recordings it was identified from.
+    pub residual_rms: f64,
+    /// What to know about the result.
+    pub warnings: Vec<Warning>,
+}
+
+impl Identification {
+    /// The named parameter.
+    pub fn parameter(&self, name: &str) -> Option<&Estimate> {
+        self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
+    }
+
+    /// Whether data were lost or parameters are not pinned (exit code 3).
+    pub fn is_doubtful(&self) -> bool {
+        self.warnings.iter().any(|w| w.doubtful)
+    }
+}
+
+/// Stage of the work, for a progress display: words and part done, 0 to 1.
+pub type Progress<'a> = &'a (dyn Fn(&str, f64) + Sync);
+
+/// Passes and stretches of one recording.
+struct Segments {
+    passes: Vec<Pass>,
+    stretches: Vec<Stretch>,
+}
+
+/// Identifies an EMS element from recordings of any motion.
+///
+/// Forces are expected without the inertia of a known moving mass
+/// ([`Recording::without_moving_mass`](crate::recording::Recording)).
+///
+/// # Errors
+/// [`IdentifyError`] when there is nothing to identify from; what is merely not pinned is part of the result.
+pub fn identify(
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    progress: Progress,
+) -> Result<Identification, IdentifyError> {
+    if recordings.is_empty() {
+        return Err(IdentifyError::NoRecording);
+    }
+    if let Some(degree) = options.degrees.into_iter().find(|d| !(2..=trocar_model::MAX_DEGREE).contains(d)) {
+        return Err(IdentifyError::Degree(degree));
+    }
+    progress("segmenting", 0.0);
+    let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
+    progress("steady state", 0.1);
+    let (steady, deformation) = two_steps(recordings, &segments, options)?;
+    let (two_step, assumed) = candidate_of(&steady, &deformation, recordings);
+    conclude::conclude(
+        conclude::TwoSteps { recordings, segments: &segments, steady, deformation, candidate: two_step, assumed },
+        options,
+        progress,
+    )
+}
+
+fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
+    let passes = passes(recording, reversal_threshold(recording));
+    let stretches = stretches(recording, &passes, options);
+    Segments { passes, stretches }
+}
+
+/// Steady state and deformation, each with what the other has found: where the sliding has settled depends on the
+/// deformation, and the switching level (12) on the sliding force.
+fn two_steps(
+    recordings: &[Recording],
+    segments: &[Segments],
+    options: &IdentifyOptions,
+) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
+    let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<PassMean> {
+        let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
+            let halved: Vec<Stretch> = s.stretches.iter().map(|st| latter_half(r, st)).collect();
+            steady::pass_means(i, r, &s.passes, if second_half { &halved } else { &s.stretches }, settled)
+        };
+        recordings.iter().zip(segments).enumerate().flat_map(of).collect()
+    };
+    let deform = |steady: &SteadyFit| {
+        let limits = limits(steady);
+        let found = recordings.iter().zip(segments).enumerate();
+        let traverses = found.flat_map(|(i, (r, s))| deformation::traverses(i, r, &s.passes, &limits)).collect();
+        let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
+        deformation::fit(traverses, &limits, options.degrees, step)
+    };
+    let mut steady = steady::fit(means(&|_| 0.0, true), options.seed);
+    let mut deformation = deform(&steady);
+    for _ in 0..2 {
+        let Ok(found) = &deformation else { break };
+        let width = 2.0 * found.half_width.value;
+        let stiffness = end_stiffness(found);
+        let lag = 5.0 * steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
+        let settled = means(&|v| 1.1 * width + lag * v, false);
+        if settled.len() < 2 {
+            break;
+        }
+        steady = steady::fit(settled, options.seed);
+        deformation = deform(&steady);
+    }
+    if deformation.is_err() {
+        let whole = means(&|_| 0.0, false);
+        steady = steady::fit(without_trend(whole, recordings, segments), options.seed);
+    }
+    if steady.means.is_empty() {
+        return Err(IdentifyError::NoSteadySliding {
+            passes: segments.iter().map(|s| s.passes.len()).sum(),
+            stretches: segments.iter().map(|s| s.stretches.len()).sum(),
+        });
+    }
+    Ok((steady, deformation))
+}
+
+fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
+    let x = &recording.position;
+    let middle = 0.5 * (x[stretch.start] + x[stretch.end - 1]);
+    let rising = x[stretch.end - 1] > x[stretch.start];
+    let behind = |i: &usize| if rising { x[*i] >= middle } else { x[*i] <= middle };
+    let start = (stretch.start..stretch.end).find(behind).unwrap_or(stretch.start);
+    Stretch { start, ..*stretch }
+}
+
+/// Drops means of stretches over which the force still climbs from one limit to the other: no sliding.
+fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
+    let steady = |mean: &PassMean| {
+        let recording = &recordings[mean.recording];
+        let mut sorted = recording.force.clone();
+        sorted.sort_by(f64::total_cmp);
+        let swing = sorted[sorted.len() * 19 / 20] - sorted[sorted.len() / 20];
+        let own = segments[mean.recording].stretches.iter().filter(|s| s.pass == mean.pass);
+        let quarter = |s: &Stretch| ((s.end - s.start) / 4).max(1);
+        let level = |from: usize, to: usize| recording.force[from..to].iter().sum::<f64>() / (to - from) as f64;
+        own.map(|s| (level(s.end - quarter(s), s.end) - level(s.start, s.start + quarter(s))).abs())
+            .all(|trend| trend < 0.4 * swing)
+    };
+    let keep: Vec<bool> = means.iter().map(steady).collect();
+    means.into_iter().zip(keep).filter_map(|(m, k)| k.then_some(m)).collect()
+}
+
+/// Slope, N/m, at which the deformation force meets the sliding limits.
+fn end_stiffness(found: &DeformationFit) -> f64 {
+    let c = found.half_width.value;
+    let end = |curve: &[f64], high: bool| {
+        let (a, b) = if high { (BINS - 11, BINS - 1) } else { (0, 10) };
+        (curve[b] - curve[a]) / (10.0 * 2.0 * c / BINS as f64)
+    };
+    let least = end(&found.rising.mean_curve, true).min(end(&found.falling.mean_curve, false));
+    least.max(0.05 * end(&found.rising.mean_curve, false).abs()).max(1.0)
+}
+
+/// Sliding friction of both directions and the sensor offset, from the steady state.
+///
+/// With different slopes the offset is taken so that both Coulomb forces are equal: the data cannot divide the two.
+fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
+    let least = 1e-6;
+    if let (true, Some(plus), Some(minus)) = (steady.is_asymmetric(), &steady.positive, &steady.negative) {
+        let coulomb = 0.5 * (plus.coulomb_force_n.value + minus.coulomb_force_n.value);
+        let offset = 0.5 * (plus.coulomb_force_n.value - minus.coulomb_force_n.value);
+        let friction = |line: &DirectionLine| {
+            SlidingFriction::coulomb(coulomb.max(least), line.viscous_damping_n_s_m.value.max(0.0))
+        };
+        return (offset, friction(plus), friction(minus));
+    }
+    let mut friction = SlidingFriction::coulomb(
+        steady.coulomb_force_n.value.max(least),
+        steady.viscous_damping_n_s_m.value.max(0.0),
+    );
+    if let Some(stribeck) = &steady.stribeck {
+        friction.static_force = stribeck.static_force_n.value.max(friction.coulomb_force);
+        friction.stribeck_velocity = stribeck.stribeck_velocity_m_s.value;
+        friction.stribeck_exponent = stribeck.stribeck_exponent;
+    }
+    (steady.offset_n.value, friction, friction)
+}
+
+fn limits(steady: &SteadyFit) -> Limits {
+    let (offset, insertion, withdrawal) = sliding(steady);
+    Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force }
+}
+
+/// Two-step candidate; with the deformation not resolved a stiff straight spring stands in for it (second value true).
+fn candidate_of(
+    steady: &SteadyFit,
+    deformation: &Result<DeformationFit, String>,
+    recordings: &[Recording],
+) -> (Candidate, bool) {
+    let (offset, insertion, withdrawal) = sliding(steady);
+    let straight = || BranchShape {
+        join: 0.0,
+        join_force: 0.5 * (insertion.static_force - withdrawal.static_force),
+        left: vec![0.0],
+        right: vec![0.0],
+    };
+    let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
+    let (half_width, rising, falling, seal_damping) = match deformation {
+        Ok(found) => {
+            let kept = found.damping.as_ref().filter(|d| d.kept).map_or(0.0, |d| d.seal_damping_n_s_m.value);
+            (found.half_width.value, found.rising.shape.clone(), found.falling.shape.clone(), kept)
+        }
+        Err(_) => ((20.0 * step).max(5e-5), straight(), straight(), 0.0),
+    };
+    let candidate =
+        Candidate { offset, hidden_mass: 0.0, insertion, withdrawal, half_width, rising, falling, seal_damping };
+    (candidate, deformation.is_err())
+}
+
+/// Acceleration, m/s², over the window that the sampling and the encoder ask for.
+fn acceleration(recording: &Recording) -> Vec<f64> {
+    local_acceleration(recording, recording.acceleration_window())
+}

@@ -1,0 +1,267 @@
+//! Last refinement: all parameters against simulated force (output-error least squares), with intervals from
+//! leaving out one cluster of passes at a time.
+//!
+//! The free-run simulation of a candidate is compared with the readings; Gauss-Newton steps with Levenberg-Marquardt
+//! damping lower the weighted squares. Only the normal equations are kept, one set per cluster, so memory does not
+//! grow with the recording and every interval costs small solves: with one cluster g left out, the estimate moves to
+//! first order by −(H − H_g)⁻¹·s_g; its variance over clusters is the jackknife's, which does not mistake the samples
+//! of one pass for independent ones.
+
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use trocar_model::{Element, State};
+
+use super::candidate::{Candidate, Layout};
+use super::training::{Run, Step, Training};
+
+/// Most damped steps.
+const MOST_ITERATIONS: usize = 25;
+/// Relative fall of the cost below which the refinement has converged.
+const CONVERGED: f64 = 1e-6;
+/// Steps simulated at a time.
+const BLOCK: usize = 2048;
+
+/// How the refinement ended.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Refined {
+    pub(super) candidate: Candidate,
+    /// Weighted root mean square error, N, before and after.
+    pub(super) rms: [f64; 2],
+    pub(super) iterations: usize,
+    pub(super) converged: bool,
+    normal: Normal,
+}
+
+/// Normal equations by cluster at one parameter vector.
+#[derive(Debug, Clone, PartialEq)]
+struct Normal {
+    /// JᵀWJ of each cluster.
+    hessians: Vec<DMatrix<f64>>,
+    /// JᵀWe of each cluster.
+    scores: Vec<DVector<f64>>,
+    /// Weighted squares of each cluster.
+    costs: Vec<f64>,
+    weight: f64,
+}
+
+impl Normal {
+    fn cost(&self) -> f64 {
+        self.costs.iter().sum()
+    }
+
+    fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let p = self.scores[0].len();
+        let hessian = self.hessians.iter().fold(DMatrix::zeros(p, p), |a, b| a + b);
+        let score = self.scores.iter().fold(DVector::zeros(p), |a, b| a + b);
+        (hessian, score)
+    }
+}
+
+/// Prediction of a reading: seal force, sensor offset, inertia of a mass nobody told us of.
+fn reading(candidate: &Candidate, seal_force: f64, step: &Step) -> f64 {
+    seal_force + candidate.offset + candidate.hidden_mass * step.acceleration
+}
+
+/// State in which a run starts: at rest where the mid curve gives its first reading.
+pub(super) fn start(element: &Element, candidate: &Candidate, run: &Run) -> State {
+    element.rest_state(crate::replay::deflection_of_force(element, run.first_force - candidate.offset))
+}
+
+/// Weighted squares of `candidate` on the clusters in `use_cluster`; infinite where it is no model.
+pub(super) fn cost(training: &Training, candidate: &Candidate, use_cluster: impl Fn(usize) -> bool + Sync) -> f64 {
+    let Ok(element) = candidate.element() else { return f64::INFINITY };
+    let of_run = |run: &Run| {
+        let mut state = start(&element, candidate, run);
+        let squares = run.steps.iter().map(|step| {
+            let force = element.step(&mut state, step.displacement, step.duration);
+            let error = step.force - reading(candidate, force, step);
+            if use_cluster(step.cluster) { training.weights[step.cluster] * step.samples * error * error } else { 0.0 }
+        });
+        squares.sum::<f64>()
+    };
+    training.runs.par_iter().map(of_run).collect::<Vec<f64>>().iter().sum()
+}
+
+/// Candidates with one free number moved each; the difference quotient's steps.
+fn moved(candidate: &Candidate, layout: Layout) -> Option<(Vec<Candidate>, Vec<f64>)> {
+    let free = layout.free(candidate);
+    let values: Vec<f64> = free.iter().map(|f| f.value).collect();
+    let mut candidates = vec![candidate.clone()];
+    let mut steps = Vec::new();
+    for (j, f) in free.iter().enumerate() {
+        // Away from a bound that lies within the step.
+        let step = if f.value + f.step > f.high { -f.step } else { f.step };
+        let mut changed = values.clone();
+        changed[j] += step;
+        candidates.push(layout.with(candidate, &changed));
+        steps.push(step);
+    }
+    candidates.iter().all(|c| c.element().is_ok()).then_some((candidates, steps))
+}
+
+fn normal_equations(training: &Training, candidate: &Candidate, layout: Layout) -> Option<Normal> {
+    let (candidates, steps) = moved(candidate, layout)?;
+    let p = steps.len();
+    let g = training.clusters();
+    let mut normal = Normal {
+        hessians: vec![DMatrix::zeros(p, p); g],
+        scores: vec![DVector::zeros(p); g],
+        costs: vec![0.0; g],
+        weight: 0.0,
+    };
+    let elements: Vec<Element> = candidates.iter().map(|c| c.element()).collect::<Result<_, _>>().ok()?;
+    for run in &training.runs {
+        let mut lanes: Vec<(State, Vec<f64>)> =
+            elements.iter().zip(&candidates).map(|(e, c)| (start(e, c, run), Vec::with_capacity(BLOCK))).collect();
+        for block in run.steps.chunks(BLOCK) {
+            lanes.par_iter_mut().zip(&elements).zip(&candidates).for_each(|(((state, forces), element), c)| {
+                forces.clear();
+                forces.extend(block.iter().map(|s| reading(c, element.step(state, s.displacement, s.duration), s)));
+            });
+            accumulate(training, block, &lanes, &steps, &mut normal);
+        }
+    }
+    normal.hessians.iter_mut().for_each(|h| h.fill_upper_triangle_with_lower_triangle());
+    Some(normal)
+}
+
+fn accumulate(training: &Training, block: &[Step], lanes: &[(State, Vec<f64>)], steps: &[f64], normal: &mut Normal) {
+    let p = steps.len();
+    let mut row = vec![0.0; p];
+    for (i, step) in block.iter().enumerate().filter(|(_, s)| s.samples > 0.0) {
+        let weight = training.weights[step.cluster] * step.samples;
+        let predicted = lanes[0].1[i];
+        let error = step.force - predicted;
+        for j in 0..p {
+            row[j] = (lanes[j + 1].1[i] - predicted) / steps[j];
+        }
+        normal.weight += weight;
+        normal.costs[step.cluster] += weight * error * error;
+        let score = &mut normal.scores[step.cluster];
+        let hessian = normal.hessians[step.cluster].as_mut_slice();
+        for (j, a) in row.iter().enumerate() {
+            let scaled = weight * a;
+            score[j] += scaled * error;
+            // Lower triangle, column by column.
+            let column = &mut hessian[j * p + j..(j + 1) * p];
+            column.iter_mut().zip(&row[j..]).for_each(|(h, b)| *h += scaled * b);
+        }
+    }
+}
+
+/// Solves (H + λ·diag H)·δ = s with columns to unit diagonal; a number without influence stays put.
+fn damped_step(hessian: &DMatrix<f64>, score: &DVector<f64>, lambda: f64) -> Option<DVector<f64>> {
+    let p = score.len();
+    let scale = DVector::from_fn(p, |j, _| if hessian[(j, j)] > 0.0 { hessian[(j, j)].sqrt() } else { f64::INFINITY });
+    let scaled = DMatrix::from_fn(p, p, |i, j| {
+        let own = if i == j { 1.0 + lambda } else { 0.0 };
+        if i == j { own } else { hessian[(i, j)] / (scale[i] * scale[j]) }
+    });
+    let solution = scaled.cholesky()?.solve(&score.component_div(&scale));
+    Some(solution.component_div(&scale))
+}
+
+/// Lowers the weighted squares from `from`; `None` when `from` is no model.
+pub(super) fn refine(training: &Training, from: &Candidate, layout: Layout) -> Option<Refined> {
+    let mut candidate = from.clone();
+    let mut normal = normal_equations(training, &candidate, layout)?;
+    let first = normal.cost();
+    let (mut lambda, mut iterations, mut converged) = (1e-4, 0, false);
+    while iterations < MOST_ITERATIONS && !converged {
+        iterations += 1;
+        let (hessian, score) = normal.sums();
+        let before = normal.cost();
+        let values: Vec<f64> = layout.free(&candidate).iter().map(|f| f.value).collect();
+        let mut accepted = None;
+        while accepted.is_none() && lambda < 1e8 {
+            let tried = damped_step(&hessian, &score, lambda).map(|delta| {
+                let moved: Vec<f64> = values.iter().zip(delta.iter()).map(|(v, d)| v + d).collect();
+                layout.with(&candidate, &moved)
+            });
+            accepted = tried.filter(|c| cost(training, c, |_| true) < before);
+            lambda *= if accepted.is_some() { 0.2 } else { 10.0 };
+        }
+        let Some(better) = accepted else {
+            converged = true;
+            break;
+        };
+        candidate = better;
+        normal = normal_equations(training, &candidate, layout)?;
+        lambda = lambda.max(1e-9);
+        converged = normal.cost() > (1.0 - CONVERGED) * before;
+    }
+    let rms = [first, normal.cost()].map(|c| (c / normal.weight.max(f64::MIN_POSITIVE)).sqrt());
+    Some(Refined { candidate, rms, iterations, converged, normal })
+}
+
+impl Refined {
+    /// Sum of the weights of all samples used.
+    pub(super) fn weight(&self) -> f64 {
+        self.normal.weight.max(f64::MIN_POSITIVE)
+    }
+
+    /// Candidates with one cluster left out each, to first order (jackknife replicates).
+    pub(super) fn jackknife(&self, layout: Layout) -> Vec<Candidate> {
+        let (hessian, score) = self.normal.sums();
+        let used = self.normal.hessians.iter().zip(&self.normal.scores).filter(|(h, _)| h.diagonal().sum() > 0.0);
+        used.filter_map(|(h, s)| self.shifted(layout, &(&hessian - h), &(&score - s))).collect()
+    }
+
+    /// Candidates refitted to resampled clusters, to first order (bootstrap replicates).
+    pub(super) fn bootstrap(&self, layout: Layout, count: usize, seed: u64) -> Vec<Candidate> {
+        let used: Vec<usize> =
+            (0..self.normal.hessians.len()).filter(|g| self.normal.hessians[*g].diagonal().sum() > 0.0).collect();
+        let replicate = |index: usize| {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(index as u64);
+            let p = self.normal.scores[0].len();
+            let (mut hessian, mut score) = (DMatrix::zeros(p, p), DVector::zeros(p));
+            for _ in &used {
+                let g = used[rng.random_range(0..used.len())];
+                hessian += &self.normal.hessians[g];
+                score += &self.normal.scores[g];
+            }
+            self.shifted(layout, &hessian, &score)
+        };
+        (0..count).into_par_iter().filter_map(replicate).collect()
+    }
+
+    fn shifted(&self, layout: Layout, hessian: &DMatrix<f64>, score: &DVector<f64>) -> Option<Candidate> {
+        let delta = damped_step(hessian, score, 1e-12)?;
+        let free = layout.free(&self.candidate);
+        let values: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
+        Some(layout.with(&self.candidate, &values))
+    }
+}
+
+/// Whether refining half of the clusters predicts the other half better than the two-step result does.
+///
+/// Clusters are dealt to the halves in pairs, so that each half has insertions and withdrawals of all speeds.
+pub(super) fn better_on_held_out(training: &Training, two_step: &Candidate, layout: Layout) -> Option<HeldOut> {
+    let held_out = |g: usize| (g / 2) % 2 == 1;
+    let mut half = training.clone();
+    for (g, weight) in half.weights.iter_mut().enumerate() {
+        if held_out(g) {
+            *weight = 0.0;
+        }
+    }
+    let refined = refine(&half, two_step, layout)?;
+    let weight: f64 = training
+        .runs
+        .iter()
+        .flat_map(|r| &r.steps)
+        .filter(|s| held_out(s.cluster))
+        .map(|s| training.weights[s.cluster] * s.samples)
+        .sum();
+    let rms = |c: &Candidate| (cost(training, c, held_out) / weight).sqrt();
+    Some(HeldOut { two_step_rms: rms(two_step), refined_rms: rms(&refined.candidate) })
+}
+
+/// Errors on held-out clusters, N.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct HeldOut {
+    pub(super) two_step_rms: f64,
+    pub(super) refined_rms: f64,
+}

@@ -1,0 +1,339 @@
+//! Steady state: sliding force against velocity, from one mean per pass (EMS section IV-A).
+//!
+//! # Equations (key EMS in SOURCES.md)
+//! ```text
+//! F = F_0 + F_c·sgn(v) + β·v                                        (23) with a sensor offset F_0
+//! F = F_0 + (F_c + (F_s − F_c)·exp(−(|v|/v_s)^δ))·sgn(v) + β·v      (11)
+//! ```
+//! The samples of one pass are not independent: what differs between passes (lubrication, position along the
+//! stroke) does not average out within one. So one pass gives one datum, weighted by 1/(τ² + s²/n_eff) with the
+//! scatter between passes τ estimated from the data, and intervals use Student's t on the number of passes.
+//!
+//! A sensor offset and a Coulomb force that differs between the directions move the two lines alike, so the data
+//! cannot tell them apart: what is tested is whether the slopes differ.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::estimate::{Estimate, LinearFit, f_p_value, t_p_value};
+use crate::recording::Recording;
+use crate::segment::{Direction, Pass, Stretch};
+
+/// Mean force and velocity of the steady sliding in one pass at one speed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PassMean {
+    /// Index of the recording.
+    pub recording: usize,
+    /// Index of the pass in the recording.
+    pub pass: usize,
+    /// Sense of the motion.
+    pub direction: Direction,
+    /// Mean velocity, m/s.
+    pub velocity_m_s: f64,
+    /// Mean reading, N, sensor offset included.
+    pub force_n: f64,
+    /// Standard error, N, of the mean within the pass.
+    pub standard_error_n: f64,
+    /// Samples averaged.
+    pub samples: usize,
+}
+
+/// One direction's own straight line through the readings, offset included: F = ±(F_c + β·|v|).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DirectionLine {
+    /// Force at zero speed, N, positive against the motion; holds the sensor offset.
+    pub coulomb_force_n: Estimate,
+    /// Slope, N s/m.
+    pub viscous_damping_n_s_m: Estimate,
+}
+
+/// A Stribeck bump that the lack-of-fit test asks for and that the speeds pin.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StribeckFit {
+    /// F_s, N: the fitted curve continued to zero speed.
+    pub static_force_n: Estimate,
+    /// v_s, m/s.
+    pub stribeck_velocity_m_s: Estimate,
+    /// δ.
+    pub stribeck_exponent: f64,
+}
+
+/// Outcome of the lack-of-fit test of the straight line against a Stribeck curve.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LackOfFit {
+    /// p value of the largest F statistic over all Stribeck velocities, from a seeded simulation under the line.
+    pub p_value: f64,
+    /// Best Stribeck velocity, m/s.
+    pub stribeck_velocity_m_s: f64,
+    /// Force above the line at the slowest speed measured, N, by the best Stribeck curve.
+    pub excess_at_slowest_n: f64,
+    /// What was made of it.
+    pub verdict: String,
+}
+
+/// Result of the steady-state step.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SteadyFit {
+    /// F_c, N.
+    pub coulomb_force_n: Estimate,
+    /// β, N s/m.
+    pub viscous_damping_n_s_m: Estimate,
+    /// F_0, N.
+    pub offset_n: Estimate,
+    /// Line of the insertions.
+    pub positive: Option<DirectionLine>,
+    /// Line of the withdrawals.
+    pub negative: Option<DirectionLine>,
+    /// p value of the test that both directions have one slope; `None` where it could not be made.
+    pub symmetry_p_value: Option<f64>,
+    /// Accepted Stribeck curve.
+    pub stribeck: Option<StribeckFit>,
+    /// Lack-of-fit test, when enough speeds were measured.
+    pub lack_of_fit: Option<LackOfFit>,
+    /// Scatter between passes, N.
+    pub pass_scatter_n: f64,
+    /// Slowest and fastest speed measured, m/s.
+    pub speed_range_m_s: [f64; 2],
+    /// The data: one mean per pass and speed.
+    pub means: Vec<PassMean>,
+}
+
+impl SteadyFit {
+    /// Whether the two directions differ in slope beyond chance (1 % level).
+    pub fn is_asymmetric(&self) -> bool {
+        self.symmetry_p_value.is_some_and(|p| p < 0.01)
+    }
+
+    /// Fitted reading, N, of the common line (23) at velocity `v`, m/s.
+    pub fn line(&self, v: f64) -> f64 {
+        self.offset_n.value + self.coulomb_force_n.value * sign(v) + self.viscous_damping_n_s_m.value * v
+    }
+}
+
+fn sign(v: f64) -> f64 {
+    if v > 0.0 {
+        1.0
+    } else if v < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+/// Means over the steady part of each pass: samples of its stretches that lie `settled(|v|)` metres behind the reversal.
+///
+/// Stretches of one pass whose speeds agree within 4 % are one datum.
+pub fn pass_means(
+    index: usize,
+    recording: &Recording,
+    passes: &[Pass],
+    stretches: &[Stretch],
+    settled: impl Fn(f64) -> f64,
+) -> Vec<PassMean> {
+    let mut means: Vec<PassMean> = Vec::new();
+    for stretch in stretches {
+        let pass = &passes[stretch.pass];
+        let needed = settled(stretch.velocity.abs());
+        let start = (stretch.start..stretch.end)
+            .find(|i| crate::segment::travel(recording, pass, *i) >= needed)
+            .unwrap_or(stretch.end);
+        let Some(mean) = mean_of(index, recording, stretch, start, pass.direction) else { continue };
+        let same = |m: &&mut PassMean| m.pass == mean.pass && (m.velocity_m_s / mean.velocity_m_s - 1.0).abs() < 0.04;
+        match means.iter_mut().rev().find(same) {
+            Some(earlier) => *earlier = merged(earlier, &mean),
+            None => means.push(mean),
+        }
+    }
+    means
+}
+
+fn merged(a: &PassMean, b: &PassMean) -> PassMean {
+    let (na, nb) = (a.samples as f64, b.samples as f64);
+    let blend = |x: f64, y: f64| (na * x + nb * y) / (na + nb);
+    PassMean {
+        velocity_m_s: blend(a.velocity_m_s, b.velocity_m_s),
+        force_n: blend(a.force_n, b.force_n),
+        standard_error_n: (na * a.standard_error_n).hypot(nb * b.standard_error_n) / (na + nb),
+        samples: a.samples + b.samples,
+        ..a.clone()
+    }
+}
+
+/// Mean of samples `start..stretch.end`; its error from the scatter of ten batch means, which sees slow ripple.
+fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, start: usize, direction: Direction) -> Option<PassMean> {
+    let end = stretch.end;
+    let n = end.saturating_sub(start);
+    if n < 5 || rec.time[end - 1] - rec.time[start] < 0.04 {
+        return None;
+    }
+    let force = &rec.force[start..end];
+    let mean = force.iter().sum::<f64>() / n as f64;
+    let batches = if n >= 50 { 10 } else { 5 };
+    let batch_mean = |k: usize| {
+        let part = &force[k * n / batches..(k + 1) * n / batches];
+        part.iter().sum::<f64>() / part.len() as f64
+    };
+    let variance = (0..batches).map(|k| (batch_mean(k) - mean).powi(2)).sum::<f64>() / (batches - 1) as f64;
+    let velocity = (rec.position[end - 1] - rec.position[start]) / (rec.time[end - 1] - rec.time[start]);
+    Some(PassMean {
+        recording: index,
+        pass: stretch.pass,
+        direction,
+        velocity_m_s: velocity,
+        force_n: mean,
+        standard_error_n: (variance / batches as f64).sqrt().max(1e-9),
+        samples: n,
+    })
+}
+
+/// Fits the steady-state law to the pass means.
+///
+/// Never fails: what the means do not pin comes back as not pinned, with the reason (EMS (23)).
+pub fn fit(means: Vec<PassMean>, seed: u64) -> SteadyFit {
+    let positive = direction_line(&means, Direction::Positive);
+    let negative = direction_line(&means, Direction::Negative);
+    let speeds = means.iter().map(|m| m.velocity_m_s.abs());
+    let slowest = speeds.clone().fold(f64::INFINITY, f64::min);
+    let fastest = speeds.fold(0.0, f64::max);
+    let mut fit = common_line(&means);
+    fit.symmetry_p_value = symmetry_p_value(&means);
+    fit.speed_range_m_s = if means.is_empty() { [0.0, 0.0] } else { [slowest, fastest] };
+    (fit.positive, fit.negative) = (positive, negative);
+    if fit.viscous_damping_n_s_m.pinned && fit.coulomb_force_n.pinned {
+        super::stribeck::test(&mut fit, &means, seed);
+    }
+    fit.means = means;
+    fit
+}
+
+fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
+    SteadyFit {
+        coulomb_force_n: coulomb,
+        viscous_damping_n_s_m: viscous,
+        offset_n: offset,
+        positive: None,
+        negative: None,
+        symmetry_p_value: None,
+        stribeck: None,
+        lack_of_fit: None,
+        pass_scatter_n: 0.0,
+        speed_range_m_s: [0.0, 0.0],
+        means: Vec::new(),
+    }
+}
+
+/// Whether the speeds of one direction pin a slope: at least two speeds a fifth apart.
+fn speeds_differ(means: &[PassMean], direction: Direction) -> bool {
+    let speeds = means.iter().filter(|m| m.direction == direction).map(|m| m.velocity_m_s.abs());
+    let (low, high) = speeds.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+    high > 1.2 * low
+}
+
+fn has(means: &[PassMean], direction: Direction) -> bool {
+    means.iter().any(|m| m.direction == direction)
+}
+
+/// F = F_0 + F_c·sgn(v) + β·v, or as much of it as the means pin.
+fn common_line(means: &[PassMean]) -> SteadyFit {
+    let both = has(means, Direction::Positive) && has(means, Direction::Negative);
+    let slope = speeds_differ(means, Direction::Positive) || speeds_differ(means, Direction::Negative);
+    if means.is_empty() {
+        let none = |unit| Estimate::not_pinned(0.0, unit, "no stretch of constant velocity behind the deformation");
+        return blank(none("N"), none("N s/m"), none("N"));
+    }
+    let one_way = "motion in one direction only: a Coulomb force and a sensor offset cannot be told apart";
+    let one_speed = "each direction has one speed: the viscous part cannot be told from the Coulomb force";
+    match (both, slope) {
+        (true, true) => {
+            let (fit, scatter) = weighted(means, &[|_| 1.0, sign, |v| v]);
+            let Some(fit) = fit else { return common_line(&[]) };
+            let line = blank(fit.estimate(1, "N"), fit.estimate(2, "N s/m"), fit.estimate(0, "N"));
+            SteadyFit { pass_scatter_n: scatter, ..line }
+        }
+        (true, false) => {
+            let (fit, scatter) = weighted(means, &[|_| 1.0, sign]);
+            let Some(fit) = fit else { return common_line(&[]) };
+            let coulomb = Estimate::not_pinned(fit.coefficients[1], "N", one_speed);
+            let line = blank(coulomb, Estimate::not_pinned(0.0, "N s/m", one_speed), fit.estimate(0, "N"));
+            SteadyFit { pass_scatter_n: scatter, ..line }
+        }
+        (false, _) => {
+            let columns: &[fn(f64) -> f64] = if slope { &[sign, |v| v] } else { &[sign] };
+            let (fit, scatter) = weighted(means, columns);
+            let Some(fit) = fit else { return common_line(&[]) };
+            let viscous = match slope {
+                true => fit.estimate(1, "N s/m"),
+                false => Estimate::not_pinned(0.0, "N s/m", one_speed),
+            };
+            let coulomb = Estimate::not_pinned(fit.coefficients[0], "N", one_way);
+            let line = blank(coulomb, viscous, Estimate::not_pinned(0.0, "N", one_way));
+            SteadyFit { pass_scatter_n: scatter, ..line }
+        }
+    }
+}
+
+/// The line of one direction alone, through the readings as they are.
+fn direction_line(means: &[PassMean], direction: Direction) -> Option<DirectionLine> {
+    let own: Vec<PassMean> = means.iter().filter(|m| m.direction == direction).cloned().collect();
+    if own.is_empty() {
+        return None;
+    }
+    if !speeds_differ(&own, direction) {
+        let why = "one speed only: the viscous part cannot be told from the Coulomb force";
+        let fit = weighted(&own, &[sign]).0?;
+        return Some(DirectionLine {
+            coulomb_force_n: Estimate::not_pinned(fit.coefficients[0], "N", why),
+            viscous_damping_n_s_m: Estimate::not_pinned(0.0, "N s/m", why),
+        });
+    }
+    let fit = weighted(&own, &[sign, |v| v]).0?;
+    Some(DirectionLine { coulomb_force_n: fit.estimate(0, "N"), viscous_damping_n_s_m: fit.estimate(1, "N s/m") })
+}
+
+/// p value of the test for different slopes: t test of a slope difference on top of the common line.
+fn symmetry_p_value(means: &[PassMean]) -> Option<f64> {
+    if !speeds_differ(means, Direction::Positive) || !speeds_differ(means, Direction::Negative) {
+        return None;
+    }
+    let (fit, _) = weighted(means, &[|_| 1.0, sign, |v| v, |v| v.abs()]);
+    let fit = fit?;
+    Some(t_p_value(fit.coefficients[3] / fit.covariance[(3, 3)].sqrt(), fit.degrees))
+}
+
+/// Weighted least squares of the means on functions of velocity; also the scatter between passes τ, N.
+///
+/// τ² is the value at which the weighted residuals have their expected size (method of Paule and Mandel); the
+/// covariance keeps the residual variance factor, so intervals follow Student's t on the pass count.
+pub(super) fn weighted(means: &[PassMean], columns: &[fn(f64) -> f64]) -> (Option<LinearFit>, f64) {
+    let design = DMatrix::from_fn(means.len(), columns.len(), |i, j| columns[j](means[i].velocity_m_s));
+    weighted_design(means, &design)
+}
+
+pub(super) fn weighted_design(means: &[PassMean], design: &DMatrix<f64>) -> (Option<LinearFit>, f64) {
+    let data = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
+    let fit_with = |tau2: f64| {
+        let weights =
+            DVector::from_iterator(means.len(), means.iter().map(|m| 1.0 / (tau2 + m.standard_error_n.powi(2))));
+        LinearFit::new(design, &data, &weights)
+    };
+    let Some(plain) = fit_with(0.0) else { return (None, 0.0) };
+    if plain.degrees <= 0.0 || plain.weighted_rss <= plain.degrees {
+        return (Some(plain), 0.0);
+    }
+    let (mut low, mut high) = (0.0, plain.residuals.norm_squared());
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        match fit_with(middle) {
+            Some(f) if f.weighted_rss > f.degrees => low = middle,
+            _ => high = middle,
+        }
+    }
+    (fit_with(high), high.sqrt())
+}
+
+/// F test of a larger linear model against a smaller one at common weights: p value.
+pub(super) fn nested_p_value(small: &LinearFit, large: &LinearFit) -> f64 {
+    let extra = small.degrees - large.degrees;
+    let gain = (small.weighted_rss - large.weighted_rss) / extra;
+    f_p_value(gain / (large.weighted_rss / large.degrees), extra, large.degrees)
+}

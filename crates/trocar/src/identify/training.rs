@@ -1,0 +1,126 @@
+//! Recordings as steps for the simulation: position increments, durations, readings, weights and clusters.
+//!
+//! Inside a settled constant-velocity stretch nothing happens that a longer step would miss, so its samples are
+//! taken together; everywhere else each sample is a step. A *cluster* is a pass (or several short ones): the unit
+//! that is resampled for intervals. Its weight is that of readings that share a level scattering by τ between passes:
+//! 1/(s² + n·τ²).
+
+use std::ops::Range;
+
+use trocar_model::Element;
+
+use crate::recording::Recording;
+use crate::replay::forgotten_after;
+use crate::segment::{Pass, Stretch};
+
+/// Samples of a settled stretch taken together.
+const THINNING: usize = 20;
+/// Most clusters; shorter passes are put together.
+const MOST_CLUSTERS: usize = 120;
+
+/// One step of the simulation.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step {
+    pub(super) displacement: f64,
+    pub(super) duration: f64,
+    /// Mean reading over the step's samples, N.
+    pub(super) force: f64,
+    /// Mean acceleration over the step's samples, m/s².
+    pub(super) acceleration: f64,
+    /// Samples in the step; 0 where the state is not yet known.
+    pub(super) samples: f64,
+    pub(super) cluster: usize,
+}
+
+/// Steps of one unbroken part of a recording, from an unknown start.
+#[derive(Debug, Clone)]
+pub(super) struct Run {
+    pub(super) steps: Vec<Step>,
+    /// Reading before the first step, N.
+    pub(super) first_force: f64,
+}
+
+/// All that the refinement simulates.
+#[derive(Debug, Clone)]
+pub(super) struct Training {
+    pub(super) runs: Vec<Run>,
+    /// Weight of a sample of each cluster, 1/N².
+    pub(super) weights: Vec<f64>,
+}
+
+/// A recording with what the segmentation found in it.
+pub(super) struct Segmented<'a> {
+    pub(super) recording: &'a Recording,
+    pub(super) passes: &'a [Pass],
+    pub(super) stretches: &'a [Stretch],
+    pub(super) acceleration: Vec<f64>,
+}
+
+impl Training {
+    pub(super) fn new(data: &[Segmented], noise: f64, scatter: f64) -> Self {
+        let shortest: f64 =
+            data.iter().map(|d| d.recording.duration()).sum::<f64>() / MOST_CLUSTERS as f64;
+        let mut runs = Vec::new();
+        let mut sizes: Vec<f64> = Vec::new();
+        for part in data {
+            for Range { start: from, end: to } in part.recording.unbroken() {
+                if to > from + 1 {
+                    runs.push(run(part, from, to, shortest, &mut sizes));
+                }
+            }
+        }
+        let weights = sizes.iter().map(|n| 1.0 / (noise * noise + n * scatter * scatter)).collect();
+        Self { runs, weights }
+    }
+
+    /// Takes the weight from all steps before the state is known: until unknown starts give one force.
+    pub(super) fn forget_unknown_starts(&mut self, element: &Element) {
+        for run in &mut self.runs {
+            let steps = run.steps.iter().map(|s| (s.displacement, s.duration));
+            let known = forgotten_after(std::slice::from_ref(element), steps).map_or(run.steps.len(), |i| i + 1);
+            run.steps[..known].iter_mut().for_each(|s| s.samples = 0.0);
+        }
+    }
+
+    pub(super) fn clusters(&self) -> usize {
+        self.weights.len()
+    }
+}
+
+fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<f64>) -> Run {
+    let recording = part.recording;
+    let mut steps = Vec::new();
+    let mut pass = part.passes.partition_point(|p| p.end <= from);
+    let mut stretch = part.stretches.partition_point(|s| s.end <= from);
+    sizes.push(0.0);
+    let mut cluster_start = recording.time[from];
+    let mut at = from;
+    while at + 1 < to {
+        while part.stretches.get(stretch).is_some_and(|s| s.end <= at + 1) {
+            stretch += 1;
+        }
+        let inside = part.stretches.get(stretch).filter(|s| s.start <= at);
+        let next = inside.map_or(at + 1, |s| (at + THINNING).min(s.end - 1)).max(at + 1).min(to - 1);
+        if part.passes.get(pass).is_some_and(|p| p.end <= at) {
+            pass += 1;
+            if recording.time[at] - cluster_start >= shortest {
+                cluster_start = recording.time[at];
+                sizes.push(0.0);
+            }
+        }
+        let samples = (next - at) as f64;
+        let mean = |values: &[f64]| values[at + 1..=next].iter().sum::<f64>() / samples;
+        let cluster = sizes.len() - 1;
+        sizes[cluster] += samples;
+        steps.push(Step {
+            displacement: recording.position[next] - recording.position[at],
+            duration: recording.time[next] - recording.time[at],
+            force: mean(&recording.force),
+            acceleration: mean(&part.acceleration),
+            samples,
+            cluster,
+        });
+        at = next;
+    }
+    Run { steps, first_force: recording.force[from] }
+}

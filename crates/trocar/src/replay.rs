@@ -1,0 +1,106 @@
+//! Runs identified elements over a recording, from a start that nobody measured.
+//!
+//! A recording begins with the seal in an unknown deflection. The replay starts at rest where the mid curve gives
+//! the first reading, and says from which sample on the start no longer matters: there several extreme starts give
+//! one force (the seal forgets its past once it has slid).
+
+use std::ops::Range;
+
+use trocar_model::{Element, Mode, State};
+
+use crate::recording::Recording;
+
+/// Unknown starts count as forgotten when their forces agree within this, N.
+const FORGOTTEN: f64 = 1e-3;
+/// Starts compared: deflections as fractions of the half width.
+const STARTS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+
+/// Deflection, m, in [-c, c] at which the mid curve M gives `force`, N, at rest.
+///
+/// Of several such deflections (a seal that turns over has three) the one of least amount; beyond the sliding limits
+/// the nearer end.
+pub fn deflection_of_force(element: &Element, force: f64) -> f64 {
+    const CELLS: i32 = 200;
+    let law = &element.params().deformation;
+    let c = law.half_width();
+    let at = |k: i32| c * f64::from(k) / f64::from(CELLS);
+    let excess = |z: f64| law.mid(z) - force;
+    let brackets = (-CELLS..CELLS).filter(|k| excess(at(*k)) * excess(at(k + 1)) <= 0.0);
+    let Some(cell) = brackets.min_by_key(|k| (2 * k + 1).abs()) else {
+        return if force > 0.0 { c } else { -c };
+    };
+    let (mut low, mut high) = (at(cell), at(cell + 1));
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if excess(low) * excess(middle) <= 0.0 { high = middle } else { low = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// States at rest that together give `force`, N, each element bearing the share of its sliding limit.
+pub fn start_states(elements: &[Element], force: f64) -> Vec<State> {
+    let limit = |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
+    let total: f64 = elements.iter().map(limit).sum();
+    elements.iter().map(|e| e.rest_state(deflection_of_force(e, force * limit(e) / total))).collect()
+}
+
+/// First of the steps (displacement in m, duration in s) after which the start no longer matters.
+pub fn forgotten_after(elements: &[Element], steps: impl Iterator<Item = (f64, f64)>) -> Option<usize> {
+    let mut states: Vec<Vec<State>> = STARTS
+        .iter()
+        .map(|u| elements.iter().map(|e| e.rest_state(u * e.params().deformation.half_width())).collect())
+        .collect();
+    for (i, (displacement, duration)) in steps.enumerate() {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for start in &mut states {
+            let force: f64 = elements.iter().zip(start).map(|(e, s)| e.step(s, displacement, duration)).sum();
+            (low, high) = (low.min(force), high.max(force));
+        }
+        if high - low < FORGOTTEN {
+            return Some(i);
+        }
+    }
+    None
+}
+
+/// A model run over a recording, sample by sample.
+#[derive(Debug, Clone, Default)]
+pub struct Replay {
+    /// Seal force, N, without sensor offset.
+    pub force: Vec<f64>,
+    /// Deflection, m, of the first element.
+    pub deflection: Vec<f64>,
+    /// Whether every element slides.
+    pub sliding: Vec<bool>,
+    /// Samples whose force does not depend on the unknown start, as ranges.
+    pub known: Vec<Range<usize>>,
+}
+
+/// Runs `elements` over the positions of `recording`, whose readings hold the sensor offset `offset`, N.
+///
+/// Gaps and resets start anew.
+pub fn replay(elements: &[Element], recording: &Recording, offset: f64) -> Replay {
+    let mut out = Replay::default();
+    for range in recording.unbroken() {
+        let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
+        let increments = || x.windows(2).zip(t.windows(2)).map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
+        if let Some(after) = forgotten_after(elements, increments()) {
+            out.known.push(range.start + after + 1..range.end);
+        }
+        let mut states = start_states(elements, recording.force[range.start] - offset);
+        push(&mut out, &states);
+        for (displacement, duration) in increments() {
+            elements.iter().zip(&mut states).for_each(|(e, s)| {
+                e.step(s, displacement, duration);
+            });
+            push(&mut out, &states);
+        }
+    }
+    out
+}
+
+fn push(out: &mut Replay, states: &[State]) {
+    out.force.push(states.iter().map(State::force).sum());
+    out.deflection.push(states.first().map_or(0.0, State::deflection));
+    out.sliding.push(states.iter().all(|s| s.mode() == Mode::Sliding));
+}

@@ -1,0 +1,258 @@
+//! Validation on recordings the model has not seen: free-run simulation against readings (EMS section IV-C).
+//!
+//! ```text
+//! rms = √(mean (F_measured − F_0 − F_model)²)        fit = 100·(1 − rms / sd(F_measured)) %
+//! ```
+//! Scored are the samples whose state is known: before the seal has slid once, its deflection is anybody's guess. The
+//! figure over all samples stands beside it. Time dwells on slow passes, so the error is also given by speed and by
+//! phase. At 1 kHz residuals are never white; they are decimated to their correlation time before the Ljung-Box test.
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use trocar_model::Element;
+
+use crate::recording::{Recording, local_velocity};
+use crate::replay::{Replay, replay};
+use crate::segment::{passes, reversal_threshold};
+
+/// Speed below which the instrument counts as held, m/s.
+const HOLD_SPEED: f64 = 1e-3;
+/// Width of the groups of speeds, m/s.
+const SPEED_STEP: f64 = 5e-3;
+/// Lags of the Ljung-Box test.
+const LAGS: usize = 10;
+
+/// Error over a group of samples.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Part {
+    /// Root mean square error, N; 0 without samples.
+    pub rms_n: f64,
+    /// Samples.
+    pub samples: usize,
+    /// Part of all squared error, 0 to 1.
+    pub share_of_squares: f64,
+}
+
+/// Error by phase of the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Phases {
+    /// The seal deforms.
+    pub deformation: Part,
+    /// The instrument slides.
+    pub sliding: Part,
+    /// The instrument is held (slower than 1 mm/s).
+    pub hold: Part,
+}
+
+/// Error of the passes around one speed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SpeedPart {
+    /// Speed, m/s, to the next 5 mm/s.
+    pub speed_m_s: f64,
+    /// Root mean square error, N.
+    pub rms_n: f64,
+    /// Samples.
+    pub samples: usize,
+}
+
+/// Whiteness of the residuals.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Whiteness {
+    /// Time, s, over which the residuals' autocorrelation falls below 1/e.
+    pub correlation_time_s: f64,
+    /// p value of the Ljung-Box test on residuals decimated to that time; small means structure is left.
+    pub ljung_box_p_value: f64,
+}
+
+/// Validation on one recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingValidation {
+    /// The recording's file.
+    pub path: String,
+    /// Root mean square error, N, where the state is known.
+    pub rms_n: f64,
+    /// 100·(1 − rms/sd of the readings), %.
+    pub fit_percent: f64,
+    /// Mean error, N: measured minus model.
+    pub bias_n: f64,
+    /// Largest error in amount, N.
+    pub worst_n: f64,
+    /// Root mean square error, N, with the start of unknown state.
+    pub rms_with_start_n: f64,
+    /// Samples scored.
+    pub samples: usize,
+    /// Samples left out because the seal had not slid yet.
+    pub samples_before_known: usize,
+    /// Error by speed of the pass.
+    pub by_speed: Vec<SpeedPart>,
+    /// Error by phase.
+    pub by_phase: Phases,
+    /// Whiteness of the residuals; `None` when too short.
+    pub whiteness: Option<Whiteness>,
+    /// What limits the figures.
+    pub warnings: Vec<String>,
+}
+
+/// Validation on all recordings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    /// Root mean square error over all scored samples, N.
+    pub rms_n: f64,
+    /// 100·(1 − rms/sd of the readings), %, over all scored samples.
+    pub fit_percent: f64,
+    /// One entry a recording.
+    pub recordings: Vec<RecordingValidation>,
+}
+
+/// Sums over samples, from which root mean squares and fits follow.
+#[derive(Default, Clone, Copy)]
+struct Sums {
+    n: f64,
+    squares: f64,
+    force: f64,
+    force_squares: f64,
+}
+
+impl Sums {
+    fn of(readings: impl Iterator<Item = (f64, f64)>) -> Self {
+        readings.fold(Self::default(), |s, (error, force)| s.plus(Self {
+            n: 1.0,
+            squares: error * error,
+            force,
+            force_squares: force * force,
+        }))
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            n: self.n + other.n,
+            squares: self.squares + other.squares,
+            force: self.force + other.force,
+            force_squares: self.force_squares + other.force_squares,
+        }
+    }
+
+    fn rms(&self) -> f64 {
+        (self.squares / self.n.max(1.0)).sqrt()
+    }
+
+    fn fit_percent(&self) -> f64 {
+        let n = self.n.max(1.0);
+        let variance = self.force_squares / n - (self.force / n).powi(2);
+        if variance > 0.0 { 100.0 * (1.0 - self.rms() / variance.sqrt()) } else { 0.0 }
+    }
+}
+
+/// Replays `elements` over `recordings`, whose readings hold the sensor offset `offset`, N.
+pub fn validate(elements: &[Element], recordings: &[Recording], offset: f64) -> Validation {
+    let results: Vec<_> = recordings.iter().map(|r| validate_one(elements, r, offset)).collect();
+    let all = results.iter().fold(Sums::default(), |s, (_, sums)| s.plus(*sums));
+    Validation {
+        rms_n: all.rms(),
+        fit_percent: all.fit_percent(),
+        recordings: results.into_iter().map(|(r, _)| r).collect(),
+    }
+}
+
+fn validate_one(elements: &[Element], recording: &Recording, offset: f64) -> (RecordingValidation, Sums) {
+    let run = replay(elements, recording, offset);
+    let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
+    let mut warnings = Vec::new();
+    let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
+    let scored = if known.is_empty() {
+        warnings.push(
+            "the motion never makes the seal slide all round: the unknown initial deflection stays in the figures".to_owned(),
+        );
+        (0..recording.len()).collect()
+    } else {
+        known
+    };
+    let sums = Sums::of(scored.iter().map(|i| (error[*i], recording.force[*i])));
+    let all = Sums::of((0..recording.len()).map(|i| (error[i], recording.force[i])));
+    let result = RecordingValidation {
+        path: recording.name.clone(),
+        rms_n: sums.rms(),
+        fit_percent: sums.fit_percent(),
+        bias_n: scored.iter().map(|i| error[*i]).sum::<f64>() / sums.n.max(1.0),
+        worst_n: scored.iter().map(|i| error[*i].abs()).fold(0.0, f64::max),
+        rms_with_start_n: all.rms(),
+        samples: scored.len(),
+        samples_before_known: recording.len() - scored.len(),
+        by_speed: by_speed(recording, &error, &scored),
+        by_phase: by_phase(recording, &run, &error, &scored),
+        whiteness: whiteness(recording, &error, &scored),
+        warnings,
+    };
+    (result, sums)
+}
+
+fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {
+    let mut groups: std::collections::BTreeMap<u64, Sums> = std::collections::BTreeMap::new();
+    let passes = passes(recording, reversal_threshold(recording));
+    for pass in &passes {
+        let speed = typical_speed(recording, pass.start, pass.end);
+        let from = scored.partition_point(|i| *i < pass.start);
+        let to = scored.partition_point(|i| *i < pass.end);
+        let sums = Sums::of(scored[from..to].iter().map(|i| (error[*i], recording.force[*i])));
+        let group = groups.entry((speed / SPEED_STEP).round() as u64).or_default();
+        *group = group.plus(sums);
+    }
+    let part = |(step, s): (u64, Sums)| SpeedPart {
+        speed_m_s: step as f64 * SPEED_STEP,
+        rms_n: s.rms(),
+        samples: s.n as usize,
+    };
+    groups.into_iter().filter(|(_, s)| s.n > 0.0).map(part).collect()
+}
+
+/// Speed, m/s, over the middle half of the travel between two samples.
+fn typical_speed(recording: &Recording, from: usize, to: usize) -> f64 {
+    let (x, t) = (&recording.position, &recording.time);
+    let s = if x[to] < x[from] { -1.0 } else { 1.0 };
+    let travel = s * (x[to] - x[from]);
+    let reached = |part: f64| (from..=to).find(|i| s * (x[*i] - x[from]) >= part * travel).unwrap_or(to);
+    let (a, b) = (reached(0.25), reached(0.75));
+    if t[b] > t[a] { s * (x[b] - x[a]) / (t[b] - t[a]) } else { 0.0 }
+}
+
+fn by_phase(recording: &Recording, run: &Replay, error: &[f64], scored: &[usize]) -> Phases {
+    let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
+    let held = |i: usize| velocity[i].abs() < HOLD_SPEED;
+    let total: f64 = scored.iter().map(|i| error[*i] * error[*i]).sum();
+    let part = |wanted: &dyn Fn(usize) -> bool| {
+        let sums = Sums::of(scored.iter().filter(|i| wanted(**i)).map(|i| (error[*i], 0.0)));
+        let share = if total > 0.0 { sums.squares / total } else { 0.0 };
+        Part { rms_n: sums.rms(), samples: sums.n as usize, share_of_squares: share }
+    };
+    Phases {
+        deformation: part(&|i| !held(i) && !run.sliding[i]),
+        sliding: part(&|i| !held(i) && run.sliding[i]),
+        hold: part(&held),
+    }
+}
+
+fn whiteness(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Whiteness> {
+    let residuals: Vec<f64> = scored.iter().map(|i| error[*i]).collect();
+    let n = residuals.len();
+    let mean = residuals.iter().sum::<f64>() / n.max(1) as f64;
+    let centred: Vec<f64> = residuals.iter().map(|e| e - mean).collect();
+    let power = autocovariance(&centred, 0);
+    let lag = (1..n / 20).find(|k| autocovariance(&centred, *k) < power / std::f64::consts::E)?;
+    let decimated: Vec<f64> = centred.iter().step_by(lag).copied().collect();
+    let m = decimated.len();
+    if m < 5 * LAGS || power <= 0.0 {
+        return None;
+    }
+    let own = autocovariance(&decimated, 0);
+    let statistic: f64 =
+        (1..=LAGS).map(|k| (autocovariance(&decimated, k) / own).powi(2) / (m - k) as f64).sum::<f64>() * (m * (m + 2)) as f64;
+    let law = ChiSquared::new(LAGS as f64).ok()?;
+    Some(Whiteness {
+        correlation_time_s: lag as f64 * recording.quality.median_interval,
+        ljung_box_p_value: law.sf(statistic),
+    })
+}
+
+fn autocovariance(centred: &[f64], lag: usize) -> f64 {
+    centred.iter().zip(&centred[lag..]).map(|(a, b)| a * b).sum::<f64>() / centred.len() as f64
+}
