@@ -143,7 +143,9 @@ pub enum RecordingError {
         problem: String,
     },
     /// A row has too few or too many fields.
-    #[error("{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}")]
+    #[error(
+        "{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}"
+    )]
     FieldCount {
         /// File as the caller named it.
         file: String,

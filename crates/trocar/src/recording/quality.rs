@@ -11,6 +11,30 @@ pub struct Dropped {
     pub lines: Vec<u64>,
 }
 
+/// Lines listed of dropped rows.
+const LISTED: usize = 20;
+
+impl Dropped {
+    pub(super) fn add(&mut self, line: u64) {
+        self.count += 1;
+        if self.lines.len() < LISTED {
+            self.lines.push(line);
+        }
+    }
+
+    /// The places in words, `lines 3, 7, 9, ...`.
+    pub(super) fn places(&self, unit: &str) -> String {
+        let shown: Vec<String> = self.lines.iter().take(5).map(u64::to_string).collect();
+        let plural = if self.count == 1 { "" } else { "s" };
+        let more = if self.count > shown.len() {
+            ", ..."
+        } else {
+            ""
+        };
+        format!("{unit}{plural} {}{more}", shown.join(", "))
+    }
+}
+
 /// Time without samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gap {
