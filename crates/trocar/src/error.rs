@@ -1,0 +1,309 @@
+//! Errors of everything that reads or writes files: what, where, found, needed, and the way out on a `hint:` line.
+
+use std::path::PathBuf;
+
+use crate::recording::Place;
+
+/// Why a recording cannot be used.
+///
+/// `file` is the name as the caller gave it, so the message can be pasted back into a shell.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The file cannot be opened.
+    #[error("{file}: cannot open: {source}")]
+    Open {
+        /// File as the caller named it.
+        file: String,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The file opened, but reading it failed part way.
+    #[error("{file} line {line}: cannot read further: {source}")]
+    Read {
+        /// File as the caller named it.
+        file: String,
+        /// Line reached.
+        line: u64,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// No bytes, or only blank and comment lines.
+    #[error("{file}: empty, expected a header line and rows of time, position and force")]
+    Empty {
+        /// File as the caller named it.
+        file: String,
+    },
+    /// A header line and nothing after it.
+    #[error("{file} line {line}: a header without any row below it")]
+    HeaderOnly {
+        /// File as the caller named it.
+        file: String,
+        /// Line of the header.
+        line: u64,
+    },
+    /// The bytes are not text in UTF-8 or ASCII.
+    #[error(
+        "{file}: looks like {found}, expected text separated by commas, semicolons, tabs or spaces\n\nhint: export the recording as CSV in UTF-8"
+    )]
+    NotText {
+        /// File as the caller named it.
+        file: String,
+        /// What the first bytes look like.
+        found: &'static str,
+    },
+    /// A line longer than any row of numbers.
+    #[error("{file} line {line}: longer than {limit} bytes, expected one row of numbers per line")]
+    LineTooLong {
+        /// File as the caller named it.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// Longest line accepted, in bytes.
+        limit: usize,
+    },
+    /// The first line holds numbers, so the columns have no names.
+    #[error(
+        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: name the columns in order, with units, for example --columns {example}"
+    )]
+    NoHeader {
+        /// File as the caller named it.
+        file: String,
+        /// First line.
+        line: u64,
+        /// The first line, shortened.
+        found: String,
+        /// A `--columns` value with the right number of entries.
+        example: String,
+    },
+    /// A needed column is not in the header.
+    #[error(
+        "{file} line {line}: no {quantity} column among '{found}', expected a name such as {expected}\n\nhint: name the columns in order, with units, and '-' for those to skip, for example --columns {example}"
+    )]
+    MissingColumn {
+        /// File as the caller named it.
+        file: String,
+        /// Line of the header.
+        line: u64,
+        /// `time`, `position` or `force`.
+        quantity: &'static str,
+        /// The names found.
+        found: String,
+        /// A name that would have been understood.
+        expected: &'static str,
+        /// A `--columns` value with the right number of entries.
+        example: String,
+    },
+    /// Several columns could be the same quantity.
+    #[error(
+        "{file} line {line}: {quantity} could be '{first}' or '{second}', expected one\n\nhint: say which, with '-' for columns to skip, for example --columns {example}"
+    )]
+    AmbiguousColumn {
+        /// File as the caller named it.
+        file: String,
+        /// Line of the header.
+        line: u64,
+        /// The quantity concerned.
+        quantity: &'static str,
+        /// One candidate.
+        first: String,
+        /// Another candidate.
+        second: String,
+        /// A `--columns` value with the right number of entries.
+        example: String,
+    },
+    /// A column is named, but not its unit.
+    #[error(
+        "{file} line {line}: column '{column}' has no unit that is understood for {quantity}, expected one of {expected}\n\nhint: rename it, for example {quantity}_{unit}, or give --columns {example}"
+    )]
+    MissingUnit {
+        /// File as the caller named it.
+        file: String,
+        /// Line of the header.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// The quantity it was taken for.
+        quantity: &'static str,
+        /// Units understood.
+        expected: String,
+        /// The SI unit, as written in names.
+        unit: &'static str,
+        /// A `--columns` value with the right number of entries.
+        example: String,
+    },
+    /// The `--columns` mapping itself is wrong.
+    #[error(
+        "--columns entry '{entry}' is {problem}\n\nhint: give a name with its unit per column, '-' to skip one, for example --columns time_s,position_mm,force_n,-"
+    )]
+    BadColumns {
+        /// The entry concerned.
+        entry: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A row has too few or too many fields.
+    #[error(
+        "{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}"
+    )]
+    FieldCount {
+        /// File as the caller named it.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// Fields in this row.
+        found: usize,
+        /// Fields in the header or mapping.
+        expected: usize,
+        /// Where the expectation comes from.
+        reference: &'static str,
+        /// Way out, with its own line break, or empty.
+        hint: &'static str,
+    },
+    /// A cell of a used column is not a number.
+    #[error("{file} line {line}: found '{found}' in column {column}, expected a number{hint}")]
+    NotANumber {
+        /// File as the caller named it.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// The cell, shortened.
+        found: String,
+        /// Way out, with its own line break, or empty.
+        hint: &'static str,
+    },
+    /// A cell is empty, NaN or infinite where every row must count (`simulate`).
+    #[error(
+        "{file} line {line}: {quantity} is {found}, expected a finite number\n\nhint: remove the row or fill it in; a replay needs every position"
+    )]
+    NonFinite {
+        /// File as the caller named it.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// The quantity concerned.
+        quantity: &'static str,
+        /// `empty or nan`, `inf` or `-inf`.
+        found: &'static str,
+    },
+    /// Too few samples to take an interval, a velocity and an acceleration from.
+    #[error("{file}: found {found} usable samples, expected at least {needed}")]
+    TooFewSamples {
+        /// File as the caller named it.
+        file: String,
+        /// Usable samples.
+        found: usize,
+        /// Fewest that make a recording.
+        needed: usize,
+    },
+    /// Time runs backwards by more than one sampling interval.
+    #[error(
+        "{file} {place}: time goes back from {from} s to {to} s, expected it to advance\n\nhint: if the clock was reset there, cut the file in two and give both parts"
+    )]
+    TimeGoesBack {
+        /// File as the caller named it.
+        file: String,
+        /// Where.
+        place: Place,
+        /// Time before, in s.
+        from: f64,
+        /// Time found, in s.
+        to: f64,
+    },
+    /// Time has one value throughout.
+    #[error(
+        "{file} {place}: time stays at {value} s in all {samples} samples, expected it to advance\n\nhint: check that the right column is taken for time, with --columns if need be"
+    )]
+    ConstantTime {
+        /// File as the caller named it.
+        file: String,
+        /// First sample.
+        place: Place,
+        /// The time, in s.
+        value: f64,
+        /// Samples looked at.
+        samples: usize,
+    },
+    /// Many samples share their time with the one before.
+    #[error(
+        "{file} {place}: {found} of {samples} samples carry the same time as the one before but other values, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits"
+    )]
+    CoarseClock {
+        /// File as the caller named it.
+        file: String,
+        /// First such sample.
+        place: Place,
+        /// Samples concerned.
+        found: usize,
+        /// Samples in all.
+        samples: usize,
+    },
+    /// The position covers more than any instrument can.
+    #[error(
+        "{file}: the position covers {stroke} m, expected at most {limit} m\n\nhint: is the unit right? if the numbers are millimetres, name the column position_mm or give --columns time_s,position_mm,force_n"
+    )]
+    StrokeTooLong {
+        /// File as the caller named it.
+        file: String,
+        /// Range of the position, in m.
+        stroke: f64,
+        /// Longest accepted, in m.
+        limit: f64,
+    },
+    /// Columns of different length were handed over.
+    #[error("{file}: {column} has {found} samples, expected {expected} as time has")]
+    Lengths {
+        /// Name of the recording.
+        file: String,
+        /// The column concerned.
+        column: &'static str,
+        /// Its length.
+        found: usize,
+        /// Length of the time column.
+        expected: usize,
+    },
+    /// The recording would not fit into the memory allowed.
+    #[error(
+        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: cut the recording or keep every n-th row; simulate and validate by parts need no such memory"
+    )]
+    TooLarge {
+        /// File as the caller named it.
+        file: String,
+        /// Rows, estimated from the first ones.
+        rows: u64,
+        /// Memory for the columns, in MB.
+        needed_mb: u64,
+        /// Memory allowed, in MB.
+        limit_mb: u64,
+    },
+    /// A moving mass that is not a mass.
+    #[error("moving mass must be finite and not negative, got {found} kg")]
+    MovingMass {
+        /// What was given, in kg.
+        found: f64,
+    },
+}
+
+/// Why a result cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OutputError {
+    /// The file or its temporary companion cannot be made.
+    #[error("{}: cannot create: {source}\n\nhint: the folder must exist and be writable; choose another with --out", path.display())]
+    Create {
+        /// Where the output was to go.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// Writing failed, for example on a full disk; nothing was left behind.
+    #[error("{}: cannot write: {source}\n\nhint: nothing was written there; free some space or choose another place with --out", path.display())]
+    Write {
+        /// Where the output was to go.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+}

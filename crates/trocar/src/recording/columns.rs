@@ -1,0 +1,418 @@
+//! Column names and units: which column of a file is which quantity.
+
+use super::RecordingError;
+
+/// What a column can hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Quantity {
+    Time,
+    Position,
+    Force,
+    Velocity,
+}
+
+/// A unit as written in a name, and how many of it make one SI unit.
+type Unit = (&'static str, f64);
+
+impl Quantity {
+    pub(crate) const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Position => "position",
+            Self::Force => "force",
+            Self::Velocity => "velocity",
+        }
+    }
+
+    fn words(self) -> &'static [&'static str] {
+        match self {
+            Self::Time => &["time", "t", "timestamp", "elapsed"],
+            Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
+            Self::Force => &["force", "f", "load", "friction"],
+            Self::Velocity => &["velocity", "vel", "v"],
+        }
+    }
+
+    /// The SI unit comes first.
+    fn units(self) -> &'static [Unit] {
+        match self {
+            Self::Time => &[
+                ("s", 1.0),
+                ("ms", 1e3),
+                ("us", 1e6),
+                ("ns", 1e9),
+                ("sec", 1.0),
+                ("seconds", 1.0),
+            ],
+            Self::Position => &[("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("um", 1e6)],
+            Self::Force => &[("n", 1.0), ("mn", 1e3), ("kn", 1e-3)],
+            Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6)],
+        }
+    }
+
+    /// A name that is understood, for messages.
+    fn example(self) -> &'static str {
+        match self {
+            Self::Time => "time_s",
+            Self::Position => "position_mm",
+            Self::Force => "force_n",
+            Self::Velocity => "velocity_m_s",
+        }
+    }
+}
+
+/// What a single name says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Reading {
+    quantity: Quantity,
+    /// The name is the quantity's word and nothing else.
+    exact: bool,
+    /// How many of the column's unit make one SI unit.
+    per_si: Option<f64>,
+}
+
+/// Names that speak of a quantity without being its measurement.
+const NOT_MEASURED: [&str; 12] = [
+    "command",
+    "commanded",
+    "cmd",
+    "setpoint",
+    "set",
+    "target",
+    "reference",
+    "ref",
+    "desired",
+    "demand",
+    "error",
+    "std",
+];
+
+/// Understands `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
+fn recognise(name: &str) -> Option<Reading> {
+    let lower = name.to_lowercase().replace(['µ', 'μ'], "u");
+    let mut words: Vec<&str> = lower
+        .split(|c: char| !c.is_alphanumeric())
+        .filter(|word| !word.is_empty() && *word != "per")
+        .collect();
+    if words.iter().any(|word| NOT_MEASURED.contains(word)) {
+        return None;
+    }
+    let quantity = quantity_of(&words)?;
+    let per_si = take_unit(&mut words, quantity);
+    let exact = words.len() == 1;
+    Some(Reading {
+        quantity,
+        exact,
+        per_si,
+    })
+}
+
+/// The quantity whose word the name holds; two different ones cancel out.
+fn quantity_of(words: &[&str]) -> Option<Quantity> {
+    let mut found = Quantity::ALL.into_iter().filter(|q| {
+        // The first word stands for itself even where it could be a unit, as in `t_ms`.
+        words.iter().any(|word| q.words().contains(word))
+    });
+    let first = found.next()?;
+    found.next().is_none().then_some(first)
+}
+
+fn take_unit(words: &mut Vec<&str>, quantity: Quantity) -> Option<f64> {
+    // `m·s^-1` leaves a lone 1 behind.
+    if words.len() > 2 && words.last() == Some(&"1") {
+        words.pop();
+    }
+    let parts = if quantity == Quantity::Velocity { 2 } else { 1 };
+    let at = words.len().checked_sub(parts).filter(|&at| at > 0)?;
+    let unit = words[at..].join("_");
+    let per_si = quantity.units().iter().find(|(name, _)| *name == unit)?.1;
+    words.truncate(at);
+    Some(per_si)
+}
+
+/// A column that is read: which quantity, and the divisor that makes it SI.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Slot {
+    pub(crate) quantity: Quantity,
+    pub(crate) per_si: f64,
+}
+
+/// The columns of one file.
+#[derive(Debug, Clone)]
+pub(crate) struct Layout {
+    pub(crate) names: Vec<String>,
+    pub(crate) slots: Vec<Option<Slot>>,
+    /// Where the names come from, for messages.
+    pub(crate) source: &'static str,
+    /// What was assumed about them.
+    pub(crate) notes: Vec<String>,
+}
+
+impl Layout {
+    pub(crate) fn has(&self, quantity: Quantity) -> bool {
+        self.slots
+            .iter()
+            .flatten()
+            .any(|slot| slot.quantity == quantity)
+    }
+
+    /// From `--columns time_s,position_mm,-,force_n`.
+    pub(crate) fn from_mapping(mapping: &str, needed: &[Quantity]) -> Result<Self, RecordingError> {
+        let names: Vec<String> = mapping
+            .split(',')
+            .map(|name| name.trim().to_owned())
+            .collect();
+        let slots = names
+            .iter()
+            .map(|name| mapped_slot(name))
+            .collect::<Result<Vec<_>, _>>()?;
+        let layout = Self {
+            names,
+            slots,
+            source: "--columns",
+            notes: Vec::new(),
+        };
+        for quantity in Quantity::ALL {
+            let mut taken = layout
+                .slots
+                .iter()
+                .flatten()
+                .filter(|slot| slot.quantity == quantity);
+            let count = taken.by_ref().count();
+            if count > 1 || (count == 0 && needed.contains(&quantity)) {
+                let problem = format!("naming {} {count} times, expected once", quantity.name());
+                return Err(RecordingError::BadColumns {
+                    entry: mapping.to_owned(),
+                    problem,
+                });
+            }
+        }
+        Ok(layout)
+    }
+
+    /// From the names in a header line.
+    pub(crate) fn from_header(
+        file: &str,
+        line: u64,
+        names: Vec<String>,
+        needed: &[Quantity],
+    ) -> Result<Self, RecordingError> {
+        let readings: Vec<Option<Reading>> = names.iter().map(|name| recognise(name)).collect();
+        let mut slots = vec![None; names.len()];
+        let mut notes = Vec::new();
+        for quantity in Quantity::ALL {
+            let header = Header {
+                file,
+                line,
+                names: &names,
+                readings: &readings,
+            };
+            match header.choose(quantity, needed.contains(&quantity))? {
+                Choice::Column(index, slot) => {
+                    if readings[index].is_some_and(|reading| !reading.exact) {
+                        notes.push(format!(
+                            "column '{}' taken as {}",
+                            names[index],
+                            quantity.name()
+                        ));
+                    }
+                    slots[index] = Some(slot);
+                }
+                Choice::Ignored(note) => notes.push(note),
+                Choice::None => {}
+            }
+        }
+        Ok(Self {
+            names,
+            slots,
+            source: "the header",
+            notes,
+        })
+    }
+}
+
+fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
+    if matches!(name, "-" | "skip" | "") {
+        return Ok(None);
+    }
+    let bad = |problem: String| RecordingError::BadColumns {
+        entry: name.to_owned(),
+        problem,
+    };
+    let reading = recognise(name)
+        .ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
+    let per_si = reading.per_si.ok_or_else(|| {
+        bad(format!(
+            "without a unit, expected one of {}",
+            unit_list(reading.quantity)
+        ))
+    })?;
+    Ok(Some(Slot {
+        quantity: reading.quantity,
+        per_si,
+    }))
+}
+
+fn unit_list(quantity: Quantity) -> String {
+    let names: Vec<&str> = quantity.units().iter().map(|(name, _)| *name).collect();
+    names.join(", ")
+}
+
+/// A `--columns` value for a file with this many columns, keeping what the readings already say.
+pub(crate) fn example_mapping(count: usize) -> String {
+    let mut names = vec!["-"; count.max(3)];
+    names[..3].copy_from_slice(&["time_s", "position_mm", "force_n"]);
+    names.join(",")
+}
+
+/// What one quantity gets from a header.
+enum Choice {
+    Column(usize, Slot),
+    /// An optional quantity that cannot be used, and why.
+    Ignored(String),
+    None,
+}
+
+struct Header<'a> {
+    file: &'a str,
+    line: u64,
+    names: &'a [String],
+    readings: &'a [Option<Reading>],
+}
+
+impl Header<'_> {
+    fn choose(&self, quantity: Quantity, needed: bool) -> Result<Choice, RecordingError> {
+        let of = |exact: bool| {
+            let readings = self.readings.iter().enumerate();
+            let matching = readings.filter(move |(_, reading)| {
+                reading
+                    .is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
+            });
+            matching.map(|(index, _)| index).collect::<Vec<_>>()
+        };
+        let candidates = Some(of(true))
+            .filter(|exact| !exact.is_empty())
+            .unwrap_or_else(|| of(false));
+        let outcome = match candidates[..] {
+            [] => Err(self.missing(quantity)),
+            [index] => self.slot(index, quantity),
+            [first, second, ..] => Err(self.ambiguous(quantity, first, second)),
+        };
+        match outcome {
+            Ok((index, slot)) => Ok(Choice::Column(index, slot)),
+            Err(error) if needed => Err(error),
+            Err(_) if candidates.is_empty() => Ok(Choice::None),
+            Err(_) => Ok(Choice::Ignored(format!(
+                "column '{}' not used: unclear whether it is {} and in which unit",
+                self.names[candidates[0]],
+                quantity.name()
+            ))),
+        }
+    }
+
+    fn slot(&self, index: usize, quantity: Quantity) -> Result<(usize, Slot), RecordingError> {
+        let per_si = self.readings[index].and_then(|reading| reading.per_si);
+        let per_si = per_si.ok_or_else(|| RecordingError::MissingUnit {
+            file: self.file.to_owned(),
+            line: self.line,
+            column: self.names[index].clone(),
+            quantity: quantity.name(),
+            expected: unit_list(quantity),
+            unit: quantity.units()[0].0,
+            example: example_mapping(self.names.len()),
+        })?;
+        Ok((index, Slot { quantity, per_si }))
+    }
+
+    fn missing(&self, quantity: Quantity) -> RecordingError {
+        RecordingError::MissingColumn {
+            file: self.file.to_owned(),
+            line: self.line,
+            quantity: quantity.name(),
+            found: self.names.join(", "),
+            expected: quantity.example(),
+            example: example_mapping(self.names.len()),
+        }
+    }
+
+    fn ambiguous(&self, quantity: Quantity, first: usize, second: usize) -> RecordingError {
+        RecordingError::AmbiguousColumn {
+            file: self.file.to_owned(),
+            line: self.line,
+            quantity: quantity.name(),
+            first: self.names[first].clone(),
+            second: self.names[second].clone(),
+            example: example_mapping(self.names.len()),
+        }
+    }
+}
+
+/// Whether the name speaks of one of our quantities.
+pub(crate) fn is_recognised(name: &str) -> bool {
+    recognise(name).is_some()
+}
+
+/// Whether every cell is a unit and nothing else, as in the second header line some loggers write.
+pub(crate) fn is_unit_row(cells: &[String]) -> bool {
+    let bare = |cell: &String| {
+        let lower = cell.to_lowercase().replace(['µ', 'μ'], "u");
+        lower
+            .split(|c: char| !c.is_alphanumeric())
+            .filter(|word| !word.is_empty())
+            .collect::<Vec<_>>()
+            .join("_")
+    };
+    let known = |unit: &str| {
+        Quantity::ALL
+            .iter()
+            .any(|quantity| quantity.units().iter().any(|(name, _)| *name == unit))
+    };
+    cells.iter().filter(|cell| known(&bare(cell))).count() >= 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reading(name: &str) -> Option<(Quantity, bool, Option<f64>)> {
+        recognise(name).map(|r| (r.quantity, r.exact, r.per_si))
+    }
+
+    #[test]
+    fn names_with_units_are_understood_in_many_spellings() {
+        for (name, quantity, per_si) in [
+            ("force_N", Quantity::Force, 1.0),
+            ("Force (mN)", Quantity::Force, 1e3),
+            ("f_kn", Quantity::Force, 1e-3),
+            ("Position (mm)", Quantity::Position, 1e3),
+            ("position_µm", Quantity::Position, 1e6),
+            ("x_cm", Quantity::Position, 1e2),
+            ("time [s]", Quantity::Time, 1.0),
+            ("t_ms", Quantity::Time, 1e3),
+            ("Timestamp/ns", Quantity::Time, 1e9),
+            ("velocity_m_s", Quantity::Velocity, 1.0),
+            ("Velocity [mm/s]", Quantity::Velocity, 1e3),
+            ("v (m·s^-1)", Quantity::Velocity, 1.0),
+        ] {
+            assert_eq!(
+                reading(name),
+                Some((quantity, true, Some(per_si))),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn doubtful_names_are_not_taken_for_measurements() {
+        assert_eq!(reading("position_setpoint_mm"), None);
+        assert_eq!(reading("status"), None);
+        assert_eq!(reading("s"), None);
+        assert_eq!(reading("force"), Some((Quantity::Force, true, None)));
+        assert_eq!(
+            reading("motor_position_mm"),
+            Some((Quantity::Position, false, Some(1e3)))
+        );
+    }
+}

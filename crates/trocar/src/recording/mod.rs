@@ -1,0 +1,367 @@
+//! Recordings of an instrument moving through a seal: time, position and force, read from and written to CSV.
+//!
+//! The only place that knows file columns and units. Everything behind it is SI: s, m, m/s, N; velocity and force
+//! are positive on insertion. What a file lacks is reported in [`Quality`], never repaired.
+
+use std::fmt;
+use std::fs::File;
+use std::io::Write;
+use std::ops::Range;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use columns::Quantity;
+use line::Line;
+use rows::{Row, RowReader};
+use screen::{Columns, Lines};
+
+pub use crate::error::RecordingError;
+pub use motion::{local_acceleration, local_velocity};
+pub use quality::{Dropped, Gap, Quality, Reset, Saturation, Warning, WarningKind};
+
+mod columns;
+mod format;
+pub(crate) mod line;
+mod motion;
+mod quality;
+pub(crate) mod rows;
+mod screen;
+
+/// Fewest samples that make a recording.
+pub const MIN_SAMPLES: usize = 8;
+
+/// Where in a recording something was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Line of the file, counted from 1.
+    Line(u64),
+    /// Sample of a recording that was not read from a file, counted from 0.
+    Sample(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Sample(index) => write!(f, "sample {index}"),
+        }
+    }
+}
+
+/// One recording in SI units; all columns have the same length and time strictly increases.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// File name without its folder.
+    pub name: String,
+    /// SHA-256 of the file's bytes, or of the columns when there is no file; lower-case hexadecimal.
+    pub sha256: String,
+    /// Time in s.
+    pub time: Vec<f64>,
+    /// Position in m, growing on insertion.
+    pub position: Vec<f64>,
+    /// Force in N, the device on the seal.
+    pub force: Vec<f64>,
+    /// Velocity in m/s, if the file has it.
+    pub velocity: Option<Vec<f64>>,
+    /// What was found about the data.
+    pub quality: Quality,
+}
+
+/// How to read a file.
+#[derive(Debug, Clone, Default)]
+pub struct ReadOptions {
+    /// Names of the columns in order, `time_s,position_mm,-,force_n`; needed for files without a header.
+    pub columns: Option<String>,
+    /// Largest force the sensor can read, in N; readings there count as saturated.
+    pub sensor_limit: Option<f64>,
+    /// Reverse the sign of the force.
+    pub flip_force: bool,
+    /// Most memory the columns may take, in bytes.
+    pub memory_limit: Option<u64>,
+}
+
+impl Recording {
+    /// A recording from columns in SI units, looked over like one from a file.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when the columns differ in length or the data have no meaning, as for [`read`].
+    pub fn from_columns(
+        name: impl Into<String>,
+        time: Vec<f64>,
+        position: Vec<f64>,
+        force: Vec<f64>,
+    ) -> Result<Self, RecordingError> {
+        let name = name.into();
+        for (column, values) in [("position", &position), ("force", &force)] {
+            if values.len() != time.len() {
+                let (file, found, expected) = (name, values.len(), time.len());
+                return Err(RecordingError::Lengths {
+                    file,
+                    column,
+                    found,
+                    expected,
+                });
+            }
+        }
+        let mut hash = Sha256::new();
+        for column in [&time, &position, &force] {
+            column
+                .iter()
+                .for_each(|value| hash.update(value.to_le_bytes()));
+        }
+        let mut collector = Collector::new(time.len(), false);
+        collector.columns.lines = Lines::counted();
+        for k in 0..time.len() {
+            let values = [time[k], position[k], force[k], f64::NAN];
+            collector.add(Row {
+                line: k as u64,
+                values,
+            });
+        }
+        collector.finish(&name, name.clone(), rows::hex(&hash.finalize()), None)
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there are no samples; never so for a recording that was read.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// Time from the first to the last sample, in s.
+    pub fn duration(&self) -> f64 {
+        self.time.last().unwrap_or(&0.0) - self.time.first().unwrap_or(&0.0)
+    }
+
+    /// Ranges of samples without a gap or reset inside; nothing may be concluded across their ends.
+    pub fn stretches(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let starts = std::iter::once(0).chain(self.quality.breaks.iter().copied());
+        let ends = self
+            .quality
+            .breaks
+            .iter()
+            .copied()
+            .chain(std::iter::once(self.len()));
+        starts.zip(ends).map(|(from, to)| from..to)
+    }
+
+    /// The recording with the inertia and weight of a moving mass taken out of the force:
+    /// `force - mass * (acceleration + gravity)`.
+    ///
+    /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the insertion axis (0 when
+    /// the axis is horizontal; a constant weight may as well stay in the offset). The acceleration is
+    /// [`local_acceleration`] over [`Recording::inertia_window`].
+    ///
+    /// # Errors
+    /// [`RecordingError::MovingMass`] when the mass is negative or not finite.
+    pub fn without_moving_mass(mut self, mass: f64, gravity: f64) -> Result<Self, RecordingError> {
+        if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
+            return Err(RecordingError::MovingMass { found: mass });
+        }
+        let window = self.inertia_window(mass);
+        let acceleration = local_acceleration(&self, window);
+        for (force, a) in self.force.iter_mut().zip(acceleration) {
+            *force -= mass * (a + gravity);
+        }
+        let window_ms = window * 1e3;
+        self.quality.notes.push(format!(
+            "inertia of {mass} kg taken out, acceleration over {window_ms:.3} ms"
+        ));
+        Ok(self)
+    }
+}
+
+/// Reads a recording from a text file; `-` reads standard input.
+///
+/// # Errors
+/// [`RecordingError`], naming file and line, when a cell is no number, a row has the wrong number of cells, a column or
+/// its unit is missing or ambiguous, time stands still or runs backwards by more than an interval, the stroke is
+/// longer than any instrument's, or fewer than [`MIN_SAMPLES`] samples remain. Everything milder ends up in
+/// [`Recording::quality`].
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingError> {
+    let file = path.display().to_string();
+    if file == "-" {
+        return read_from(&file, std::io::stdin().lock(), None, options);
+    }
+    let open = |source| RecordingError::Open {
+        file: file.clone(),
+        source,
+    };
+    let input = File::open(path).map_err(open)?;
+    let metadata = input.metadata().map_err(open)?;
+    if metadata.is_dir() {
+        return Err(open(std::io::ErrorKind::IsADirectory.into()));
+    }
+    read_from(
+        &file,
+        input,
+        metadata.is_file().then(|| metadata.len()),
+        options,
+    )
+}
+
+fn read_from(
+    file: &str,
+    input: impl std::io::Read,
+    size: Option<u64>,
+    options: &ReadOptions,
+) -> Result<Recording, RecordingError> {
+    let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
+    let mut reader = RowReader::open(file, input, options.columns.as_deref(), &needed, true)?;
+    let has_velocity = reader.layout().has(Quantity::Velocity);
+    let rows = size.map_or(0, |size| (size as f64 / reader.bytes_per_line()) as u64);
+    check_memory(
+        file,
+        rows,
+        if has_velocity { 4 } else { 3 },
+        options.memory_limit,
+    )?;
+    // The estimate saves the copies of a growing column; a few percent cover lines that get shorter.
+    let mut collector = Collector::new((rows + rows / 32) as usize, has_velocity);
+    let sign = if options.flip_force { -1.0 } else { 1.0 };
+    while let Some(mut row) = reader.next_row()? {
+        row.values[Quantity::Force as usize] *= sign;
+        collector.add(row);
+    }
+    let name = Path::new(file)
+        .file_name()
+        .map_or(file.into(), |name| name.to_string_lossy());
+    let mut recording = collector.finish(
+        file,
+        name.into_owned(),
+        reader.digest(),
+        options.sensor_limit,
+    )?;
+    recording
+        .quality
+        .notes
+        .extend_from_slice(&reader.layout().notes);
+    if options.flip_force {
+        recording
+            .quality
+            .notes
+            .push("sign of the force reversed".into());
+    }
+    Ok(recording)
+}
+
+fn check_memory(
+    file: &str,
+    rows: u64,
+    columns: u64,
+    limit: Option<u64>,
+) -> Result<(), RecordingError> {
+    const MB: u64 = 1_000_000;
+    let needed = rows * columns * size_of::<f64>() as u64;
+    match limit {
+        Some(limit) if needed > limit => Err(RecordingError::TooLarge {
+            file: file.to_owned(),
+            rows,
+            needed_mb: needed.div_ceil(MB),
+            limit_mb: limit / MB,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Rows becoming columns.
+struct Collector {
+    columns: Columns,
+    non_finite: Dropped,
+}
+
+impl Collector {
+    fn new(capacity: usize, has_velocity: bool) -> Self {
+        let column = || Vec::with_capacity(capacity);
+        let columns = Columns {
+            time: column(),
+            position: column(),
+            force: column(),
+            velocity: has_velocity.then(column),
+            lines: Lines::default(),
+        };
+        Self {
+            columns,
+            non_finite: Dropped::default(),
+        }
+    }
+
+    fn add(&mut self, row: Row) {
+        let [time, position, force, velocity] = row.values;
+        let columns = &mut self.columns;
+        let finite = time.is_finite() && position.is_finite() && force.is_finite();
+        if !finite || (columns.velocity.is_some() && !velocity.is_finite()) {
+            self.non_finite.add(row.line);
+            return;
+        }
+        columns.lines.push(columns.time.len(), row.line);
+        columns.time.push(time);
+        columns.position.push(position);
+        columns.force.push(force);
+        if let Some(column) = &mut columns.velocity {
+            column.push(velocity);
+        }
+    }
+
+    fn finish(
+        self,
+        file: &str,
+        name: String,
+        sha256: String,
+        sensor_limit: Option<f64>,
+    ) -> Result<Recording, RecordingError> {
+        let (columns, quality) = screen::screen(file, self.columns, self.non_finite, sensor_limit)?;
+        let Columns {
+            time,
+            position,
+            force,
+            velocity,
+            ..
+        } = columns;
+        Ok(Recording {
+            name,
+            sha256,
+            time,
+            position,
+            force,
+            velocity,
+            quality,
+        })
+    }
+}
+
+/// Writes columns in SI units as `time_s,position_m,velocity_m_s,force_n`, the velocity only if it is given.
+///
+/// Every number is the shortest that reads back as the same value.
+///
+/// # Errors
+/// What the operating system says when the output cannot take the bytes.
+pub fn write(
+    mut output: impl Write,
+    time: &[f64],
+    position: &[f64],
+    velocity: Option<&[f64]>,
+    force: &[f64],
+) -> std::io::Result<()> {
+    let header = if velocity.is_some() {
+        "time_s,position_m,velocity_m_s,force_n"
+    } else {
+        "time_s,position_m,force_n"
+    };
+    writeln!(output, "{header}")?;
+    let mut line = Line::default();
+    for k in 0..time.len() {
+        line.number(time[k]).number(position[k]);
+        if let Some(velocity) = velocity {
+            line.number(velocity[k]);
+        }
+        line.number(force[k]);
+        line.finish(&mut output)?;
+    }
+    line.flush(&mut output)?;
+    output.flush()
+}

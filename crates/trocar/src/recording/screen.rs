@@ -1,0 +1,560 @@
+//! Looks a recording over: drops what cannot be used, refuses what has no meaning, and writes down the rest.
+
+use super::quality::{Dropped, Gap, Quality, Reset, Saturation, Warning, WarningKind};
+use super::{MIN_SAMPLES, Place, RecordingError};
+
+/// Longest stroke accepted, in m: no instrument moves further through a trocar.
+const LONGEST_STROKE: f64 = 2.0;
+
+/// Stroke in m below which the unit is doubtful: less than the seal of any trocar deforms.
+const DOUBTFUL_STROKE: f64 = 1e-3;
+
+/// A gap is this much longer than 95 % of the intervals: two lost samples still count as jitter.
+const GAP_FACTOR: f64 = 3.0;
+
+/// Jitter above this part of the interval is worth a warning.
+const DOUBTFUL_JITTER: f64 = 0.2;
+
+/// Part of the rows that may carry the time of the row before.
+const TOLERATED_COINCIDENT: f64 = 0.05;
+
+/// A jump moves this many times faster than the samples on both sides ...
+const JUMP_FACTOR: f64 = 10.0;
+
+/// ... and this many times further than noise and resolution explain.
+const JUMP_OVER_NOISE: f64 = 20.0;
+
+/// Samples on each side that a jump is compared with.
+const JUMP_NEIGHBOURS: usize = 4;
+
+/// Identical extreme readings in a row that noise does not produce.
+const SATURATED_RUN: usize = 5;
+
+/// Values looked at for resolution and noise: enough for three digits, few enough to cost nothing.
+const LOOKED_AT: usize = 1 << 16;
+
+/// From a Gaussian's median absolute value to its standard deviation.
+const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
+
+/// The columns of a recording with the line of every sample.
+#[derive(Debug, Default)]
+pub(super) struct Columns {
+    pub(super) time: Vec<f64>,
+    pub(super) position: Vec<f64>,
+    pub(super) force: Vec<f64>,
+    pub(super) velocity: Option<Vec<f64>>,
+    pub(super) lines: Lines,
+}
+
+/// Line numbers, stored only where they do not simply count on.
+#[derive(Debug, Default)]
+pub(super) struct Lines {
+    /// Samples came without a file.
+    counted: bool,
+    /// Sample and its line, wherever lines were left out before it.
+    jumps: Vec<(usize, u64)>,
+}
+
+impl Lines {
+    /// For samples without a file, counted from 0.
+    pub(super) fn counted() -> Self {
+        Self {
+            counted: true,
+            jumps: Vec::new(),
+        }
+    }
+
+    pub(super) fn push(&mut self, index: usize, line: u64) {
+        if self.of(index) != line {
+            self.jumps.push((index, line));
+        }
+    }
+
+    pub(super) fn of(&self, index: usize) -> u64 {
+        let at = self.jumps.partition_point(|&(first, _)| first <= index);
+        let (first, line) = at.checked_sub(1).map_or((0, 0), |at| self.jumps[at]);
+        line + (index - first) as u64
+    }
+
+    fn place(&self, index: usize) -> Place {
+        if self.counted {
+            Place::Sample(self.of(index) as usize)
+        } else {
+            Place::Line(self.of(index))
+        }
+    }
+}
+
+/// Drops rows that add nothing, and describes the rest.
+pub(super) fn screen(
+    file: &str,
+    mut columns: Columns,
+    non_finite_rows: Dropped,
+    sensor_limit: Option<f64>,
+) -> Result<(Columns, Quality), RecordingError> {
+    let mut quality = Quality {
+        non_finite_rows,
+        ..Quality::default()
+    };
+    check_length(file, columns.time.len())?;
+    drop_standing_time(file, &mut columns, &mut quality)?;
+    check_length(file, columns.time.len())?;
+    describe_time(&columns, &mut quality);
+    describe_values(&columns, &mut quality);
+    if quality.stroke > LONGEST_STROKE {
+        let (file, stroke) = (file.to_owned(), quality.stroke);
+        return Err(RecordingError::StrokeTooLong {
+            file,
+            stroke,
+            limit: LONGEST_STROKE,
+        });
+    }
+    find_resets(&columns, &mut quality);
+    find_saturation(&columns, &mut quality, sensor_limit);
+    quality.force_opposes_motion = force_opposes_motion(&columns);
+    quality.breaks = quality.gaps.iter().map(|gap| gap.index).collect();
+    quality
+        .breaks
+        .extend(quality.resets.iter().map(|reset| reset.index));
+    quality.breaks.sort_unstable();
+    quality.breaks.dedup();
+    quality.warnings = warnings(
+        &quality,
+        if columns.lines.counted {
+            "sample"
+        } else {
+            "line"
+        },
+    );
+    Ok((columns, quality))
+}
+
+fn check_length(file: &str, found: usize) -> Result<(), RecordingError> {
+    if found < MIN_SAMPLES {
+        return Err(RecordingError::TooFewSamples {
+            file: file.to_owned(),
+            found,
+            needed: MIN_SAMPLES,
+        });
+    }
+    Ok(())
+}
+
+/// Leaves out rows whose time does not advance, and refuses a clock that runs backwards or stands still.
+fn drop_standing_time(
+    file: &str,
+    columns: &mut Columns,
+    quality: &mut Quality,
+) -> Result<(), RecordingError> {
+    if columns.time.windows(2).all(|pair| pair[1] > pair[0]) {
+        return Ok(());
+    }
+    let steps = || columns.time.windows(2).map(|pair| pair[1] - pair[0]);
+    let samples = columns.time.len();
+    let Some(median) = median(steps().filter(|&step| step > 0.0).collect()) else {
+        return Err(never_advances(file, columns));
+    };
+    let (mut kept, mut coincident, mut first_coincident) = (0, 0, 0);
+    let mut lines = Lines {
+        counted: columns.lines.counted,
+        jumps: Vec::new(),
+    };
+    lines.push(0, columns.lines.of(0));
+    for k in 1..samples {
+        let step = columns.time[k] - columns.time[kept];
+        let line = columns.lines.of(k);
+        if step > 0.0 {
+            kept += 1;
+            columns.keep(k, kept);
+            lines.push(kept, line);
+            continue;
+        } else if step < -median {
+            let (from, to, place) = (columns.time[kept], columns.time[k], columns.lines.place(k));
+            return Err(RecordingError::TimeGoesBack {
+                file: file.to_owned(),
+                place,
+                from,
+                to,
+            });
+        } else if step < 0.0 {
+            quality.unordered_rows.add(line);
+            continue;
+        }
+        quality.repeated_rows.add(line);
+        if columns.position[k] != columns.position[kept] || columns.force[k] != columns.force[kept]
+        {
+            first_coincident = if coincident == 0 { k } else { first_coincident };
+            coincident += 1;
+        }
+    }
+    if coincident as f64 > TOLERATED_COINCIDENT * samples as f64 {
+        let place = columns.lines.place(first_coincident);
+        return Err(RecordingError::CoarseClock {
+            file: file.to_owned(),
+            place,
+            found: coincident,
+            samples,
+        });
+    }
+    columns.truncate(kept + 1);
+    columns.lines = lines;
+    Ok(())
+}
+
+fn never_advances(file: &str, columns: &Columns) -> RecordingError {
+    let (file, time) = (file.to_owned(), &columns.time);
+    match time.windows(2).position(|pair| pair[1] < pair[0]) {
+        Some(k) => RecordingError::TimeGoesBack {
+            file,
+            place: columns.lines.place(k + 1),
+            from: time[k],
+            to: time[k + 1],
+        },
+        None => RecordingError::ConstantTime {
+            file,
+            place: columns.lines.place(0),
+            value: time[0],
+            samples: time.len(),
+        },
+    }
+}
+
+impl Columns {
+    /// Moves sample `from` to the place `to` in front of it.
+    fn keep(&mut self, from: usize, to: usize) {
+        if from == to {
+            return;
+        }
+        self.time[to] = self.time[from];
+        self.position[to] = self.position[from];
+        self.force[to] = self.force[from];
+        if let Some(velocity) = &mut self.velocity {
+            velocity[to] = velocity[from];
+        }
+    }
+
+    fn truncate(&mut self, length: usize) {
+        self.time.truncate(length);
+        self.position.truncate(length);
+        self.force.truncate(length);
+        if let Some(velocity) = &mut self.velocity {
+            velocity.truncate(length);
+        }
+    }
+}
+
+fn describe_time(columns: &Columns, quality: &mut Quality) {
+    let steps: Vec<f64> = columns
+        .time
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .collect();
+    quality.longest_interval = steps.iter().copied().fold(0.0, f64::max);
+    let mut sorted = steps.clone();
+    let upper = sorted.len() * 95 / 100;
+    let usual = *sorted.select_nth_unstable_by(upper, f64::total_cmp).1;
+    quality.median_interval = median(sorted).unwrap_or_default();
+    let threshold = GAP_FACTOR * usual;
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for (k, &step) in steps.iter().enumerate() {
+        if step > threshold {
+            let (from, to) = (columns.time[k], columns.time[k + 1]);
+            quality.gaps.push(Gap {
+                index: k + 1,
+                line: columns.lines.of(k + 1),
+                from,
+                to,
+            });
+        } else {
+            sum += (step - quality.median_interval).powi(2);
+            count += 1;
+        }
+    }
+    quality.jitter = (sum / count.max(1) as f64).sqrt();
+}
+
+fn describe_values(columns: &Columns, quality: &mut Quality) {
+    let (low, high) = range(&columns.position);
+    quality.stroke = high - low;
+    quality.position_resolution = resolution(&columns.position);
+    quality.force_resolution = resolution(&columns.force);
+    quality.position_noise = noise(&columns.time, &columns.position);
+    quality.force_noise = noise(&columns.time, &columns.force);
+}
+
+fn range(values: &[f64]) -> (f64, f64) {
+    values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
+            (low.min(x), high.max(x))
+        })
+}
+
+/// The middle value; `None` of nothing.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len().checked_sub(1)? / 2;
+    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Robust standard deviation about the straight line through the two neighbours, which takes out slow motion.
+fn noise(time: &[f64], values: &[f64]) -> f64 {
+    let stride = (values.len() / LOOKED_AT).max(1);
+    let deviations = (1..values.len() - 1).step_by(stride).map(|k| {
+        let weight = (time[k] - time[k - 1]) / (time[k + 1] - time[k - 1]);
+        let between = values[k - 1] + weight * (values[k + 1] - values[k - 1]);
+        // Variance of the difference of one value and a weighted mean of two.
+        let scale = (1.0 + weight * weight + (1.0 - weight) * (1.0 - weight)).sqrt();
+        (values[k] - between).abs() / scale
+    });
+    median(deviations.collect()).unwrap_or_default() * MEDIAN_TO_SD
+}
+
+/// The greatest step of which nearly all differences are whole multiples.
+///
+/// The numbers are brought to whole multiples of a power of ten first. Each block of differences has its own
+/// greatest common divisor, and the divisor that most blocks share is taken, so a few odd values do no harm.
+fn resolution(values: &[f64]) -> f64 {
+    let looked_at = &values[..values.len().min(LOOKED_AT)];
+    let largest = looked_at
+        .iter()
+        .fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
+    let Some(scale) = (0..=10)
+        .map(|digits| 10_f64.powi(digits))
+        // Beyond 2^43 units the last digits of a double no longer tell a whole number from another.
+        .find(|&scale| largest * scale < 8.8e12 && looked_at.iter().all(|&x| is_whole(x, scale)))
+    else {
+        return 0.0;
+    };
+    let whole: Vec<i64> = looked_at
+        .iter()
+        .map(|x| (x * scale).round() as i64)
+        .collect();
+    let mut divisors: Vec<u64> = whole
+        .chunks(64)
+        .map(common_divisor)
+        .filter(|&divisor| divisor > 0)
+        .collect();
+    divisors.sort_unstable();
+    let mut runs = divisors.chunk_by(|a, b| a == b);
+    let mut commonest: Option<&[u64]> = None;
+    while let Some(run) = runs.next() {
+        if commonest.is_none_or(|best| run.len() > best.len()) {
+            commonest = Some(run);
+        }
+    }
+    commonest.map_or(0.0, |run| run[0] as f64 / scale)
+}
+
+fn common_divisor(block: &[i64]) -> u64 {
+    block
+        .windows(2)
+        .fold(0, |divisor, pair| gcd(divisor, pair[1].abs_diff(pair[0])))
+}
+
+fn gcd(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+/// Steps of the position that are far faster than the motion before and after.
+fn find_resets(columns: &Columns, quality: &mut Quality) {
+    let (time, position) = (&columns.time, &columns.position);
+    let noise = quality.position_noise.max(quality.position_resolution);
+    let speed = |k: usize| ((position[k] - position[k - 1]) / (time[k] - time[k - 1])).abs();
+    let typical = |range: std::ops::Range<usize>| {
+        let mut speeds = [0.0; JUMP_NEIGHBOURS];
+        let count = range.len();
+        speeds
+            .iter_mut()
+            .zip(range)
+            .for_each(|(slot, k)| *slot = speed(k));
+        speeds[..count].sort_unstable_by(f64::total_cmp);
+        if count == 0 { 0.0 } else { speeds[count / 2] }
+    };
+    let least = JUMP_OVER_NOISE * noise + 1e-9 * quality.stroke;
+    for k in 1..time.len() {
+        let jump = position[k] - position[k - 1];
+        if jump.abs() <= least {
+            continue;
+        }
+        let before = typical(k.saturating_sub(JUMP_NEIGHBOURS).max(1)..k);
+        let after = typical(k + 1..(k + 1 + JUMP_NEIGHBOURS).min(time.len()));
+        if speed(k) > JUMP_FACTOR * before.max(after) {
+            quality.resets.push(Reset {
+                index: k,
+                line: columns.lines.of(k),
+                jump,
+            });
+        }
+    }
+}
+
+/// Runs of one and the same extreme reading; with noise on the force only the end of the range does that.
+fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Option<f64>) {
+    let (low, high) = range(&columns.force);
+    for (level, sign) in [(high, 1.0), (low, -1.0)] {
+        let limit = sensor_limit.filter(|limit| sign * level >= *limit);
+        // Without noise any constant force repeats exactly, so repetition says nothing.
+        if limit.is_none() && quality.force_noise <= quality.force_resolution {
+            continue;
+        }
+        let threshold = limit.unwrap_or(sign * level);
+        let stuck = |force: &f64| sign * force >= threshold;
+        let longest = columns
+            .force
+            .chunk_by(|a, b| stuck(a) == stuck(b))
+            .filter(|run| stuck(&run[0]));
+        let longest = longest.map(<[f64]>::len).max().unwrap_or(0);
+        if limit.is_some() || longest >= SATURATED_RUN {
+            let count = columns.force.iter().filter(|&force| stuck(force)).count();
+            let first = columns.force.iter().position(stuck).unwrap_or_default();
+            quality.saturated.push(Saturation {
+                count,
+                level,
+                first_line: columns.lines.of(first),
+            });
+        }
+    }
+}
+
+/// Whether the mean force while inserting lies clearly below that while withdrawing.
+///
+/// An offset cancels in the difference; it takes both directions and a difference above half the scatter.
+fn force_opposes_motion(columns: &Columns) -> bool {
+    let (time, position, force) = (&columns.time, &columns.position, &columns.force);
+    let travel: f64 = position
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .sum();
+    let mean_speed = travel / (time[time.len() - 1] - time[0]);
+    let mut sides = [Moments::default(), Moments::default()];
+    for k in 1..time.len() {
+        let velocity = (position[k] - position[k - 1]) / (time[k] - time[k - 1]);
+        if velocity.abs() > 0.5 * mean_speed {
+            sides[usize::from(velocity > 0.0)].add(force[k]);
+        }
+    }
+    let [withdrawing, inserting] = sides;
+    let least = 0.05 * time.len() as f64;
+    let scatter = (withdrawing.variance() + inserting.variance()).sqrt();
+    withdrawing.count > least
+        && inserting.count > least
+        && inserting.mean - withdrawing.mean < -0.5 * scatter
+        && inserting.mean < withdrawing.mean
+}
+
+/// Running mean and variance.
+#[derive(Default)]
+struct Moments {
+    count: f64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Moments {
+    fn add(&mut self, x: f64) {
+        self.count += 1.0;
+        let delta = x - self.mean;
+        self.mean += delta / self.count;
+        self.squares += delta * (x - self.mean);
+    }
+
+    fn variance(&self) -> f64 {
+        self.squares / self.count.max(1.0)
+    }
+}
+
+/// Words for everything lost or doubtful. `unit` is what places are counted in: `line` or `sample`.
+fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let mut warn = |kind, message: String, hint: Option<&str>| {
+        warnings.push(Warning {
+            kind,
+            message,
+            hint: hint.map(str::to_owned),
+        });
+    };
+    for (kind, rows, what) in [
+        (
+            WarningKind::NonFiniteRows,
+            &quality.non_finite_rows,
+            "with an empty, NaN or infinite cell left out",
+        ),
+        (
+            WarningKind::RepeatedRows,
+            &quality.repeated_rows,
+            "with the time of the row above left out",
+        ),
+        (
+            WarningKind::UnorderedRows,
+            &quality.unordered_rows,
+            "out of order left out",
+        ),
+    ] {
+        if rows.count > 0 {
+            warn(
+                kind,
+                format!("{} rows {what}: {}", rows.count, rows.places(unit)),
+                None,
+            );
+        }
+    }
+    if let Some(gap) = quality
+        .gaps
+        .iter()
+        .max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from)))
+    {
+        let (count, length, line) = (quality.gaps.len(), gap.to - gap.from, gap.line);
+        warn(
+            WarningKind::Gaps,
+            format!("{count} gaps in time, the longest of {length:.3} s before {unit} {line}"),
+            None,
+        );
+    }
+    if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
+        let (jitter, interval) = (quality.jitter * 1e3, quality.median_interval * 1e3);
+        warn(
+            WarningKind::Jitter,
+            format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"),
+            None,
+        );
+    }
+    if let Some(reset) = quality.resets.first() {
+        let (count, jump, line) = (quality.resets.len(), reset.jump * 1e3, reset.line);
+        warn(
+            WarningKind::Resets,
+            format!("{count} position jumps, the first of {jump:.3} mm at {unit} {line}"),
+            None,
+        );
+    }
+    for end in &quality.saturated {
+        let (count, level, line) = (end.count, end.level, end.first_line);
+        let hint = "forces beyond the sensor's range are lost; leave these passes out or use a larger sensor";
+        warn(
+            WarningKind::Saturation,
+            format!("force stuck at {level} N in {count} samples, first at {unit} {line}"),
+            Some(hint),
+        );
+    }
+    if quality.stroke < DOUBTFUL_STROKE {
+        let stroke = quality.stroke * 1e3;
+        let hint = "is the unit right? if the numbers are metres, name the column position_m or use --columns";
+        warn(
+            WarningKind::Stroke,
+            format!("the position covers only {stroke:.4} mm"),
+            Some(hint),
+        );
+    }
+    if quality.force_opposes_motion {
+        let hint = "if the sensor is mounted the other way round, use --flip-force";
+        warn(
+            WarningKind::ForceSign,
+            "the force opposes the motion: lower on insertion than on withdrawal".into(),
+            Some(hint),
+        );
+    }
+    warnings
+}
