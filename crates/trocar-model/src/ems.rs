@@ -8,6 +8,12 @@ use crate::sliding::SlidingFriction;
 /// Allowed distance between a branch end and the static force, as a fraction of the static force.
 const PIN_TOLERANCE: f64 = 1e-6;
 
+/// Longest part of a general step, as a fraction of c.
+const LONGEST_PART: f64 = 0.125;
+
+/// Parts of a general step before the rest is taken in as many longer ones: 4 half widths of travel, two full reversals.
+const EVEN_PARTS: u32 = 32;
+
 /// Parameters of one element. Checked by [`Element::new`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElementParams {
@@ -33,10 +39,10 @@ pub enum Mode {
 /// Everything that changes while an element runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    deflection: f64,
-    yield_force: f64,
-    force: f64,
-    slip_velocity: f64,
+    pub(crate) deflection: f64,
+    pub(crate) yield_force: f64,
+    pub(crate) force: f64,
+    pub(crate) slip_velocity: f64,
 }
 
 impl State {
@@ -88,18 +94,34 @@ pub enum Folding {
 /// One EMS element: validated, immutable; many states may share it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
-    params: ElementParams,
+    pub(crate) params: ElementParams,
+    /// Sliding happens on the straight ends only, with constant friction and no damping: the step is exact.
+    confined: bool,
+    /// Smallest dF_e/dz over both branches and both ends, N/m.
+    pub(crate) least_stiffness: f64,
+    withdrawal: Contact,
+    insertion: Contact,
+}
+
+/// What is known beforehand about sliding to one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Contact {
+    folding: Folding,
+    /// β + min dD/dż - max|g'|, N·s/m: above zero the slip speed is unique in continuous time.
+    least_drag: f64,
+    /// Neither β nor σ: the force does not decide the slip speed.
+    free: bool,
 }
 
 /// Direction of slip or of the force. An own type, since `f64::signum(-0.0)` is -1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+pub(crate) enum Side {
     Withdrawal,
     Insertion,
 }
 
 impl Side {
-    fn of(value: f64) -> Self {
+    pub(crate) fn of(value: f64) -> Self {
         if value < 0.0 {
             Self::Withdrawal
         } else {
@@ -107,10 +129,17 @@ impl Side {
         }
     }
 
-    fn sign(self) -> f64 {
+    pub(crate) fn sign(self) -> f64 {
         match self {
             Self::Withdrawal => -1.0,
             Self::Insertion => 1.0,
+        }
+    }
+
+    pub(crate) fn opposite(self) -> Self {
+        match self {
+            Self::Withdrawal => Self::Insertion,
+            Self::Insertion => Self::Withdrawal,
         }
     }
 
@@ -132,7 +161,20 @@ impl Element {
         params.withdrawal.check()?;
         params.damping.check()?;
         check_pins(&params)?;
-        Ok(Self { params })
+        let extremes = params.deformation.extremes();
+        let constant = params.insertion.is_constant() && params.withdrawal.is_constant();
+        let highest = (1.0 + PIN_TOLERANCE) * params.insertion.static_force;
+        let lowest = -(1.0 + PIN_TOLERANCE) * params.withdrawal.static_force;
+        Ok(Self {
+            confined: constant
+                && params.damping.is_zero()
+                && extremes.highest_force <= highest
+                && extremes.lowest_force >= lowest,
+            least_stiffness: extremes.least_slope,
+            withdrawal: Contact::new(&params.withdrawal, &params.damping)?,
+            insertion: Contact::new(&params.insertion, &params.damping)?,
+            params,
+        })
     }
 
     /// The parameters.
@@ -142,11 +184,7 @@ impl Element {
 
     /// Whether the sliding law folds, for insertion and for withdrawal.
     pub fn folded(&self) -> (Folding, Folding) {
-        let least = self.params.damping.least_slope();
-        (
-            folding(&self.params.insertion, least),
-            folding(&self.params.withdrawal, least),
-        )
+        (self.insertion.folding, self.withdrawal.folding)
     }
 
     /// State at rest with zero yield force at `deflection`, m. A deflection that is not finite counts as 0.
@@ -178,11 +216,19 @@ impl Element {
         }
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s); returns the force (N) at the end.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
+    /// end.
+    ///
+    /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or velocity that is not
+    /// finite, leaves the state untouched and returns the last force.
     pub fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
         let velocity = displacement / duration;
         if duration > 0.0 && duration.is_finite() && velocity.is_finite() {
-            let next = self.advance_confined(state, velocity, duration);
+            let next = if self.confined {
+                self.advance_confined(state, velocity, duration)
+            } else {
+                self.advance_in_parts(state, velocity, duration)
+            };
             if next.force.is_finite() && next.deflection.is_finite() {
                 *state = next;
             }
@@ -190,16 +236,59 @@ impl Element {
         state.force
     }
 
+    /// The general step in parts of at most c/8 of travel, so that the order of yielding and turning over is kept.
+    ///
+    /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the work is bounded.
+    fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {
+        let stride = LONGEST_PART * self.params.deformation.half_width();
+        let strides = velocity.abs() * duration / stride;
+        let mut state = *state;
+        let mut advance = |count: u32, time: f64| {
+            for _ in 0..count {
+                state = self.advance_general(&state, velocity, time / f64::from(count));
+            }
+        };
+        if strides <= 1.0 {
+            advance(1, duration);
+        } else if strides <= f64::from(EVEN_PARTS) {
+            advance(libm::ceil(strides) as u32, duration);
+        } else {
+            let first = duration * f64::from(EVEN_PARTS) / strides;
+            advance(EVEN_PARTS, first);
+            advance(EVEN_PARTS, duration - first);
+        }
+        state
+    }
+
     /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
     pub fn step_velocity(&self, state: &mut State, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
 
-    fn sliding(&self, side: Side) -> &SlidingFriction {
+    pub(crate) fn sliding(&self, side: Side) -> &SlidingFriction {
         match side {
             Side::Withdrawal => &self.params.withdrawal,
             Side::Insertion => &self.params.insertion,
         }
+    }
+
+    fn contact(&self, side: Side) -> &Contact {
+        match side {
+            Side::Withdrawal => &self.withdrawal,
+            Side::Insertion => &self.insertion,
+        }
+    }
+
+    pub(crate) fn folds(&self, side: Side) -> bool {
+        self.contact(side).folding != Folding::Unique
+    }
+
+    pub(crate) fn least_drag(&self, side: Side) -> f64 {
+        self.contact(side).least_drag
+    }
+
+    pub(crate) fn is_free(&self, side: Side) -> bool {
+        self.contact(side).free
     }
 
     /// The exact solution at constant velocity when sliding only happens on the straight ends.
@@ -290,6 +379,23 @@ fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
         }
     }
     Ok(())
+}
+
+impl Contact {
+    fn new(sliding: &SlidingFriction, damping: &SealDamping) -> Result<Self, ParamError> {
+        let free = sliding.viscous_damping == 0.0 && damping.is_zero();
+        if free && !sliding.is_constant() {
+            return Err(ParamError::UndampedBreakaway {
+                static_force: sliding.static_force,
+                coulomb_force: sliding.coulomb_force,
+            });
+        }
+        Ok(Self {
+            folding: folding(sliding, damping.least_slope()),
+            least_drag: sliding.viscous_damping + damping.least_slope() - sliding.steepest_fall(),
+            free,
+        })
+    }
 }
 
 /// Stationary points of H(u) = g(u) + b·u with b = β + min dD/dż.

@@ -9,6 +9,7 @@ pub mod error;
 pub mod parallel;
 pub mod plausible;
 pub mod sliding;
+mod slip;
 
 pub use damping::SealDamping;
 pub use elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};

@@ -1,0 +1,357 @@
+//! The discrete step in its general form: speed-dependent sliding force, seal damping, or branches that pass the
+//! sliding force inside [-c, c].
+//!
+//! At the end of a step of duration dt the slip speed u >= 0 on the side s = ±1 solves
+//!
+//! ```text
+//! r(u) = s·[F_e(z⁺) + D(v_d - s·u)] - g(u) - β·u = 0                         (13) with (8), (11)
+//! z⁺   = z + v_d·dt - s·dt·[θ·u + (1 - θ)·u_0]                               (8)
+//! ```
+//!
+//! where u_0 is the slip speed at the start. θ is fitted so that the step is exact for a straight spring and a straight
+//! friction law; it lies between 1/2 (second order) and 1 (stiff limit), so no stiffness is too high for any dt.
+//! If r(0) <= 0 the seal sticks: the contact is an inclusion, sgn(v_d) decides nothing.
+
+use crate::ems::{Element, Side, State};
+
+/// Limit on evaluations of r in one search: keeps the work of a step bounded.
+const MAX_EVALUATIONS: usize = 240;
+
+/// Evaluations after which a bracketed search bisects.
+const NEWTON_EVALUATIONS: usize = 24;
+
+/// Evaluations after which a march doubles its stride.
+const EVEN_STRIDES: usize = 100;
+
+/// A residual below this fraction of the static force gets one last Newton correction, which squares it.
+const RESIDUAL: f64 = 1e-10;
+
+/// March stride as a fraction of the Stribeck speed: a tenth of the narrowest feature of g.
+const STRIBECK_STRIDE: f64 = 0.1;
+
+/// Where a march without any scale begins, m/s.
+const FIRST_STRIDE: f64 = 1e-3;
+
+/// March stride as a fraction of c, in deflection.
+const DEFLECTION_STRIDE: f64 = 1.0 / 32.0;
+
+/// One stretch of motion at constant velocity.
+#[derive(Clone, Copy)]
+struct Motion {
+    velocity: f64,
+    time: f64,
+}
+
+/// Start of a slip: where, on which side, how fast.
+#[derive(Clone, Copy)]
+struct Onset {
+    z: f64,
+    q: f64,
+    side: Side,
+    speed: f64,
+    /// d(r)/du at fixed z with the sign changed: β + g' + D'.
+    drag: f64,
+}
+
+/// How far a search for a root may stride, and from where it starts.
+#[derive(Clone, Copy)]
+struct Search {
+    guess: f64,
+    stride: f64,
+    residual: f64,
+}
+
+impl Element {
+    /// One step of the general law; `state` is at most c/8 of travel away from the result, or in a long slide.
+    pub(crate) fn advance_general(&self, state: &State, velocity: f64, time: f64) -> State {
+        let motion = Motion { velocity, time };
+        if state.slip_velocity == 0.0 {
+            return self.leave_stick(state, motion);
+        }
+        let side = Side::of(state.slip_velocity);
+        let elastic = self
+            .params
+            .deformation
+            .reach(state.deflection, state.yield_force, state.deflection)
+            .0;
+        let guess = state.slip_velocity.abs();
+        let (speed, drag) = self.slip_at(side, elastic, velocity, guess);
+        if speed == 0.0 {
+            return self.leave_stick(state, motion);
+        }
+        self.slide(
+            Onset {
+                z: state.deflection,
+                q: state.yield_force,
+                side,
+                speed,
+                drag,
+            },
+            motion,
+        )
+    }
+
+    /// From stick: bends with the instrument, EMS (10), up to the yield point (12) if it lies in the step.
+    fn leave_stick(&self, state: &State, motion: Motion) -> State {
+        let (z, q) = (state.deflection, state.yield_force);
+        let damping = self.params.damping.force(motion.velocity);
+        let target = z + motion.velocity * motion.time;
+        let (elastic, yield_force) = self.params.deformation.reach(z, q, target);
+        let trial = elastic + damping;
+        let side = Side::of(trial);
+        let s = side.sign();
+        let limit = self.sliding(side).static_force;
+        if s * trial <= limit {
+            return State {
+                deflection: target,
+                yield_force,
+                force: trial,
+                slip_velocity: 0.0,
+            };
+        }
+        let force_at = |part: f64| {
+            s * (self
+                .params
+                .deformation
+                .reach(z, q, z + part * motion.velocity * motion.time)
+                .0
+                + damping)
+                - limit
+        };
+        let part = yield_fraction(force_at, s * trial - limit);
+        let reached = z + part * motion.velocity * motion.time;
+        let (elastic, yield_force) = self.params.deformation.reach(z, q, reached);
+        let (speed, drag) = self.slip_at(side, elastic, motion.velocity, 0.0);
+        let onset = Onset {
+            z: reached,
+            q: yield_force,
+            side,
+            speed,
+            drag,
+        };
+        self.slide(
+            onset,
+            Motion {
+                time: (1.0 - part) * motion.time,
+                ..motion
+            },
+        )
+    }
+
+    /// Slip speed at a given elastic force, and the drag β + g' + D' there. With neither β nor σ the speed is free: 0.
+    fn slip_at(&self, side: Side, elastic: f64, velocity: f64, guess: f64) -> (f64, f64) {
+        let s = side.sign();
+        let sliding = self.sliding(side);
+        let damping = &self.params.damping;
+        let residual = |u: f64| {
+            let (level, fall) = sliding.level_and_slope(u);
+            let deformation_velocity = velocity - s * u; // EMS (8)
+            let drive = s * (elastic + damping.force(deformation_velocity));
+            let drag = sliding.viscous_damping + fall + damping.slope(deformation_velocity);
+            (drive - level - sliding.viscous_damping * u, -drag)
+        };
+        if self.is_free(side) {
+            return (guess, 0.0);
+        }
+        let stride = if self.folds(side) {
+            STRIBECK_STRIDE * sliding.stribeck_velocity
+        } else {
+            f64::INFINITY
+        };
+        let (speed, slope) = find_root(
+            residual,
+            Search {
+                guess,
+                stride,
+                residual: RESIDUAL * sliding.static_force,
+            },
+        );
+        (speed, -slope)
+    }
+
+    /// Slides through `motion`, EMS (14).
+    fn slide(&self, onset: Onset, motion: Motion) -> State {
+        let theta = self.fitted_theta(onset, motion);
+        let next = self.slide_with(onset, motion, theta);
+        let across = onset.side.opposite();
+        if next.slip_velocity == 0.0
+            && across.sign() * next.force > self.sliding(across).static_force
+        {
+            // It stuck and then yielded the other way within the step.
+            let onset = Onset {
+                side: across,
+                speed: 0.0,
+                ..onset
+            };
+            return self.slide_with(onset, motion, 1.0);
+        }
+        next
+    }
+
+    fn slide_with(&self, onset: Onset, motion: Motion, theta: f64) -> State {
+        let Onset {
+            z, q, side, speed, ..
+        } = onset;
+        let s = side.sign();
+        let sliding = self.sliding(side);
+        let (deformation, damping) = (&self.params.deformation, &self.params.damping);
+        let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
+        let implicit = theta * motion.time;
+        let residual = |u: f64| {
+            let (elastic, stiffness) =
+                deformation.reach_with_slope(z, q, target - s * implicit * u);
+            let deformation_velocity = motion.velocity - s * u; // EMS (8)
+            let (level, fall) = sliding.level_and_slope(u);
+            let drive = s * (elastic + damping.force(deformation_velocity));
+            let drag = sliding.viscous_damping + fall + damping.slope(deformation_velocity);
+            (
+                drive - level - sliding.viscous_damping * u,
+                -drag - implicit * stiffness,
+            ) // EMS (13)
+        };
+        let search = self.search(onset, implicit);
+        let u = find_root(residual, search).0;
+        let deflection = target - s * implicit * u;
+        let (elastic, yield_force) = deformation.reach(z, q, deflection);
+        let force = elastic + damping.force(motion.velocity - s * u); // EMS (14)
+        State {
+            deflection,
+            yield_force,
+            force,
+            slip_velocity: s * u,
+        }
+    }
+
+    /// Where the slip speed at the end of the step is sought.
+    ///
+    /// With a single root any start will do, and the last speed is the nearest. A folded friction law is followed on
+    /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
+    /// side, is the stable one.
+    fn search(&self, onset: Onset, implicit: f64) -> Search {
+        let sliding = self.sliding(onset.side);
+        let residual = RESIDUAL * sliding.static_force;
+        let folds = self.folds(onset.side);
+        let softens = self.least_stiffness * implicit + self.least_drag(onset.side) <= 0.0;
+        if !folds && !softens {
+            return Search {
+                guess: onset.speed,
+                stride: f64::INFINITY,
+                residual,
+            };
+        }
+        let in_speed = if folds {
+            STRIBECK_STRIDE * sliding.stribeck_velocity
+        } else {
+            f64::INFINITY
+        };
+        let c = self.params.deformation.half_width();
+        let in_deflection = if self.least_stiffness <= 0.0 {
+            DEFLECTION_STRIDE * c / implicit
+        } else {
+            f64::INFINITY
+        };
+        let guess = if folds { onset.speed } else { 0.0 };
+        Search {
+            guess,
+            stride: in_speed.min(in_deflection),
+            residual,
+        }
+    }
+
+    /// θ of the module documentation, from the rate K/(β + g' + D') at the start; 1 where that is no decay.
+    fn fitted_theta(&self, onset: Onset, motion: Motion) -> f64 {
+        let deformation_velocity = motion.velocity - onset.side.sign() * onset.speed;
+        let stiffness = self.one_sided_stiffness(onset.z, onset.q, deformation_velocity);
+        let rate = stiffness * motion.time;
+        if rate <= 0.0 || onset.drag <= 0.0 {
+            return 1.0;
+        }
+        fit_theta(rate / onset.drag)
+    }
+
+    /// dF_e/dz at (z, q) for a motion in the direction of `deformation_velocity`.
+    fn one_sided_stiffness(&self, z: f64, q: f64, deformation_velocity: f64) -> f64 {
+        let local = self.params.deformation.local(z);
+        if deformation_velocity >= 0.0 && q >= local.gap {
+            local.mid_slope + local.gap_slope
+        } else if deformation_velocity <= 0.0 && q <= -local.gap {
+            local.mid_slope - local.gap_slope
+        } else {
+            local.mid_slope + self.params.deformation.yield_stiffness()
+        }
+    }
+}
+
+/// θ(y) = 1/(1 - e^-y) - 1/y, from 1/2 at y = 0 to 1 at infinity: makes one step exact for a linear decay of rate y/dt.
+fn fit_theta(y: f64) -> f64 {
+    // Below 1/4 the difference of the two large terms would lose digits; the series is good to 2e-8 there.
+    if y < 0.25 {
+        0.5 + y / 12.0 * (1.0 - y * y / 60.0)
+    } else {
+        1.0 / (1.0 - libm::exp(-y)) - 1.0 / y
+    }
+}
+
+/// Part of the step before the force reaches the static force: a chord and one correction.
+///
+/// `force_at(part)` is the force above the limit; `end` its value at the end, > 0.
+fn yield_fraction(force_at: impl Fn(f64) -> f64, end: f64) -> f64 {
+    let start = force_at(0.0);
+    if start >= 0.0 {
+        return 0.0;
+    }
+    let chord = -start / (end - start);
+    let there = force_at(chord);
+    if there > 0.0 {
+        chord - chord * there / (there - start)
+    } else {
+        chord + (1.0 - chord) * -there / (end - there)
+    }
+}
+
+/// A root u >= 0 of a residual that is positive left of it, and the slope there; 0 when the residual is not positive at 0.
+///
+/// Newton steps inside a bracket. Until there is a bracket the search marches from the guess towards the root, never
+/// further at once than the stride, so that it stops at the nearest root.
+fn find_root(residual: impl Fn(f64) -> (f64, f64), search: Search) -> (f64, f64) {
+    let Search {
+        guess: mut u,
+        mut stride,
+        residual: small,
+    } = search;
+    let (mut below, mut above): (Option<f64>, Option<f64>) = (None, None);
+    let (mut r, mut slope) = residual(u);
+    for evaluations in 0..MAX_EVALUATIONS {
+        if r <= 0.0 && u == 0.0 {
+            return (0.0, slope);
+        }
+        let newton = if slope < 0.0 { u - r / slope } else { f64::NAN };
+        if r.abs() <= small {
+            return (if newton >= 0.0 { newton } else { u }, slope);
+        }
+        if r > 0.0 {
+            below = Some(u);
+        } else {
+            above = Some(u);
+        }
+        if evaluations > EVEN_STRIDES {
+            stride *= 2.0;
+        }
+        let next = match (below, above) {
+            (Some(low), Some(high)) => {
+                let inside = newton > low && newton < high && evaluations < NEWTON_EVALUATIONS;
+                if inside { newton } else { 0.5 * (low + high) }
+            }
+            (_, None) if newton.is_nan() => u + stride.min(u + FIRST_STRIDE),
+            (_, None) => newton.min(u + stride),
+            (None, _) if newton.is_nan() => (u - stride).max(0.0),
+            (None, _) => newton.max(u - stride).max(0.0),
+        };
+        if next == u {
+            break;
+        }
+        u = next;
+        (r, slope) = residual(u);
+    }
+    (u, slope)
+}
