@@ -1,4 +1,10 @@
-//! From recordings to a validated model of the force between a surgical instrument and a trocar seal.
+//! From recordings of an instrument in a trocar to a validated model of the force between them.
 
+pub mod bench;
 pub mod error;
+pub mod identify;
+pub mod model_file;
 pub mod recording;
+pub mod replay;
+pub mod segment;
+pub mod validate;

@@ -1,0 +1,695 @@
+//! Rig and protocols as a TOML document. `data/bench.toml` is the default and describes every value.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// The shipped document with every key, its default and what it means.
+pub const DEFAULT_TOML: &str = include_str!("../../../../data/bench.toml");
+
+/// Rig and protocols. Field names are the keys of the document, which carry their units and are described in
+/// [`DEFAULT_TOML`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BenchConfig {
+    /// Travel, start and sampling.
+    pub rig: Rig,
+    /// Linear motor with its guide.
+    pub motor: Motor,
+    /// PI speed control.
+    pub controller: Controller,
+    /// Position encoder and the drive's speed signal.
+    pub encoder: Encoder,
+    /// Force sensor between motor and rod.
+    pub force_sensor: ForceSensor,
+    /// Instrument shaft between sensor and seal.
+    pub rod: Rod,
+    /// Slow changes of the seal's force.
+    pub fluctuation: Fluctuation,
+    /// One section per protocol.
+    pub protocol: Protocols,
+}
+
+/// Travel, start and sampling of the rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rig {
+    /// Travel of the motor in m, positive.
+    pub stroke_m: f64,
+    /// Travel between the safety stops in m, positive, at most `stroke_m`.
+    pub stroke_limit_m: f64,
+    /// Position at which protocols begin in m, 0 to `stroke_limit_m`.
+    pub start_m: f64,
+    /// Length of the withdrawal before the record in m, ≥ 0.
+    pub homing_m: f64,
+    /// Speed of that withdrawal in m/s, positive.
+    pub homing_speed_m_s: f64,
+    /// Rest before the first sample in s, ≥ 0.
+    pub homing_hold_s: f64,
+    /// Samples per second, positive.
+    pub sample_rate_hz: f64,
+    /// Integration steps per sample, at least 1.
+    pub substeps: u32,
+}
+
+/// Linear motor with its guide.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motor {
+    /// Mass of slider and carriage in kg, positive.
+    pub slider_mass_kg: f64,
+    /// Force limit at standstill in N, positive.
+    pub peak_force_n: f64,
+    /// Speed at which no force is left in m/s, positive.
+    pub no_load_speed_m_s: f64,
+    /// Lag of the force behind its command in s, positive.
+    pub force_time_constant_s: f64,
+    /// Viscous drag in N s/m, ≥ 0.
+    pub drag_n_s_m: f64,
+    /// Dry friction of the guide in N, ≥ 0.
+    pub guide_friction_n: f64,
+    /// Speed scale of the guide's dry friction around rest in m/s, positive.
+    pub guide_creep_m_s: f64,
+    /// Amplitude of the cogging force in N, ≥ 0.
+    pub cogging_n: f64,
+    /// Period of the cogging force in m, positive.
+    pub cogging_pitch_m: f64,
+    /// Part of the moving weight carried by the counterbalance, 0 to 1.
+    pub balanced_fraction: f64,
+}
+
+/// PI speed control.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Controller {
+    /// Force per speed error in N s/m, positive.
+    pub proportional_n_s_m: f64,
+    /// Force per integrated speed error in N/m, ≥ 0.
+    pub integral_n_m: f64,
+}
+
+/// How a position becomes a whole number of encoder counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rounding {
+    /// To the nearest count.
+    Nearest,
+    /// To the count below.
+    Down,
+}
+
+/// Position encoder and the drive's speed signal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Encoder {
+    /// Length of one count in m, positive.
+    pub resolution_m: f64,
+    /// How a position becomes a count.
+    pub rounding: Rounding,
+    /// Noise before rounding in m rms, ≥ 0.
+    pub noise_m: f64,
+    /// Noise of the drive's speed signal in m/s rms, ≥ 0.
+    pub speed_noise_m_s: f64,
+}
+
+/// Force sensor between motor and rod.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceSensor {
+    /// Reading at which the sensor saturates in N, positive.
+    pub range_n: f64,
+    /// Smallest step of a reading in N, ≥ 0.
+    pub resolution_n: f64,
+    /// Noise in N rms, ≥ 0.
+    pub noise_n: f64,
+    /// Bandwidth of the noise in Hz, positive.
+    pub noise_bandwidth_hz: f64,
+    /// Reading of the unloaded sensor in N.
+    pub tare_n: f64,
+}
+
+/// Instrument shaft between sensor and seal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rod {
+    /// Diameter in m, positive.
+    pub diameter_m: f64,
+    /// Mass between sensor and seal in kg, ≥ 0.
+    pub mass_kg: f64,
+    /// Gravity component in the direction of insertion in m/s².
+    pub gravity_m_s2: f64,
+    /// Gas pressure on the rod's cross-section in Pa, ≥ 0; pushes the rod out.
+    pub gas_pressure_pa: f64,
+}
+
+impl Rod {
+    /// Force with which the gas pushes the rod out, N.
+    pub(super) fn gas_force(&self) -> f64 {
+        0.25 * core::f64::consts::PI * self.diameter_m * self.diameter_m * self.gas_pressure_pa
+    }
+}
+
+/// Slow changes of the seal's force, as fractions of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fluctuation {
+    /// Level of a pass, rms, 0 to 0.2.
+    pub pass_fraction: f64,
+    /// Travel over which a new level sets in, in m, positive.
+    pub pass_travel_m: f64,
+    /// Ripple along the path, rms, 0 to 0.2.
+    pub ripple_fraction: f64,
+    /// Length of the ripple in m, positive.
+    pub ripple_length_m: f64,
+}
+
+/// One section per protocol.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Protocols {
+    /// Steady-state experiment.
+    pub steady: SpeedCycles,
+    /// Cross-validation.
+    pub validation: SpeedCycles,
+    /// Cycles under constant motor force.
+    pub dynamic: PushCycles,
+    /// Velocity step.
+    pub step: VelocityStep,
+    /// Hand-like motion.
+    pub surgeon: Surgeon,
+}
+
+/// Cycles at constant speed, faster each time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpeedCycles {
+    /// Speed of the first cycle in m/s, positive.
+    pub slowest_m_s: f64,
+    /// Speed of the last cycle in m/s, at least `slowest_m_s`.
+    pub fastest_m_s: f64,
+    /// Growth from cycle to cycle in m/s, positive.
+    pub increment_m_s: f64,
+    /// Cycles at each speed, at least 1.
+    pub cycles_per_speed: u32,
+    /// Length of a pass in m; long enough to reach `fastest_m_s`.
+    pub stroke_m: f64,
+    /// Acceleration limit in m/s², positive.
+    pub acceleration_m_s2: f64,
+    /// Rest at each reversal in s, ≥ 0.
+    pub dwell_s: f64,
+}
+
+impl SpeedCycles {
+    /// The speeds of the cycles in m/s, in the order of the cycles.
+    pub fn speeds(&self) -> Vec<f64> {
+        // A thousandth of an increment keeps the last speed when the division falls just short of a whole number.
+        let increments = (self.fastest_m_s - self.slowest_m_s) / self.increment_m_s + 1e-3;
+        (0..=increments as u32)
+            .map(|i| self.slowest_m_s + f64::from(i) * self.increment_m_s)
+            .collect()
+    }
+}
+
+/// Cycles under constant motor force.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PushCycles {
+    /// Cycles of insertion and withdrawal, at least 1.
+    pub cycles: u32,
+    /// Length at which the push is reversed in m, positive.
+    pub stroke_m: f64,
+    /// Speed at which the push keeps the seal sliding in m/s, positive.
+    pub sliding_speed_m_s: f64,
+    /// Duration of a pass that counts as stalled in s, positive.
+    pub pass_timeout_s: f64,
+}
+
+/// Velocity step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VelocityStep {
+    /// Speed before the step in m/s, positive.
+    pub insertion_speed_m_s: f64,
+    /// Speed after the step in m/s, positive.
+    pub withdrawal_speed_m_s: f64,
+    /// Length of each pass in m; long enough to reach the speeds.
+    pub stroke_m: f64,
+    /// Acceleration limit in m/s², positive.
+    pub acceleration_m_s2: f64,
+}
+
+/// Hand-like motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Surgeon {
+    /// Length of the record in s, positive.
+    pub duration_s: f64,
+    /// Range of the motion in m, positive.
+    pub range_m: f64,
+    /// Shortest sub-movement in m, positive.
+    pub shortest_m: f64,
+    /// Longest sub-movement in m, at most half the range.
+    pub longest_m: f64,
+    /// Lowest mean speed in m/s, positive.
+    pub slowest_m_s: f64,
+    /// Highest mean speed in m/s, at least `slowest_m_s`.
+    pub fastest_m_s: f64,
+    /// Shortest duration of a sub-movement in s, positive.
+    pub quickest_s: f64,
+    /// Share of holds, 0 to 1.
+    pub hold_probability: f64,
+    /// Shortest hold in s, ≥ 0.
+    pub hold_shortest_s: f64,
+    /// Longest hold in s, at least `hold_shortest_s`.
+    pub hold_longest_s: f64,
+    /// Share of small reversals, 0 to 1; with the holds less than 1.
+    pub reversal_probability: f64,
+    /// Shortest small reversal in m, positive.
+    pub reversal_shortest_m: f64,
+    /// Longest small reversal in m, at most half the range.
+    pub reversal_longest_m: f64,
+    /// Tremor in m rms, ≥ 0.
+    pub tremor_rms_m: f64,
+    /// Lower end of the tremor's band in Hz, positive.
+    pub tremor_low_hz: f64,
+    /// Upper end of the tremor's band in Hz, at least `tremor_low_hz`.
+    pub tremor_high_hz: f64,
+}
+
+/// Why a document is not a bench.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ConfigError {
+    /// The text is not TOML; the message shows the line.
+    #[error("not a TOML document: {0}")]
+    Syntax(String),
+    /// A key that no bench has.
+    #[error("line {line}: unknown key {key}, expected one of {expected}")]
+    UnknownKey {
+        /// Line in the document, from 1.
+        line: usize,
+        /// Key with its sections.
+        key: String,
+        /// Keys of that section.
+        expected: String,
+    },
+    /// A value of another type.
+    #[error("line {line}: {key} must be {expected}, got {found}")]
+    WrongType {
+        /// Line in the document, from 1.
+        line: usize,
+        /// Key with its sections.
+        key: String,
+        /// Type of the default.
+        expected: &'static str,
+        /// Type found.
+        found: &'static str,
+    },
+    /// A value that the text of its key does not allow; the message names the allowed ones.
+    #[error("line {line}: {message}")]
+    Word {
+        /// Line in the document, from 1.
+        line: usize,
+        /// What was expected.
+        message: String,
+    },
+    /// A number out of range, or at odds with another one.
+    #[error("{}{key} must be {allowed}, got {found}", line_prefix(*line))]
+    OutOfRange {
+        /// Line in the document, from 1; none if the key is left at its default or the values did not come from one.
+        line: Option<usize>,
+        /// Key with its sections.
+        key: String,
+        /// What is allowed.
+        allowed: String,
+        /// Number found.
+        found: f64,
+    },
+}
+
+fn line_prefix(line: Option<usize>) -> String {
+    line.map_or_else(String::new, |line| format!("line {line}: "))
+}
+
+impl Default for BenchConfig {
+    /// The shipped document.
+    fn default() -> Self {
+        toml::from_str(DEFAULT_TOML).expect("the shipped document holds every key")
+    }
+}
+
+impl BenchConfig {
+    /// Reads a document; keys it leaves out keep their defaults.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with the line: no TOML, an unknown key, another type than the default's, a number out of range.
+    pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+        let syntax = |error: toml::de::Error| ConfigError::Syntax(error.to_string());
+        let spans = toml::de::DeTable::parse(text).map_err(syntax)?;
+        let given: toml::Table = text.parse().map_err(syntax)?;
+        let mut merged: toml::Table = DEFAULT_TOML.parse().expect("the shipped document is TOML");
+        let lines = Lines {
+            text,
+            root: spans.get_ref(),
+        };
+        overlay(&mut merged, given, &lines, &mut Vec::new())?;
+        // Keys and types are those of the shipped document, so only a word out of a fixed set can still be wrong.
+        let config: Self =
+            merged
+                .try_into()
+                .map_err(|error: toml::de::Error| ConfigError::Word {
+                    line: lines.of("encoder.rounding").unwrap_or(1),
+                    message: format!("encoder.rounding: {}", error.message()),
+                })?;
+        config.validate().map_err(|error| match error {
+            ConfigError::OutOfRange {
+                key,
+                allowed,
+                found,
+                ..
+            } => ConfigError::OutOfRange {
+                line: lines.of(&key),
+                key,
+                allowed,
+                found,
+            },
+            other => other,
+        })?;
+        Ok(config)
+    }
+
+    /// The document that describes this bench completely, without comments.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("numbers and words always have a TOML form")
+    }
+
+    /// Checks every number and that the strokes fit between the safety stops.
+    ///
+    /// # Errors
+    /// [`ConfigError::OutOfRange`] with the key, the allowed range and the number.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        self.validate_rig()?;
+        self.validate_drive()?;
+        self.validate_instruments()?;
+        self.validate_speeds("protocol.steady", &self.protocol.steady)?;
+        self.validate_speeds("protocol.validation", &self.protocol.validation)?;
+        self.validate_dynamic()?;
+        self.validate_step()?;
+        self.validate_surgeon()
+    }
+
+    fn validate_rig(&self) -> Result<(), ConfigError> {
+        let rig = &self.rig;
+        positive("rig.stroke_m", rig.stroke_m)?;
+        within("rig.stroke_limit_m", rig.stroke_limit_m, 1e-3, rig.stroke_m)?;
+        within("rig.start_m", rig.start_m, 0.0, rig.stroke_limit_m)?;
+        let room = rig.stroke_limit_m - rig.start_m;
+        within("rig.homing_m", rig.homing_m, 0.0, room)?;
+        positive("rig.homing_speed_m_s", rig.homing_speed_m_s)?;
+        not_negative("rig.homing_hold_s", rig.homing_hold_s)?;
+        within("rig.sample_rate_hz", rig.sample_rate_hz, 10.0, 1e6)?;
+        within("rig.substeps", f64::from(rig.substeps), 1.0, 10_000.0)
+    }
+
+    fn validate_drive(&self) -> Result<(), ConfigError> {
+        let motor = &self.motor;
+        positive("motor.slider_mass_kg", motor.slider_mass_kg)?;
+        positive("motor.peak_force_n", motor.peak_force_n)?;
+        positive("motor.no_load_speed_m_s", motor.no_load_speed_m_s)?;
+        positive("motor.force_time_constant_s", motor.force_time_constant_s)?;
+        not_negative("motor.drag_n_s_m", motor.drag_n_s_m)?;
+        not_negative("motor.guide_friction_n", motor.guide_friction_n)?;
+        positive("motor.guide_creep_m_s", motor.guide_creep_m_s)?;
+        not_negative("motor.cogging_n", motor.cogging_n)?;
+        positive("motor.cogging_pitch_m", motor.cogging_pitch_m)?;
+        within("motor.balanced_fraction", motor.balanced_fraction, 0.0, 1.0)?;
+        let control = &self.controller;
+        positive("controller.proportional_n_s_m", control.proportional_n_s_m)?;
+        not_negative("controller.integral_n_m", control.integral_n_m)
+    }
+
+    fn validate_instruments(&self) -> Result<(), ConfigError> {
+        let encoder = &self.encoder;
+        positive("encoder.resolution_m", encoder.resolution_m)?;
+        not_negative("encoder.noise_m", encoder.noise_m)?;
+        not_negative("encoder.speed_noise_m_s", encoder.speed_noise_m_s)?;
+        let sensor = &self.force_sensor;
+        positive("force_sensor.range_n", sensor.range_n)?;
+        not_negative("force_sensor.resolution_n", sensor.resolution_n)?;
+        not_negative("force_sensor.noise_n", sensor.noise_n)?;
+        positive("force_sensor.noise_bandwidth_hz", sensor.noise_bandwidth_hz)?;
+        finite("force_sensor.tare_n", sensor.tare_n)?;
+        let rod = &self.rod;
+        positive("rod.diameter_m", rod.diameter_m)?;
+        not_negative("rod.mass_kg", rod.mass_kg)?;
+        finite("rod.gravity_m_s2", rod.gravity_m_s2)?;
+        not_negative("rod.gas_pressure_pa", rod.gas_pressure_pa)?;
+        let slow = &self.fluctuation;
+        // Above a fifth a rare draw could turn the sign of the force, and the seal would push.
+        within("fluctuation.pass_fraction", slow.pass_fraction, 0.0, 0.2)?;
+        positive("fluctuation.pass_travel_m", slow.pass_travel_m)?;
+        within(
+            "fluctuation.ripple_fraction",
+            slow.ripple_fraction,
+            0.0,
+            0.2,
+        )?;
+        positive("fluctuation.ripple_length_m", slow.ripple_length_m)
+    }
+
+    fn validate_speeds(&self, section: &str, cycles: &SpeedCycles) -> Result<(), ConfigError> {
+        let key = |name: &str| format!("{section}.{name}");
+        positive(&key("slowest_m_s"), cycles.slowest_m_s)?;
+        let fastest = cycles.fastest_m_s;
+        within(&key("fastest_m_s"), fastest, cycles.slowest_m_s, 10.0)?;
+        within(&key("increment_m_s"), cycles.increment_m_s, 1e-4, 10.0)?;
+        at_least_one(&key("cycles_per_speed"), cycles.cycles_per_speed)?;
+        within(
+            &key("acceleration_m_s2"),
+            cycles.acceleration_m_s2,
+            1e-3,
+            1e3,
+        )?;
+        not_negative(&key("dwell_s"), cycles.dwell_s)?;
+        self.stroke(
+            &key("stroke_m"),
+            cycles.stroke_m,
+            fastest,
+            cycles.acceleration_m_s2,
+        )
+    }
+
+    fn validate_dynamic(&self) -> Result<(), ConfigError> {
+        let push = &self.protocol.dynamic;
+        at_least_one("protocol.dynamic.cycles", push.cycles)?;
+        positive("protocol.dynamic.sliding_speed_m_s", push.sliding_speed_m_s)?;
+        positive("protocol.dynamic.pass_timeout_s", push.pass_timeout_s)?;
+        let room = self.rig.stroke_limit_m - self.rig.start_m;
+        within("protocol.dynamic.stroke_m", push.stroke_m, 1e-3, room)
+    }
+
+    fn validate_step(&self) -> Result<(), ConfigError> {
+        let step = &self.protocol.step;
+        positive(
+            "protocol.step.insertion_speed_m_s",
+            step.insertion_speed_m_s,
+        )?;
+        positive(
+            "protocol.step.withdrawal_speed_m_s",
+            step.withdrawal_speed_m_s,
+        )?;
+        within(
+            "protocol.step.acceleration_m_s2",
+            step.acceleration_m_s2,
+            1e-3,
+            1e3,
+        )?;
+        let fastest = step.insertion_speed_m_s.max(step.withdrawal_speed_m_s);
+        self.stroke(
+            "protocol.step.stroke_m",
+            step.stroke_m,
+            fastest,
+            step.acceleration_m_s2,
+        )
+    }
+
+    fn validate_surgeon(&self) -> Result<(), ConfigError> {
+        let key = |name: &str| format!("protocol.surgeon.{name}");
+        let hand = &self.protocol.surgeon;
+        positive(&key("duration_s"), hand.duration_s)?;
+        let room = self.rig.stroke_limit_m - self.rig.start_m;
+        within(&key("range_m"), hand.range_m, 1e-3, room)?;
+        positive(&key("shortest_m"), hand.shortest_m)?;
+        let half = 0.5 * hand.range_m;
+        within(&key("longest_m"), hand.longest_m, hand.shortest_m, half)?;
+        positive(&key("slowest_m_s"), hand.slowest_m_s)?;
+        within(
+            &key("fastest_m_s"),
+            hand.fastest_m_s,
+            hand.slowest_m_s,
+            10.0,
+        )?;
+        positive(&key("quickest_s"), hand.quickest_s)?;
+        within(&key("hold_probability"), hand.hold_probability, 0.0, 0.9)?;
+        not_negative(&key("hold_shortest_s"), hand.hold_shortest_s)?;
+        let longest_hold = hand.hold_longest_s;
+        within(
+            &key("hold_longest_s"),
+            longest_hold,
+            hand.hold_shortest_s,
+            1e6,
+        )?;
+        let left = 1.0 - hand.hold_probability;
+        within(
+            &key("reversal_probability"),
+            hand.reversal_probability,
+            0.0,
+            left,
+        )?;
+        positive(&key("reversal_shortest_m"), hand.reversal_shortest_m)?;
+        let longest = hand.reversal_longest_m;
+        within(
+            &key("reversal_longest_m"),
+            longest,
+            hand.reversal_shortest_m,
+            half,
+        )?;
+        within(&key("tremor_rms_m"), hand.tremor_rms_m, 0.0, 0.005)?;
+        positive(&key("tremor_low_hz"), hand.tremor_low_hz)?;
+        let nyquist = 0.5 * self.rig.sample_rate_hz;
+        within(
+            &key("tremor_high_hz"),
+            hand.tremor_high_hz,
+            hand.tremor_low_hz,
+            nyquist,
+        )
+    }
+
+    /// A pass must reach its speed and end before the safety stop.
+    fn stroke(
+        &self,
+        key: &str,
+        stroke: f64,
+        fastest: f64,
+        acceleration: f64,
+    ) -> Result<(), ConfigError> {
+        let room = self.rig.stroke_limit_m - self.rig.start_m;
+        within(key, stroke, fastest * fastest / acceleration, room)
+    }
+}
+
+fn out_of_range(key: &str, allowed: String, found: f64) -> Result<(), ConfigError> {
+    Err(ConfigError::OutOfRange {
+        line: None,
+        key: key.to_owned(),
+        allowed,
+        found,
+    })
+}
+
+fn finite(key: &str, value: f64) -> Result<(), ConfigError> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    out_of_range(key, "finite".into(), value)
+}
+
+fn positive(key: &str, value: f64) -> Result<(), ConfigError> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    out_of_range(key, "positive".into(), value)
+}
+
+fn not_negative(key: &str, value: f64) -> Result<(), ConfigError> {
+    if value >= 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    out_of_range(key, "zero or positive".into(), value)
+}
+
+fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), ConfigError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    out_of_range(key, format!("between {low} and {high}"), value)
+}
+
+fn at_least_one(key: &str, value: u32) -> Result<(), ConfigError> {
+    within(key, f64::from(value), 1.0, 1e6)
+}
+
+/// Finds the line of a key in the document it came from.
+struct Lines<'t> {
+    text: &'t str,
+    root: &'t toml::de::DeTable<'t>,
+}
+
+impl Lines<'_> {
+    fn of(&self, path: &str) -> Option<usize> {
+        let mut table = self.root;
+        let mut offset = None;
+        for name in path.split('.') {
+            let (key, value) = table.iter().find(|(key, _)| key.get_ref() == name)?;
+            offset = Some(key.span().start);
+            if let Some(inner) = value.get_ref().as_table() {
+                table = inner;
+            }
+        }
+        offset.map(|offset| 1 + self.text[..offset].matches('\n').count())
+    }
+}
+
+/// Replaces defaults by what was given; `path` holds the sections above.
+fn overlay(
+    defaults: &mut toml::Table,
+    given: toml::Table,
+    lines: &Lines<'_>,
+    path: &mut Vec<String>,
+) -> Result<(), ConfigError> {
+    for (name, value) in given {
+        path.push(name.clone());
+        let key = path.join(".");
+        let line = lines.of(&key).unwrap_or(1);
+        let expected = || defaults.keys().cloned().collect::<Vec<_>>().join(", ");
+        if !defaults.contains_key(&name) {
+            return Err(ConfigError::UnknownKey {
+                line,
+                key,
+                expected: expected(),
+            });
+        }
+        let default = &mut defaults[&name];
+        match (default, value) {
+            (toml::Value::Table(inner), toml::Value::Table(value)) => {
+                overlay(inner, value, lines, path)?;
+            }
+            // `stroke_m = 1` means 1.0.
+            (default @ toml::Value::Float(_), toml::Value::Integer(value)) => {
+                *default = toml::Value::Float(value as f64);
+            }
+            (default, value) if default.same_type(&value) => *default = value,
+            (default, value) => {
+                return Err(ConfigError::WrongType {
+                    line,
+                    key,
+                    expected: type_name(default),
+                    found: type_name(&value),
+                });
+            }
+        }
+        path.pop();
+    }
+    Ok(())
+}
+
+fn type_name(value: &toml::Value) -> &'static str {
+    match value {
+        toml::Value::String(_) => "a text",
+        toml::Value::Integer(_) => "a whole number",
+        toml::Value::Float(_) => "a number",
+        toml::Value::Boolean(_) => "true or false",
+        toml::Value::Datetime(_) => "a date",
+        toml::Value::Array(_) => "an array",
+        toml::Value::Table(_) => "a section",
+    }
+}

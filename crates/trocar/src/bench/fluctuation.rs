@@ -1,0 +1,91 @@
+//! Slow changes of a seal's force, which make repeated passes differ as they do on a real rig.
+
+use super::config::Fluctuation;
+use super::noise::{Noise, Source};
+
+/// A reversal counts as a new pass after this much travel back, m: tremor starts no new pass.
+const PASS_HYSTERESIS: f64 = 0.002;
+/// Knots of the ripple per forgetting length; between knots it is linear.
+const KNOTS_PER_LENGTH: f64 = 10.0;
+
+/// Factor on the seal force as a function of the path travelled.
+///
+/// The factor is 1 + level + ripple. Every pass draws a new level, which replaces the last one gradually over the
+/// travel, so the force never jumps. The ripple is a Gaussian process along the path, twice low-pass filtered: it
+/// follows the path, not the place, because a rod comes back turned and wetted differently, so it averages out over
+/// passes instead of being the same error in all of them.
+#[derive(Debug)]
+pub(super) struct SealLevel {
+    config: Fluctuation,
+    level_noise: Noise,
+    ripple_noise: Noise,
+    level: f64,
+    target: f64,
+    turning_point: f64,
+    direction: f64,
+    filter: [f64; 2],
+    knots: (f64, f64),
+    along: f64,
+}
+
+impl SealLevel {
+    pub(super) fn new(config: &Fluctuation, position: f64, seed: u64) -> Self {
+        let mut level_noise = Noise::new(seed, Source::PassLevel);
+        let level = config.pass_fraction * level_noise.normal();
+        let mut ripple = Self {
+            config: config.clone(),
+            level_noise,
+            ripple_noise: Noise::new(seed, Source::Ripple),
+            level,
+            target: level,
+            turning_point: position,
+            direction: 0.0,
+            filter: [0.0; 2],
+            knots: (0.0, 0.0),
+            along: 0.0,
+        };
+        // Ten forgetting lengths bring the filter into its stationary distribution.
+        for _ in 0..(10.0 * KNOTS_PER_LENGTH) as usize {
+            ripple.next_knot();
+        }
+        ripple
+    }
+
+    /// Moves on by `displacement` to `position` and returns the factor there.
+    pub(super) fn advance(&mut self, displacement: f64, position: f64) -> f64 {
+        self.watch_passes(position);
+        let travel = displacement.abs();
+        // First order in the travel of one step, which is a few micrometres against millimetres.
+        self.level += (self.target - self.level) * (travel / self.config.pass_travel_m).min(1.0);
+        self.along += travel * KNOTS_PER_LENGTH / self.config.ripple_length_m;
+        while self.along >= 1.0 {
+            self.along -= 1.0;
+            self.next_knot();
+        }
+        let (last, next) = self.knots;
+        let ripple = self.config.ripple_fraction * (last + (next - last) * self.along);
+        1.0 + self.level + ripple
+    }
+
+    fn watch_passes(&mut self, position: f64) {
+        let beyond = (position - self.turning_point) * self.direction;
+        if beyond >= 0.0 && self.direction != 0.0 {
+            self.turning_point = position;
+        } else if (position - self.turning_point).abs() > PASS_HYSTERESIS {
+            self.direction = (position - self.turning_point).signum();
+            self.turning_point = position;
+            self.target = self.config.pass_fraction * self.level_noise.normal();
+        }
+    }
+
+    fn next_knot(&mut self) {
+        let a = libm::exp(-2.0 / KNOTS_PER_LENGTH);
+        self.filter[0] = a * self.filter[0] + (1.0 - a) * self.ripple_noise.normal();
+        self.filter[1] = a * self.filter[1] + (1.0 - a) * self.filter[0];
+        // Variance of two equal first-order filters in series driven by unit white noise:
+        // (1−a)⁴ (1+a²) / (1−a²)³.
+        let squared = a * a;
+        let variance = libm::pow(1.0 - a, 4.0) * (1.0 + squared) / libm::pow(1.0 - squared, 3.0);
+        self.knots = (self.knots.1, self.filter[1] / libm::sqrt(variance));
+    }
+}

@@ -1,0 +1,273 @@
+//! Virtual test bench: the set-up of EMS section IV with any seal of ours in it.
+//!
+//! A linear motor under PI speed control (or under constant force) moves a carriage; a force sensor joins the carriage
+//! to a rod; the rod passes the seal. Motor, guide, rod and seal are integrated together, so the seal's force disturbs
+//! the motion as it does on a rig; what is recorded has passed encoder and force sensor.
+//!
+//! ```text
+//! M dv/dt  = F_motor − d·v − F_guide − F_cogging(x) + (1 − balanced)·M·g − F_gas − F_seal    M = slider + rod
+//! reading  = F_seal + F_gas + m·(dv/dt − g) + tare + noise                                  m = rod
+//! ```
+//!
+//! | symbol | meaning | unit |
+//! |--------|---------|------|
+//! | x, v | position and velocity, positive on insertion | m, m/s |
+//! | F_seal | force of the rod on the seal, sign of the motion in steady sliding | N |
+//! | F_gas | gas pressure on the rod's cross-section, pushes the rod out | N |
+//! | d | drag of guide and eddy currents | N s/m |
+//! | g | gravity component in the direction of insertion | m/s² |
+//!
+//! - **Integration**: semi-implicit Euler at `sample_rate_hz · substeps`; the seal is stepped by displacement.
+//! - **Reproducible**: the same configuration, seal and seed give the same bytes; every noise source has its own stream.
+//! - **Deliberately absent**: elasticity of rod and frame, heating of the motor, communication delays.
+
+pub mod config;
+mod fluctuation;
+mod motion;
+mod noise;
+pub mod random;
+mod rig;
+mod sensors;
+
+pub use config::{BenchConfig, ConfigError};
+pub use random::{PlausibleSeals, random_plausible_seal, random_seal};
+
+use core::fmt;
+use core::str::FromStr;
+
+use thiserror::Error;
+use trocar_model::Element;
+
+use motion::Reference;
+use rig::{Push, RigState};
+use sensors::{ForceReading, PositionSensor};
+
+/// Experiments of the bench.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Protocol {
+    /// Cycles at constant speed, faster each time: steady-state identification, EMS section IV-A.
+    Steady,
+    /// Cycles under constant motor force: identification of the deformation force, EMS section IV-B.
+    Dynamic,
+    /// Short cycles at constant speed: cross-validation, EMS section IV-C.
+    Validation,
+    /// One reversal of speed, EMS figure 3.
+    Step,
+    /// Hand-like motion: sub-movements, holds, small reversals, tremor.
+    Surgeon,
+}
+
+impl Protocol {
+    /// All protocols, in the order in which an identification uses them.
+    pub const ALL: [Self; 5] = [
+        Self::Steady,
+        Self::Dynamic,
+        Self::Validation,
+        Self::Step,
+        Self::Surgeon,
+    ];
+
+    /// Name in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Steady => "steady",
+            Self::Dynamic => "dynamic",
+            Self::Validation => "validation",
+            Self::Step => "step",
+            Self::Surgeon => "surgeon",
+        }
+    }
+}
+
+impl fmt::Display for Protocol {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A word that names no protocol.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("unknown protocol {0:?}, expected steady, dynamic, validation, step or surgeon")]
+pub struct UnknownProtocol(pub String);
+
+impl FromStr for Protocol {
+    type Err = UnknownProtocol;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .into_iter()
+            .find(|protocol| protocol.name() == name)
+            .ok_or_else(|| UnknownProtocol(name.to_owned()))
+    }
+}
+
+/// What a rig records, one entry per sample and column, and what only a simulation knows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BenchRun {
+    /// Time since the first sample, s.
+    pub time: Vec<f64>,
+    /// Encoder position, m: whole counts.
+    pub position: Vec<f64>,
+    /// Speed reported by the drive, m/s.
+    pub velocity: Vec<f64>,
+    /// Reading of the force sensor, N.
+    pub force: Vec<f64>,
+    /// The truth behind the columns.
+    pub truth: Truth,
+    /// What happened that an experimenter should know.
+    pub events: RigEvents,
+}
+
+/// The truth behind a record, one entry per sample and column.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Truth {
+    /// Position, m.
+    pub position: Vec<f64>,
+    /// Velocity, m/s.
+    pub velocity: Vec<f64>,
+    /// Acceleration, m/s².
+    pub acceleration: Vec<f64>,
+    /// Speed that the controller was asked to follow, m/s; zero under constant force.
+    pub reference_velocity: Vec<f64>,
+    /// Force of the motor on the carriage, N.
+    pub motor_force: Vec<f64>,
+    /// Force of the rod on the seal, with its slow fluctuation, N.
+    pub seal_force: Vec<f64>,
+    /// Deflection of each element, m: `deflections[element][sample]`.
+    pub deflections: Vec<Vec<f64>>,
+}
+
+/// What happened during a run that an experimenter should know.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RigEvents {
+    /// Samples at which the force sensor was saturated.
+    pub saturated_samples: usize,
+    /// Integration steps in which the motor gave less force than the controller asked for.
+    pub motor_limited_steps: usize,
+    /// Times that the carriage ran into a safety stop.
+    pub stop_hits: usize,
+    /// Motor force on insertion and on withdrawal of `dynamic`, N; both zero in the other protocols.
+    pub push: (f64, f64),
+}
+
+/// Why a run did not end.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum BenchError {
+    /// The configuration is out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A pass under constant force did not reach the end of its stroke.
+    #[error(
+        "the instrument stalled at {position} m in pass {pass} of dynamic: {push} N did not move it over the stroke \
+         within pass_timeout_s\n\nhint: raise protocol.dynamic.sliding_speed_m_s, or motor.peak_force_n"
+    )]
+    Stalled {
+        /// Pass, from 1.
+        pass: u32,
+        /// Position at the end of the time, m.
+        position: f64,
+        /// Motor force, N.
+        push: f64,
+    },
+}
+
+/// Runs one protocol with `seal`, the elements of a seal in parallel (none: the rig alone).
+///
+/// Before the first sample the rig homes by a withdrawal (see `rig.homing_m`), so the seal starts bent backwards.
+/// A closed cycle ends where it began only as far as the controller follows.
+///
+/// # Errors
+/// [`BenchError::Config`] when a value is out of range, [`BenchError::Stalled`] when constant force does not move the
+/// instrument.
+pub fn run(
+    config: &BenchConfig,
+    protocol: Protocol,
+    seal: &[Element],
+    seed: u64,
+) -> Result<BenchRun, BenchError> {
+    config.validate()?;
+    let mut rig = RigState::new(config, seal, seed);
+    rig.home();
+    let mut log = Log::new(config, seal.len(), seed);
+    let protocols = &config.protocol;
+    match protocol {
+        Protocol::Steady => rig.follow(Reference::speed_cycles(&protocols.steady), &mut log),
+        Protocol::Validation => {
+            rig.follow(Reference::speed_cycles(&protocols.validation), &mut log);
+        }
+        Protocol::Step => rig.follow(Reference::step(&protocols.step), &mut log),
+        Protocol::Surgeon => rig.follow(Reference::surgeon(&protocols.surgeon, seed), &mut log),
+        Protocol::Dynamic => rig.push(Push::new(config, seal), &mut log)?,
+    }
+    Ok(log.finish(rig.events()))
+}
+
+/// Collects samples through the instruments.
+struct Log {
+    sample_rate: f64,
+    rod_mass: f64,
+    gravity: f64,
+    gas_force: f64,
+    position_sensor: PositionSensor,
+    force_reading: ForceReading,
+    run: BenchRun,
+}
+
+impl Log {
+    fn new(config: &BenchConfig, elements: usize, seed: u64) -> Self {
+        let sample_rate = config.rig.sample_rate_hz;
+        Self {
+            sample_rate,
+            rod_mass: config.rod.mass_kg,
+            gravity: config.rod.gravity_m_s2,
+            gas_force: config.rod.gas_force(),
+            position_sensor: PositionSensor::new(&config.encoder, seed),
+            force_reading: ForceReading::new(&config.force_sensor, sample_rate, seed),
+            run: BenchRun {
+                time: Vec::new(),
+                position: Vec::new(),
+                velocity: Vec::new(),
+                force: Vec::new(),
+                truth: Truth {
+                    deflections: vec![Vec::new(); elements],
+                    ..Truth::default()
+                },
+                events: RigEvents::default(),
+            },
+        }
+    }
+
+    fn sample(&mut self, rig: &RigState<'_>) {
+        let inertia = self.rod_mass * (rig.acceleration() - self.gravity);
+        let load = rig.seal_force() + self.gas_force + inertia;
+        let (reading, saturated) = self.force_reading.read(load);
+        let run = &mut self.run;
+        run.events.saturated_samples += usize::from(saturated);
+        run.time.push(run.time.len() as f64 / self.sample_rate);
+        run.position
+            .push(self.position_sensor.position(rig.position()));
+        run.velocity
+            .push(self.position_sensor.speed(rig.velocity()));
+        run.force.push(reading);
+        let truth = &mut run.truth;
+        truth.position.push(rig.position());
+        truth.velocity.push(rig.velocity());
+        truth.acceleration.push(rig.acceleration());
+        truth.reference_velocity.push(rig.reference_velocity());
+        truth.motor_force.push(rig.motor_force());
+        truth.seal_force.push(rig.seal_force());
+        for (column, deflection) in truth.deflections.iter_mut().zip(rig.deflections()) {
+            column.push(deflection);
+        }
+    }
+
+    fn finish(self, events: RigEvents) -> BenchRun {
+        let mut run = self.run;
+        run.events = RigEvents {
+            saturated_samples: run.events.saturated_samples,
+            ..events
+        };
+        run
+    }
+}

@@ -1,0 +1,199 @@
+//! Speed references: trapezoids, the velocity step, and the hand of a surgeon.
+
+use super::config::{BenchConfig, SpeedCycles, Surgeon, VelocityStep};
+use super::noise::{Noise, Source};
+
+/// Number of sinusoids that make up the tremor: enough that its level wanders as a hand's does.
+const TREMOR_LINES: usize = 8;
+/// Time over which the tremor fades in, s: a record starts from rest.
+const TREMOR_FADE: f64 = 0.5;
+
+/// One piece of a speed reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Piece {
+    /// Speed changes linearly; constant speed and rest are the case of equal ends.
+    Ramp { from: f64, to: f64 },
+    /// Minimum-jerk sub-movement over `distance`: position follows 10 s³ − 15 s⁴ + 6 s⁵.
+    MinimumJerk { distance: f64 },
+}
+
+/// Tremor as a sum of lines in its band, as (angular frequency, speed amplitude, phase).
+#[derive(Debug, Clone)]
+struct Tremor([(f64, f64, f64); TREMOR_LINES]);
+
+impl Tremor {
+    fn new(surgeon: &Surgeon, noise: &mut Noise) -> Self {
+        let amplitude = surgeon.tremor_rms_m * libm::sqrt(2.0 / TREMOR_LINES as f64);
+        Self(core::array::from_fn(|_| {
+            let rate = core::f64::consts::TAU
+                * noise.uniform(surgeon.tremor_low_hz, surgeon.tremor_high_hz);
+            let phase = noise.uniform(0.0, core::f64::consts::TAU);
+            (rate, amplitude * rate, phase)
+        }))
+    }
+
+    fn velocity(&self, time: f64) -> f64 {
+        let fade = (time / TREMOR_FADE).min(1.0);
+        let lines = self.0.iter();
+        fade * lines
+            .map(|(rate, amplitude, phase)| amplitude * libm::cos(rate * time + phase))
+            .sum::<f64>()
+    }
+}
+
+/// Speed to follow as a function of time. Asked in the order of time.
+#[derive(Debug, Clone)]
+pub(super) struct Reference {
+    /// Pieces with the time at which each begins.
+    pieces: Vec<(f64, f64, Piece)>,
+    duration: f64,
+    tremor: Option<Tremor>,
+    current: usize,
+}
+
+impl Reference {
+    fn empty() -> Self {
+        Self {
+            pieces: Vec::new(),
+            duration: 0.0,
+            tremor: None,
+            current: 0,
+        }
+    }
+
+    fn push(&mut self, duration: f64, piece: Piece) {
+        if duration > 0.0 {
+            self.pieces.push((self.duration, duration, piece));
+            self.duration += duration;
+        }
+    }
+
+    fn hold(&mut self, duration: f64) {
+        self.push(duration, Piece::Ramp { from: 0.0, to: 0.0 });
+    }
+
+    /// From rest to rest over `stroke` (positive) in the direction of `velocity`.
+    fn pass(&mut self, velocity: f64, stroke: f64, acceleration: f64) {
+        let ramp = velocity.abs() / acceleration;
+        let constant = stroke / velocity.abs() - ramp;
+        self.push(
+            ramp,
+            Piece::Ramp {
+                from: 0.0,
+                to: velocity,
+            },
+        );
+        self.push(
+            constant,
+            Piece::Ramp {
+                from: velocity,
+                to: velocity,
+            },
+        );
+        self.push(
+            ramp,
+            Piece::Ramp {
+                from: velocity,
+                to: 0.0,
+            },
+        );
+    }
+
+    /// Cycles of growing speed.
+    pub(super) fn speed_cycles(cycles: &SpeedCycles) -> Self {
+        let mut reference = Self::empty();
+        for speed in cycles.speeds() {
+            for _ in 0..cycles.cycles_per_speed {
+                for velocity in [speed, -speed] {
+                    reference.pass(velocity, cycles.stroke_m, cycles.acceleration_m_s2);
+                    reference.hold(cycles.dwell_s);
+                }
+            }
+        }
+        reference
+    }
+
+    /// One speed in, another out.
+    pub(super) fn step(step: &VelocityStep) -> Self {
+        let mut reference = Self::empty();
+        for velocity in [step.insertion_speed_m_s, -step.withdrawal_speed_m_s] {
+            reference.pass(velocity, step.stroke_m, step.acceleration_m_s2);
+        }
+        reference
+    }
+
+    /// Withdrawal to the start position, then rest.
+    pub(super) fn homing(config: &BenchConfig) -> Self {
+        let rig = &config.rig;
+        let mut reference = Self::empty();
+        if rig.homing_m > 0.0 {
+            // Half of the way at most is spent on ramps, so that the constant part exists for any length.
+            let acceleration = rig.homing_speed_m_s * rig.homing_speed_m_s / (0.5 * rig.homing_m);
+            reference.pass(-rig.homing_speed_m_s, rig.homing_m, acceleration);
+        }
+        reference.hold(rig.homing_hold_s);
+        reference
+    }
+
+    /// Sub-movements, holds and small reversals in random order, with tremor.
+    pub(super) fn surgeon(surgeon: &Surgeon, seed: u64) -> Self {
+        let mut noise = Noise::new(seed, Source::Movement);
+        let mut reference = Self::empty();
+        let mut place = 0.0;
+        let mut direction = 1.0;
+        while reference.duration < surgeon.duration_s {
+            let choice = noise.unit();
+            if choice < surgeon.hold_probability {
+                reference.hold(noise.uniform(surgeon.hold_shortest_s, surgeon.hold_longest_s));
+                continue;
+            }
+            let distance;
+            if choice < surgeon.hold_probability + surgeon.reversal_probability {
+                distance = noise.uniform(surgeon.reversal_shortest_m, surgeon.reversal_longest_m);
+                direction = -direction;
+            } else {
+                distance = noise.log_uniform(surgeon.shortest_m, surgeon.longest_m);
+                direction = noise.sign();
+            }
+            if !(0.0..=surgeon.range_m).contains(&(place + direction * distance)) {
+                direction = -direction;
+            }
+            let mean_speed = noise.uniform(surgeon.slowest_m_s, surgeon.fastest_m_s);
+            let duration = (distance / mean_speed).max(surgeon.quickest_s);
+            place += direction * distance;
+            reference.push(
+                duration,
+                Piece::MinimumJerk {
+                    distance: direction * distance,
+                },
+            );
+        }
+        reference.duration = surgeon.duration_s;
+        reference.tremor = Some(Tremor::new(surgeon, &mut Noise::new(seed, Source::Tremor)));
+        reference
+    }
+
+    /// Length of the reference in s.
+    pub(super) fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    /// Speed to follow at `time` (not before the last one asked), in m/s.
+    pub(super) fn velocity(&mut self, time: f64) -> f64 {
+        while self.current < self.pieces.len() {
+            let (begin, duration, piece) = self.pieces[self.current];
+            if time < begin + duration {
+                let s = (time - begin) / duration;
+                let movement = match piece {
+                    Piece::Ramp { from, to } => from + (to - from) * s,
+                    Piece::MinimumJerk { distance } => {
+                        30.0 * distance / duration * s * s * (1.0 - s) * (1.0 - s)
+                    }
+                };
+                return movement + self.tremor.as_ref().map_or(0.0, |t| t.velocity(time));
+            }
+            self.current += 1;
+        }
+        0.0
+    }
+}

@@ -1,0 +1,263 @@
+//! Motor, guide, rod and seal, integrated together.
+
+use trocar_model::{Element, SlidingFriction, State, step_parallel};
+
+use super::config::{BenchConfig, Controller, Motor, PushCycles};
+use super::fluctuation::SealLevel;
+use super::motion::Reference;
+use super::{BenchError, Log, RigEvents};
+
+/// PI speed controller; holds its integral while the motor is at its limit and the error pushes further.
+#[derive(Debug)]
+struct SpeedControl {
+    gains: Controller,
+    integral: f64,
+}
+
+impl SpeedControl {
+    fn command(&mut self, error: f64, duration: f64, limit: (f64, f64)) -> f64 {
+        let raised = self.integral + self.gains.integral_n_m * error * duration;
+        let command = self.gains.proportional_n_s_m * error + raised;
+        let winding_up = (command > limit.1 && error > 0.0) || (command < limit.0 && error < 0.0);
+        if winding_up {
+            self.gains.proportional_n_s_m * error + self.integral
+        } else {
+            self.integral = raised;
+            command
+        }
+    }
+}
+
+/// Constant force in, constant force out, reversed at the ends of the stroke.
+#[derive(Debug)]
+pub(super) struct Push {
+    cycles: PushCycles,
+    insertion: f64,
+    withdrawal: f64,
+}
+
+impl Push {
+    /// The force that keeps this seal and the guide sliding at the speed asked for, as an operator would find it.
+    pub(super) fn new(config: &BenchConfig, seal: &[Element]) -> Self {
+        let cycles = config.protocol.dynamic.clone();
+        let motor = &config.motor;
+        let speed = cycles.sliding_speed_m_s;
+        let guide = motor.drag_n_s_m * speed + motor.guide_friction_n;
+        let total = |friction: fn(&Element) -> &SlidingFriction| {
+            guide
+                + seal
+                    .iter()
+                    .map(|element| friction(element).force(speed))
+                    .sum::<f64>()
+        };
+        // Weight that no counterbalance carries and gas pressure act in both directions alike.
+        let moving_mass = motor.slider_mass_kg + config.rod.mass_kg;
+        let carried = (1.0 - motor.balanced_fraction) * moving_mass * config.rod.gravity_m_s2;
+        let bias = config.rod.gas_force() - carried;
+        Self {
+            insertion: total(|element| &element.params().insertion) + bias,
+            withdrawal: -total(|element| &element.params().withdrawal) + bias,
+            cycles,
+        }
+    }
+}
+
+/// The moving rig.
+#[derive(Debug)]
+pub(super) struct RigState<'a> {
+    config: &'a BenchConfig,
+    seal: &'a [Element],
+    states: Vec<State>,
+    level: SealLevel,
+    control: SpeedControl,
+    moving_mass: f64,
+    step_duration: f64,
+    force_lag: f64,
+    position: f64,
+    velocity: f64,
+    acceleration: f64,
+    reference_velocity: f64,
+    motor_force: f64,
+    seal_force: f64,
+    events: RigEvents,
+}
+
+impl<'a> RigState<'a> {
+    /// At rest, as far in front of the start as homing goes, in a seal that was never moved.
+    pub(super) fn new(config: &'a BenchConfig, seal: &'a [Element], seed: u64) -> Self {
+        let rig = &config.rig;
+        let step_duration = 1.0 / (rig.sample_rate_hz * f64::from(rig.substeps));
+        let position = rig.start_m + rig.homing_m;
+        let states: Vec<State> = seal.iter().map(|element| element.rest_state(0.0)).collect();
+        let lag = -libm::expm1(-step_duration / config.motor.force_time_constant_s);
+        let mut this = Self {
+            config,
+            seal,
+            level: SealLevel::new(&config.fluctuation, position, seed),
+            control: SpeedControl {
+                gains: config.controller.clone(),
+                integral: 0.0,
+            },
+            moving_mass: config.motor.slider_mass_kg + config.rod.mass_kg,
+            step_duration,
+            force_lag: lag,
+            position,
+            velocity: 0.0,
+            acceleration: 0.0,
+            reference_velocity: 0.0,
+            motor_force: 0.0,
+            seal_force: states.iter().map(State::force).sum(),
+            states,
+            events: RigEvents::default(),
+        };
+        // The drive holds the load when it is switched on: no jerk at the start.
+        let load = this.load();
+        this.motor_force = load;
+        this.control.integral = load;
+        this
+    }
+
+    pub(super) fn position(&self) -> f64 {
+        self.position
+    }
+
+    pub(super) fn velocity(&self) -> f64 {
+        self.velocity
+    }
+
+    pub(super) fn acceleration(&self) -> f64 {
+        self.acceleration
+    }
+
+    pub(super) fn reference_velocity(&self) -> f64 {
+        self.reference_velocity
+    }
+
+    pub(super) fn motor_force(&self) -> f64 {
+        self.motor_force
+    }
+
+    pub(super) fn seal_force(&self) -> f64 {
+        self.seal_force
+    }
+
+    pub(super) fn deflections(&self) -> impl Iterator<Item = f64> + '_ {
+        self.states.iter().map(State::deflection)
+    }
+
+    pub(super) fn events(&self) -> RigEvents {
+        self.events
+    }
+
+    /// Withdraws to the start and rests, unrecorded.
+    pub(super) fn home(&mut self) {
+        let mut reference = Reference::homing(self.config);
+        let steps = (reference.duration() / self.step_duration).ceil() as usize;
+        for i in 0..steps {
+            self.speed_step(reference.velocity(i as f64 * self.step_duration));
+        }
+        self.events = RigEvents::default();
+    }
+
+    /// Follows `reference` under speed control from the first to the last sample.
+    pub(super) fn follow(&mut self, mut reference: Reference, log: &mut Log) {
+        let rig = &self.config.rig;
+        // The hair keeps a duration of a whole number of samples from being rounded up to one more.
+        let samples = (reference.duration() * rig.sample_rate_hz - 1e-6).ceil() as usize;
+        self.reference_velocity = reference.velocity(0.0);
+        log.sample(self);
+        for sample in 0..samples {
+            for substep in 0..rig.substeps as usize {
+                let step = sample * rig.substeps as usize + substep;
+                self.speed_step(reference.velocity(step as f64 * self.step_duration));
+            }
+            log.sample(self);
+        }
+    }
+
+    /// Pushes back and forth with constant force.
+    pub(super) fn push(&mut self, push: Push, log: &mut Log) -> Result<(), BenchError> {
+        let rig = &self.config.rig;
+        self.reference_velocity = 0.0;
+        self.events.push = (push.insertion, push.withdrawal);
+        let longest_pass = (push.cycles.pass_timeout_s * rig.sample_rate_hz).ceil() as usize;
+        let (near, far) = (rig.start_m, rig.start_m + push.cycles.stroke_m);
+        log.sample(self);
+        for pass in 0..2 * push.cycles.cycles {
+            let (force, inward) = match pass % 2 {
+                0 => (push.insertion, true),
+                _ => (push.withdrawal, false),
+            };
+            let arrived = |x: f64| if inward { x >= far } else { x <= near };
+            let mut samples = 0;
+            while !arrived(self.position) {
+                if samples == longest_pass {
+                    return Err(BenchError::Stalled {
+                        pass: pass + 1,
+                        position: self.position,
+                        push: force,
+                    });
+                }
+                for _ in 0..rig.substeps {
+                    self.step(force);
+                }
+                log.sample(self);
+                samples += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn speed_step(&mut self, reference_velocity: f64) {
+        self.reference_velocity = reference_velocity;
+        let limit = force_limits(&self.config.motor, self.velocity);
+        let error = reference_velocity - self.velocity;
+        let command = self.control.command(error, self.step_duration, limit);
+        self.step(command);
+    }
+
+    /// One step of semi-implicit Euler: velocity from the forces at its start, position from the new velocity.
+    fn step(&mut self, command: f64) {
+        let dt = self.step_duration;
+        let (lowest, highest) = force_limits(&self.config.motor, self.velocity);
+        let possible = command.clamp(lowest, highest);
+        self.events.motor_limited_steps += usize::from(possible != command);
+        self.motor_force += self.force_lag * (possible - self.motor_force);
+        let velocity = self.velocity + dt * (self.motor_force - self.load()) / self.moving_mass;
+        let free = self.position + dt * velocity;
+        // Safety stops catch the carriage without rebound.
+        let reached = free.clamp(0.0, self.config.rig.stroke_limit_m);
+        let stopped = reached != free;
+        self.events.stop_hits += usize::from(stopped && self.velocity != 0.0);
+        let velocity = if stopped { 0.0 } else { velocity };
+        let displacement = reached - self.position;
+        self.acceleration = (velocity - self.velocity) / dt;
+        self.velocity = velocity;
+        self.position = reached;
+        let force = step_parallel(self.seal, &mut self.states, displacement, dt);
+        self.seal_force = force * self.level.advance(displacement, reached);
+    }
+
+    /// Everything that the motor works against apart from inertia, N.
+    fn load(&self) -> f64 {
+        let motor = &self.config.motor;
+        let rod = &self.config.rod;
+        let guide = motor.drag_n_s_m * self.velocity
+            // Smooth through rest, so that the guide creeps instead of sticking.
+            + motor.guide_friction_n * libm::tanh(self.velocity / motor.guide_creep_m_s);
+        let phase = core::f64::consts::TAU * self.position / motor.cogging_pitch_m;
+        let cogging = motor.cogging_n * libm::sin(phase);
+        let weight = (1.0 - motor.balanced_fraction) * self.moving_mass * rod.gravity_m_s2;
+        guide + cogging - weight + rod.gas_force() + self.seal_force
+    }
+}
+
+/// Lowest and highest force of the motor at `velocity`: back-EMF takes from the force that drives the motion on.
+fn force_limits(motor: &Motor, velocity: f64) -> (f64, f64) {
+    let ratio = velocity / motor.no_load_speed_m_s;
+    let peak = motor.peak_force_n;
+    (
+        -peak * (1.0 + ratio).clamp(0.0, 1.0),
+        peak * (1.0 - ratio).clamp(0.0, 1.0),
+    )
+}

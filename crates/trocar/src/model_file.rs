@@ -1,0 +1,535 @@
+//! `model.json`: a seal as a file, with units in its keys and its origin inside.
+//!
+//! The form is described by `schema/model.schema.json` (JSON Schema, draft 2020-12). The schema says which keys and
+//! kinds of values a file has; reading also checks what a schema cannot say, such as continuous branches.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SealDamping,
+    SlidingFriction,
+};
+
+/// Value of the key `format`.
+pub const FORMAT: &str = "trocar-model";
+/// Version written, and the newest one read.
+pub const VERSION: u32 = 1;
+
+/// Largest difference between a joint and the ends of its pieces, as a part of the half width.
+const INTERVAL_TOLERANCE: f64 = 1e-9;
+
+/// A seal with its origin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelFile {
+    /// Elements in parallel, at least one.
+    pub elements: Vec<Element>,
+    /// What made the model.
+    pub origin: Origin,
+    /// The sensor of the recordings behind the model; not part of the seal's force.
+    pub sensor: Option<SensorInfo>,
+    /// Intervals of identified parameters by name with unit, such as `coulomb_force_n`; may be empty.
+    pub intervals: BTreeMap<String, Interval>,
+}
+
+/// How a model came about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OriginKind {
+    /// Estimated from recordings.
+    Identified,
+    /// Made up so as to be plausible; describes no particular trocar.
+    Plausible,
+    /// Written or changed by hand.
+    HandMade,
+}
+
+/// What made a model.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// How the model came about.
+    pub kind: OriginKind,
+    /// Program and version.
+    pub program: String,
+    /// Seed of everything random in the making, if anything was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// Remarks for people.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+    /// Recordings behind the model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<RecordingInfo>,
+}
+
+impl Origin {
+    /// Origin with this program's version and nothing else.
+    pub fn new(kind: OriginKind) -> Self {
+        Self {
+            kind,
+            program: concat!("trocar ", env!("CARGO_PKG_VERSION")).to_owned(),
+            seed: None,
+            note: None,
+            recordings: Vec::new(),
+        }
+    }
+}
+
+/// A recording behind a model.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordingInfo {
+    /// File name.
+    pub name: String,
+    /// SHA-256 of the file's bytes, 64 lower-case hexadecimal digits.
+    pub sha256: String,
+}
+
+/// The sensor of the recordings behind a model.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorInfo {
+    /// Reading without any force of the seal, N.
+    pub offset_n: f64,
+    /// Mass between sensor and seal, kg, ≥ 0.
+    pub moving_mass_kg: f64,
+}
+
+/// An estimate with its 95 % interval, in the unit of the parameter's name.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Interval {
+    /// Estimate.
+    pub value: f64,
+    /// Lower and upper end; `None` where the data set no bound.
+    pub ci95: [Option<f64>; 2],
+}
+
+/// Why a file is not a model.
+#[non_exhaustive]
+#[derive(Debug, Error)]
+pub enum ModelFileError {
+    /// The file cannot be read.
+    #[error("cannot read the model: {0}")]
+    Unreadable(#[from] io::Error),
+    /// The text is not JSON.
+    #[error("line {line} column {column}: not JSON: {what}")]
+    NotJson {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the parser met.
+        what: String,
+    },
+    /// JSON of another kind.
+    #[error("not a model: the key \"format\" must be \"trocar-model\", got {found}")]
+    WrongFormat {
+        /// What was found.
+        found: String,
+    },
+    /// A file of a newer program.
+    #[error(
+        "written by a newer trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar"
+    )]
+    Newer {
+        /// Version found.
+        found: u64,
+    },
+    /// A version that never existed.
+    #[error("the key \"version\" must be {VERSION}, got {found}")]
+    WrongVersion {
+        /// What was found.
+        found: String,
+    },
+    /// A key is missing, unknown or holds another kind of value.
+    #[error("line {line} column {column}: {what}")]
+    WrongKey {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// Keys and kinds are right, but a value is not possible.
+    #[error("{place}: {what}")]
+    Value {
+        /// Where in the file, such as `elements[0].deformation.rising`.
+        place: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// Parameters that make no seal.
+    #[error("{place}: {source}")]
+    Parameter {
+        /// Where in the file.
+        place: String,
+        /// What is wrong.
+        source: ParamError,
+    },
+    /// An error, with the file it was met in.
+    #[error("{}: {source}", path.display())]
+    InFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<ModelFileError>,
+    },
+}
+
+impl ModelFile {
+    /// A model of `elements` without sensor and intervals.
+    pub fn new(elements: Vec<Element>, origin: Origin) -> Self {
+        Self {
+            elements,
+            origin,
+            sensor: None,
+            intervals: BTreeMap::new(),
+        }
+    }
+
+    /// The plausible one-stage 10.5 mm trocar, marked as plausible.
+    ///
+    /// # Errors
+    /// None in practice: the values are constants, and a test builds them.
+    pub fn plausible_10_5_mm() -> Result<Self, ParamError> {
+        let element = Element::new(ElementParams::plausible_10_5_mm()?)?;
+        let mut origin = Origin::new(OriginKind::Plausible);
+        origin.note = Some("made-up one-stage 10.5 mm trocar; no trocar was measured".to_owned());
+        Ok(Self::new(vec![element], origin))
+    }
+
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// [`ModelFileError::InFile`] around what [`ModelFile::from_json`] or the operating system says.
+    pub fn read(path: &Path) -> Result<Self, ModelFileError> {
+        let read = || Self::from_json(&fs::read_to_string(path)?);
+        read().map_err(|source| ModelFileError::InFile {
+            path: path.to_owned(),
+            source: Box::new(source),
+        })
+    }
+
+    /// Reads and checks the text of a model file.
+    ///
+    /// # Errors
+    /// See [`ModelFileError`]: no JSON, another format, a newer version, keys, values, parameters.
+    pub fn from_json(text: &str) -> Result<Self, ModelFileError> {
+        check_header(text)?;
+        let document: Document = serde_json::from_str(text).map_err(wrong_key)?;
+        document.into_model()
+    }
+
+    /// The text of a model file: the same model gives the same text, and reading it gives the same model.
+    pub fn to_json(&self) -> String {
+        let document = Document::from_model(self);
+        let mut text = serde_json::to_string_pretty(&document).expect("every key is a string");
+        text.push('\n');
+        text
+    }
+}
+
+/// Format and version first: a newer file may differ in any other key.
+fn check_header(text: &str) -> Result<(), ModelFileError> {
+    let value: serde_json::Value =
+        serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
+            line: error.line(),
+            column: error.column(),
+            what: without_place(&error),
+        })?;
+    let shown = |key: &str| {
+        value
+            .get(key)
+            .map_or_else(|| "nothing".to_owned(), ToString::to_string)
+    };
+    if value.get("format").and_then(|format| format.as_str()) != Some(FORMAT) {
+        return Err(ModelFileError::WrongFormat {
+            found: shown("format"),
+        });
+    }
+    match value.get("version").and_then(serde_json::Value::as_u64) {
+        Some(version) if version == u64::from(VERSION) => Ok(()),
+        Some(found) if found > u64::from(VERSION) => Err(ModelFileError::Newer { found }),
+        _ => Err(ModelFileError::WrongVersion {
+            found: shown("version"),
+        }),
+    }
+}
+
+fn wrong_key(error: serde_json::Error) -> ModelFileError {
+    ModelFileError::WrongKey {
+        line: error.line(),
+        column: error.column(),
+        what: without_place(&error),
+    }
+}
+
+/// The parser's message without its " at line L column C".
+fn without_place(error: &serde_json::Error) -> String {
+    let message = error.to_string();
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    message.strip_suffix(&place).unwrap_or(&message).to_owned()
+}
+
+/// The file as it is written.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    format: String,
+    version: u32,
+    origin: Origin,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sensor: Option<SensorInfo>,
+    elements: Vec<ElementText>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    intervals: BTreeMap<String, Interval>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ElementText {
+    deformation: DeformationText,
+    seal_damping: DampingText,
+    insertion: FrictionText,
+    withdrawal: FrictionText,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DeformationText {
+    half_width_m: f64,
+    yield_stiffness_n_m: f64,
+    rising: BranchText,
+    falling: BranchText,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BranchText {
+    join_m: f64,
+    pieces: [PieceText; 2],
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PieceText {
+    from_m: f64,
+    to_m: f64,
+    legendre_n: Vec<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DampingText {
+    constant_n_s_m: f64,
+    linear_n_s2_m2: f64,
+    quadratic_n_s3_m3: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrictionText {
+    coulomb_force_n: f64,
+    static_force_n: f64,
+    stribeck_velocity_m_s: f64,
+    stribeck_exponent: f64,
+    viscous_damping_n_s_m: f64,
+}
+
+impl Document {
+    fn from_model(model: &ModelFile) -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            origin: model.origin.clone(),
+            sensor: model.sensor,
+            elements: model
+                .elements
+                .iter()
+                .map(|element| ElementText::from(element.params()))
+                .collect(),
+            intervals: model.intervals.clone(),
+        }
+    }
+
+    fn into_model(self) -> Result<ModelFile, ModelFileError> {
+        if self.elements.is_empty() {
+            return Err(impossible("elements", "a model needs at least one element"));
+        }
+        let elements = self.elements.iter().enumerate();
+        let elements: Result<Vec<Element>, _> = elements
+            .map(|(i, element)| element.element(&format!("elements[{i}]")))
+            .collect();
+        for (i, recording) in self.origin.recordings.iter().enumerate() {
+            check_hash(&recording.sha256, &format!("origin.recordings[{i}].sha256"))?;
+        }
+        if let Some(sensor) = self.sensor
+            && sensor.moving_mass_kg < 0.0
+        {
+            let what = format!("must not be negative, got {} kg", sensor.moving_mass_kg);
+            return Err(impossible("sensor.moving_mass_kg", &what));
+        }
+        for (name, interval) in &self.intervals {
+            check_interval(name, interval)?;
+        }
+        Ok(ModelFile {
+            elements: elements?,
+            origin: self.origin,
+            sensor: self.sensor,
+            intervals: self.intervals,
+        })
+    }
+}
+
+fn impossible(place: &str, what: &str) -> ModelFileError {
+    ModelFileError::Value {
+        place: place.to_owned(),
+        what: what.to_owned(),
+    }
+}
+
+fn check_hash(hash: &str, place: &str) -> Result<(), ModelFileError> {
+    let digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
+    if hash.len() == 64 && hash.bytes().all(digit) {
+        return Ok(());
+    }
+    let what = format!("must be 64 lower-case hexadecimal digits, got {hash:?}");
+    Err(impossible(place, &what))
+}
+
+fn check_interval(name: &str, interval: &Interval) -> Result<(), ModelFileError> {
+    let [low, high] = interval.ci95;
+    let ordered = low.is_none_or(|low| low <= interval.value)
+        && high.is_none_or(|high| interval.value <= high);
+    if ordered {
+        return Ok(());
+    }
+    let what = format!("value {} lies outside its own interval", interval.value);
+    Err(impossible(&format!("intervals.{name}"), &what))
+}
+
+impl From<&ElementParams> for ElementText {
+    fn from(params: &ElementParams) -> Self {
+        let force = &params.deformation;
+        let [constant, linear, quadratic] = params.damping.coefficients;
+        Self {
+            deformation: DeformationText {
+                half_width_m: force.half_width(),
+                yield_stiffness_n_m: force.yield_stiffness(),
+                rising: BranchText::from(force.rising()),
+                falling: BranchText::from(force.falling()),
+            },
+            seal_damping: DampingText {
+                constant_n_s_m: constant,
+                linear_n_s2_m2: linear,
+                quadratic_n_s3_m3: quadratic,
+            },
+            insertion: FrictionText::from(&params.insertion),
+            withdrawal: FrictionText::from(&params.withdrawal),
+        }
+    }
+}
+
+impl ElementText {
+    fn element(&self, place: &str) -> Result<Element, ModelFileError> {
+        let deformation = self.deformation.force(&format!("{place}.deformation"))?;
+        let damping = &self.seal_damping;
+        let params = ElementParams {
+            deformation,
+            damping: SealDamping {
+                coefficients: [
+                    damping.constant_n_s_m,
+                    damping.linear_n_s2_m2,
+                    damping.quadratic_n_s3_m3,
+                ],
+            },
+            insertion: self.insertion.friction(),
+            withdrawal: self.withdrawal.friction(),
+        };
+        Element::new(params).map_err(parameter(place))
+    }
+}
+
+/// Puts the place in front of what the model says.
+fn parameter(place: &str) -> impl Fn(ParamError) -> ModelFileError {
+    move |source| ModelFileError::Parameter {
+        place: place.to_owned(),
+        source,
+    }
+}
+
+impl DeformationText {
+    fn force(&self, place: &str) -> Result<DeformationForce, ModelFileError> {
+        let rising = self.rising.branch(&format!("{place}.rising"))?;
+        let falling = self.falling.branch(&format!("{place}.falling"))?;
+        let force = DeformationForce::new(rising, falling, Some(self.yield_stiffness_n_m))
+            .map_err(parameter(place))?;
+        let (c, stated) = (force.half_width(), self.half_width_m);
+        if (c - stated).abs() > INTERVAL_TOLERANCE * c {
+            let what = format!("half_width_m is {stated}, but the pieces end at {c}");
+            return Err(impossible(place, &what));
+        }
+        Ok(force)
+    }
+}
+
+impl From<&Branch> for BranchText {
+    fn from(branch: &Branch) -> Self {
+        Self {
+            join_m: branch.join(),
+            pieces: [branch.left(), branch.right()].map(|piece| PieceText {
+                from_m: piece.from(),
+                to_m: piece.to(),
+                legendre_n: piece.legendre().to_vec(),
+            }),
+        }
+    }
+}
+
+impl BranchText {
+    fn branch(&self, place: &str) -> Result<Branch, ModelFileError> {
+        let piece = |i: usize| {
+            let text = &self.pieces[i];
+            Piece::new(text.from_m, text.to_m, &text.legendre_n)
+                .map_err(parameter(&format!("{place}.pieces[{i}]")))
+        };
+        let branch = Branch::new(piece(0)?, piece(1)?).map_err(parameter(place))?;
+        let (join, stated) = (branch.join(), self.join_m);
+        if (join - stated).abs() > INTERVAL_TOLERANCE * branch.half_width() {
+            let what = format!("join_m is {stated}, but the pieces meet at {join}");
+            return Err(impossible(place, &what));
+        }
+        Ok(branch)
+    }
+}
+
+impl From<&SlidingFriction> for FrictionText {
+    fn from(friction: &SlidingFriction) -> Self {
+        Self {
+            coulomb_force_n: friction.coulomb_force,
+            static_force_n: friction.static_force,
+            stribeck_velocity_m_s: friction.stribeck_velocity,
+            stribeck_exponent: friction.stribeck_exponent,
+            viscous_damping_n_s_m: friction.viscous_damping,
+        }
+    }
+}
+
+impl FrictionText {
+    fn friction(&self) -> SlidingFriction {
+        SlidingFriction {
+            coulomb_force: self.coulomb_force_n,
+            static_force: self.static_force_n,
+            stribeck_velocity: self.stribeck_velocity_m_s,
+            stribeck_exponent: self.stribeck_exponent,
+            viscous_damping: self.viscous_damping_n_s_m,
+        }
+    }
+}
