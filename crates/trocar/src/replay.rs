@@ -81,7 +81,7 @@ pub struct Replay {
 /// Gaps and resets start anew.
 pub fn replay(elements: &[Element], recording: &Recording, offset: f64) -> Replay {
     let mut out = Replay::default();
-    for range in recording.unbroken() {
+    for range in recording.stretches() {
         let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
         let increments = || x.windows(2).zip(t.windows(2)).map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
         if let Some(after) = forgotten_after(elements, increments()) {

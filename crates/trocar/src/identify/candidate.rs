@@ -66,12 +66,11 @@ pub(super) struct Layout {
     pub(super) hidden_mass: bool,
 }
 
-/// One free number: its value, the step of its difference quotient and its range.
+/// One free number: its value, the step of its difference quotient and its upper end.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Free {
     pub(super) value: f64,
     pub(super) step: f64,
-    pub(super) low: f64,
     pub(super) high: f64,
 }
 
@@ -128,7 +127,7 @@ impl Layout {
     /// The free numbers of a candidate.
     pub(super) fn free(self, candidate: &Candidate) -> Vec<Free> {
         let mut free = Vec::new();
-        self.visit(&mut candidate.clone(), |value, step, low, high| free.push(Free { value: *value, step, low, high }));
+        self.visit(&mut candidate.clone(), |value, step, _, high| free.push(Free { value: *value, step, high }));
         free
     }
 

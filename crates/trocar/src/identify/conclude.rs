@@ -163,13 +163,13 @@ fn hidden_mass_is_significant(found: &Refined, layout: Layout) -> bool {
 }
 
 fn residual_rms(two: &TwoSteps, model: &Candidate, element: &trocar_model::Element) -> f64 {
-    let corrected = |r: &Recording| r.without_moving_mass(model.hidden_mass, 0.0);
     let (mut squares, mut samples) = (0.0, 0.0);
     for recording in two.recordings {
-        let recording = corrected(recording);
-        let run = crate::replay::replay(std::slice::from_ref(element), &recording, model.offset);
+        let run = crate::replay::replay(std::slice::from_ref(element), recording, model.offset);
+        let inertia = acceleration(recording);
         for i in run.known.into_iter().flatten() {
-            squares += (recording.force[i] - model.offset - run.force[i]).powi(2);
+            let error = recording.force[i] - model.offset - model.hidden_mass * inertia[i] - run.force[i];
+            squares += error * error;
             samples += 1.0;
         }
     }
@@ -333,7 +333,7 @@ fn warnings(
     };
     for recording in two.recordings {
         for warning in &recording.quality.warnings {
-            say(&recording.name, warning.to_string(), true);
+            say(&recording.name, warning.message.clone(), true);
         }
     }
     for p in parameters.iter().filter(|p| !p.estimate.pinned) {

@@ -146,7 +146,7 @@ pub fn bin_centres() -> impl Iterator<Item = f64> {
 }
 
 /// Finds the full turn-overs of one recording.
-pub fn traverses(index: usize, recording: &Recording, passes: &[Pass], limits: &Limits) -> Vec<Traverse> {
+pub(super) fn traverses(index: usize, recording: &Recording, passes: &[Pass], limits: &Limits) -> Vec<Traverse> {
     let mut found = Vec::new();
     let mut slid_before: Option<Direction> = None;
     for pass in passes {
@@ -236,7 +236,7 @@ fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
 ///
 /// # Errors
 /// A sentence that says why the recordings do not resolve a deformation.
-pub fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2], lsb: f64) -> Result<DeformationFit, String> {
+pub(super) fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2], lsb: f64) -> Result<DeformationFit, String> {
     let count = |d| traverses.iter().filter(|t| t.direction == d).count();
     let (rising, falling) = (count(Direction::Positive), count(Direction::Negative));
     if rising + falling < FEWEST_TRAVERSES || rising == 0 || falling == 0 {
@@ -273,12 +273,12 @@ pub fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2], lsb: 
 }
 
 /// Curves of one direction.
-pub fn curves_of(traverses: &[Traverse], direction: Direction) -> Vec<&[f64]> {
+pub(super) fn curves_of(traverses: &[Traverse], direction: Direction) -> Vec<&[f64]> {
     traverses.iter().filter(|t| t.direction == direction).map(|t| t.curve.as_slice()).collect()
 }
 
 /// Points (z/c, mean force over curves).
-pub fn mean_points(curves: &[&[f64]]) -> Vec<(f64, f64)> {
+pub(super) fn mean_points(curves: &[&[f64]]) -> Vec<(f64, f64)> {
     let n = curves.len() as f64;
     bin_centres().enumerate().map(|(k, u)| (u, curves.iter().map(|c| c[k]).sum::<f64>() / n)).collect()
 }

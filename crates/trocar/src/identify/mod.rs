@@ -230,7 +230,7 @@ fn two_steps(
         let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
         deformation::fit(traverses, &limits, options.degrees, step)
     };
-    let mut steady = steady::fit(means(&|_| 0.0, true), options.seed);
+    let mut steady = steady::fit(means(&|_| 0.0, true));
     let mut deformation = deform(&steady);
     for _ in 0..2 {
         let Ok(found) = &deformation else { break };
@@ -241,18 +241,22 @@ fn two_steps(
         if settled.len() < 2 {
             break;
         }
-        steady = steady::fit(settled, options.seed);
+        steady = steady::fit(settled);
         deformation = deform(&steady);
     }
     if deformation.is_err() {
         let whole = means(&|_| 0.0, false);
-        steady = steady::fit(without_trend(whole, recordings, segments), options.seed);
+        steady = steady::fit(without_trend(whole, recordings, segments));
     }
     if steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
             passes: segments.iter().map(|s| s.passes.len()).sum(),
             stretches: segments.iter().map(|s| s.stretches.len()).sum(),
         });
+    }
+    stribeck::test(&mut steady, options.seed);
+    if steady.stribeck.is_some() && deformation.is_ok() {
+        deformation = deform(&steady);
     }
     Ok((steady, deformation))
 }
@@ -352,5 +356,5 @@ fn candidate_of(
 
 /// Acceleration, m/s², over the window that the sampling and the encoder ask for.
 fn acceleration(recording: &Recording) -> Vec<f64> {
-    local_acceleration(recording, recording.acceleration_window())
+    local_acceleration(recording, recording.inertia_window(1.0).min(0.02))
 }

@@ -20,6 +20,8 @@ use super::training::{Run, Step, Training};
 const MOST_ITERATIONS: usize = 25;
 /// Relative fall of the cost below which the refinement has converged.
 const CONVERGED: f64 = 1e-6;
+/// The same for the trial on held-out passes, which asks for an error only.
+const CONVERGED_FOR_TRIAL: f64 = 1e-3;
 /// Steps simulated at a time.
 const BLOCK: usize = 2048;
 
@@ -165,6 +167,10 @@ fn damped_step(hessian: &DMatrix<f64>, score: &DVector<f64>, lambda: f64) -> Opt
 
 /// Lowers the weighted squares from `from`; `None` when `from` is no model.
 pub(super) fn refine(training: &Training, from: &Candidate, layout: Layout) -> Option<Refined> {
+    refine_to(CONVERGED, training, from, layout)
+}
+
+fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -> Option<Refined> {
     let mut candidate = from.clone();
     let mut normal = normal_equations(training, &candidate, layout)?;
     let first = normal.cost();
@@ -190,7 +196,7 @@ pub(super) fn refine(training: &Training, from: &Candidate, layout: Layout) -> O
         candidate = better;
         normal = normal_equations(training, &candidate, layout)?;
         lambda = lambda.max(1e-9);
-        converged = normal.cost() > (1.0 - CONVERGED) * before;
+        converged = normal.cost() > (1.0 - fall) * before;
     }
     let rms = [first, normal.cost()].map(|c| (c / normal.weight.max(f64::MIN_POSITIVE)).sqrt());
     Some(Refined { candidate, rms, iterations, converged, normal })
@@ -247,7 +253,7 @@ pub(super) fn better_on_held_out(training: &Training, two_step: &Candidate, layo
             *weight = 0.0;
         }
     }
-    let refined = refine(&half, two_step, layout)?;
+    let refined = refine_to(CONVERGED_FOR_TRIAL, &half, two_step, layout)?;
     let weight: f64 = training
         .runs
         .iter()

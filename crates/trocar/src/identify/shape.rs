@@ -8,8 +8,6 @@
 use nalgebra::{DMatrix, DVector};
 use trocar_model::{Branch, ParamError, Piece};
 
-use super::estimate::LinearFit;
-
 /// Shape of one branch over z/c in [-1, 1].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BranchShape {
@@ -32,13 +30,14 @@ pub struct Pins {
     pub high: f64,
 }
 
-/// P_i(t) minus the chord between its end values: 0 at t = ±1.
-fn bent_legendre(order: usize, t: f64) -> f64 {
+/// Legendre polynomials of order 2 and up at `t`, each minus the chord between its end values: 0 at t = ±1.
+fn bent_legendre(t: f64, values: &mut [f64]) {
     let (mut before, mut now) = (1.0, t);
-    for i in 1..order {
-        (before, now) = (now, ((2 * i + 1) as f64 * t * now - i as f64 * before) / (i + 1) as f64);
+    for (k, value) in values.iter_mut().enumerate() {
+        let order = (k + 2) as f64;
+        (before, now) = (now, ((2.0 * order - 1.0) * t * now - (order - 1.0) * before) / order);
+        *value = now - if k.is_multiple_of(2) { 1.0 } else { t };
     }
-    now - if order.is_multiple_of(2) { 1.0 } else { t }
 }
 
 fn legendre_coefficients(low: f64, high: f64, higher: &[f64]) -> Vec<f64> {
@@ -67,38 +66,50 @@ impl BranchShape {
         Branch::new(Piece::new(-half_width, join, &left)?, Piece::new(join, half_width, &right)?)
     }
 
-    /// Row of the design at `u` = z/c, and the part of the force that the pins fix.
-    fn row(join: f64, degrees: [usize; 2], pins: Pins, u: f64) -> (Vec<f64>, f64) {
+    /// Row of the design at `u` = z/c into `row`; returns the part of the force that the pins fix.
+    fn row(join: f64, degrees: [usize; 2], pins: Pins, u: f64, row: &mut [f64]) -> f64 {
+        row.fill(0.0);
         let [left, right] = degrees.map(|d| d - 1);
-        let mut row = vec![0.0; 1 + left + right];
-        if u < join {
+        let (t, pinned, first, count) = if u < join {
             let t = (2.0 * u - (join - 1.0)) / (join + 1.0);
             row[0] = 0.5 * (1.0 + t);
-            (0..left).for_each(|k| row[1 + k] = bent_legendre(k + 2, t));
-            (row, 0.5 * (1.0 - t) * pins.low)
+            (t, 0.5 * (1.0 - t) * pins.low, 1, left)
         } else {
             let t = (2.0 * u - (1.0 + join)) / (1.0 - join);
             row[0] = 0.5 * (1.0 - t);
-            (0..right).for_each(|k| row[1 + left + k] = bent_legendre(k + 2, t));
-            (row, 0.5 * (1.0 + t) * pins.high)
-        }
+            (t, 0.5 * (1.0 + t) * pins.high, 1 + left, right)
+        };
+        bent_legendre(t, &mut row[first..first + count]);
+        pinned
     }
 
     /// Least squares for a given join (EMS (26)): the shape and the mean square residual, N².
+    ///
+    /// The basis is so well conditioned that the normal equations lose nothing.
     fn fit_at(join: f64, degrees: [usize; 2], pins: Pins, points: &[(f64, f64)]) -> Option<(Self, f64)> {
-        let rows: Vec<_> = points.iter().map(|(u, _)| Self::row(join, degrees, pins, *u)).collect();
         let columns = degrees[0] + degrees[1] - 1;
-        let design = DMatrix::from_fn(points.len(), columns, |i, j| rows[i].0[j]);
-        let data = DVector::from_fn(points.len(), |i, _| points[i].1 - rows[i].1);
-        let fit = LinearFit::new(&design, &data, &DVector::from_element(points.len(), 1.0))?;
-        let theta = fit.coefficients.as_slice();
+        let mut normal = DMatrix::<f64>::zeros(columns, columns);
+        let mut moment = DVector::<f64>::zeros(columns);
+        let mut squares = 0.0f64;
+        let mut row = vec![0.0; columns];
+        for (u, force) in points {
+            let rest = force - Self::row(join, degrees, pins, *u, &mut row);
+            squares += rest * rest;
+            for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
+                moment[j] += a * rest;
+                row[j..].iter().enumerate().for_each(|(k, b)| normal[(j + k, j)] += a * b);
+            }
+        }
+        let theta = normal.cholesky()?.solve(&moment);
+        let left_over: f64 = squares - theta.dot(&moment);
+        let theta = theta.as_slice();
         let shape = Self {
             join,
             join_force: theta[0],
             left: theta[1..degrees[0]].to_vec(),
             right: theta[degrees[0]..].to_vec(),
         };
-        Some((shape, fit.weighted_rss / points.len() as f64))
+        Some((shape, left_over.max(0.0) / points.len() as f64))
     }
 
     /// Least squares over the join too: a grid over the inner 70 % of the width, then golden section in the best cell.

@@ -15,7 +15,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::estimate::{Estimate, LinearFit, f_p_value, t_p_value};
+use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::Recording;
 use crate::segment::{Direction, Pass, Stretch};
 
@@ -110,7 +110,8 @@ impl SteadyFit {
     }
 }
 
-fn sign(v: f64) -> f64 {
+/// Three-way sign: 0 at rest.
+pub(super) fn sign(v: f64) -> f64 {
     if v > 0.0 {
         1.0
     } else if v < 0.0 {
@@ -123,7 +124,7 @@ fn sign(v: f64) -> f64 {
 /// Means over the steady part of each pass: samples of its stretches that lie `settled(|v|)` metres behind the reversal.
 ///
 /// Stretches of one pass whose speeds agree within 4 % are one datum.
-pub fn pass_means(
+pub(super) fn pass_means(
     index: usize,
     recording: &Recording,
     passes: &[Pass],
@@ -189,7 +190,7 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, start: usize, direc
 /// Fits the steady-state law to the pass means.
 ///
 /// Never fails: what the means do not pin comes back as not pinned, with the reason (EMS (23)).
-pub fn fit(means: Vec<PassMean>, seed: u64) -> SteadyFit {
+pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
     let positive = direction_line(&means, Direction::Positive);
     let negative = direction_line(&means, Direction::Negative);
     let speeds = means.iter().map(|m| m.velocity_m_s.abs());
@@ -199,9 +200,6 @@ pub fn fit(means: Vec<PassMean>, seed: u64) -> SteadyFit {
     fit.symmetry_p_value = symmetry_p_value(&means);
     fit.speed_range_m_s = if means.is_empty() { [0.0, 0.0] } else { [slowest, fastest] };
     (fit.positive, fit.negative) = (positive, negative);
-    if fit.viscous_damping_n_s_m.pinned && fit.coulomb_force_n.pinned {
-        super::stribeck::test(&mut fit, &means, seed);
-    }
     fit.means = means;
     fit
 }
@@ -309,7 +307,7 @@ pub(super) fn weighted(means: &[PassMean], columns: &[fn(f64) -> f64]) -> (Optio
     weighted_design(means, &design)
 }
 
-pub(super) fn weighted_design(means: &[PassMean], design: &DMatrix<f64>) -> (Option<LinearFit>, f64) {
+fn weighted_design(means: &[PassMean], design: &DMatrix<f64>) -> (Option<LinearFit>, f64) {
     let data = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
     let fit_with = |tau2: f64| {
         let weights =
@@ -329,11 +327,4 @@ pub(super) fn weighted_design(means: &[PassMean], design: &DMatrix<f64>) -> (Opt
         }
     }
     (fit_with(high), high.sqrt())
-}
-
-/// F test of a larger linear model against a smaller one at common weights: p value.
-pub(super) fn nested_p_value(small: &LinearFit, large: &LinearFit) -> f64 {
-    let extra = small.degrees - large.degrees;
-    let gain = (small.weighted_rss - large.weighted_rss) / extra;
-    f_p_value(gain / (large.weighted_rss / large.degrees), extra, large.degrees)
 }

@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::estimate::{Estimate, LinearFit, f_p_value};
 use super::random::normal;
-use super::steady::{LackOfFit, PassMean, SteadyFit, StribeckFit, weighted};
+use super::steady::{LackOfFit, PassMean, SteadyFit, StribeckFit, sign, weighted};
 
 /// Level of the lack-of-fit test.
 const LEVEL: f64 = 0.01;
@@ -26,7 +26,11 @@ const EXPONENT: f64 = 2.0;
 const GRID: usize = 40;
 
 /// Tests the straight line in `fit` and, if called for, replaces it by a Stribeck curve.
-pub(super) fn test(fit: &mut SteadyFit, means: &[PassMean], seed: u64) {
+pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
+    if !fit.viscous_damping_n_s_m.pinned || !fit.coulomb_force_n.pinned {
+        return;
+    }
+    let means = &fit.means.clone();
     let [slowest, fastest] = fit.speed_range_m_s;
     let (Some(line), scatter) = weighted(means, &[|_| 1.0, sign, |v| v]) else { return };
     if line.degrees < 4.0 {
@@ -39,7 +43,7 @@ pub(super) fn test(fit: &mut SteadyFit, means: &[PassMean], seed: u64) {
     let profile = Profile::new(means, weights, slowest, fastest);
     let forces = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
     let Some(best) = profile.best(&forces) else { return };
-    let p_value = profile.p_value(&line, &best, seed);
+    let p_value = profile.p_value(&forces, best.fit.degrees, seed);
     let bump = best.fit.coefficients[2];
     let at_slowest = bump * (-(slowest / best.stribeck_velocity).powf(EXPONENT)).exp();
     let verdict = match () {
@@ -76,10 +80,6 @@ fn accept(fit: &mut SteadyFit, best: &Candidate) {
     });
 }
 
-fn sign(v: f64) -> f64 {
-    v.signum()
-}
-
 struct Candidate {
     stribeck_velocity: f64,
     fit: LinearFit,
@@ -87,61 +87,82 @@ struct Candidate {
     velocity_interval: [f64; 2],
 }
 
-/// Designs over the grid of Stribeck velocities, at fixed weights.
+/// The grid of Stribeck velocities at fixed weights.
+///
+/// What a bump gains over the line is the square of the data's component along the bump's part orthogonal to the
+/// line, so a simulated data set costs a dot product for each grid velocity.
 struct Profile {
-    line: DMatrix<f64>,
+    /// Stribeck velocities and designs.
     curves: Vec<(f64, DMatrix<f64>)>,
+    /// Orthonormal basis of the weighted line.
+    line: DMatrix<f64>,
+    /// Unit vectors of the weighted bumps, orthogonal to the line.
+    bumps: Vec<DVector<f64>>,
     weights: DVector<f64>,
 }
 
 impl Profile {
     fn new(means: &[PassMean], weights: DVector<f64>, slowest: f64, fastest: f64) -> Self {
         let v: Vec<f64> = means.iter().map(|m| m.velocity_m_s).collect();
-        let line = DMatrix::from_fn(v.len(), 3, |i, j| [1.0, sign(v[i]), v[i]][j]);
+        let root = weights.map(f64::sqrt);
+        let line = DMatrix::from_fn(v.len(), 3, |i, j| root[i] * [1.0, sign(v[i]), v[i]][j]).qr().q();
         let (from, to) = (0.25 * slowest, 0.7 * fastest);
-        let curves = (0..GRID).map(|k| {
+        let mut curves = Vec::new();
+        let mut bumps = Vec::new();
+        for k in 0..GRID {
             let vs = from * (to / from).powf(k as f64 / (GRID - 1) as f64);
             let bump = |v: f64| sign(v) * (-(v.abs() / vs).powf(EXPONENT)).exp();
-            (vs, DMatrix::from_fn(v.len(), 4, |i, j| [1.0, sign(v[i]), bump(v[i]), v[i]][j]))
-        });
-        Self { line, curves: curves.collect(), weights }
+            let weighted = DVector::from_fn(v.len(), |i, _| root[i] * bump(v[i]));
+            let own = &weighted - &line * (line.transpose() * &weighted);
+            // A bump that the line can draw, or that has died out at every speed, is no candidate.
+            if own.norm() > 1e-6 * weighted.norm() && weighted.norm() > 1e-6 * root.norm() {
+                curves.push((vs, DMatrix::from_fn(v.len(), 4, |i, j| [1.0, sign(v[i]), bump(v[i]), v[i]][j])));
+                bumps.push(own.normalize());
+            }
+        }
+        Self { curves, line, bumps, weights }
+    }
+
+    /// Squares gained over the line by each bump, and the line's own squares left, of weighted data.
+    fn gains<'a>(&'a self, weighted: &'a DVector<f64>) -> (impl Iterator<Item = f64> + 'a, f64) {
+        let left = weighted.norm_squared() - (self.line.transpose() * weighted).norm_squared();
+        (self.bumps.iter().map(|b| b.dot(weighted).powi(2)), left)
     }
 
     fn best(&self, forces: &DVector<f64>) -> Option<Candidate> {
-        let fits: Vec<(f64, LinearFit)> = self
-            .curves
-            .iter()
-            .filter_map(|(vs, design)| Some((*vs, LinearFit::new(design, forces, &self.weights)?)))
-            .collect();
-        let least = fits.iter().map(|(_, f)| f.weighted_rss).fold(f64::INFINITY, f64::min);
-        let not_worse = |f: &LinearFit| {
-            f_p_value((f.weighted_rss - least) / (least / (f.degrees - 1.0)), 1.0, f.degrees - 1.0) > 0.05
-        };
-        let close = fits.iter().filter(|(_, f)| not_worse(f)).map(|(v, _)| *v);
+        let weighted = forces.component_mul(&self.weights.map(f64::sqrt));
+        let (gains, line_rss) = self.gains(&weighted);
+        let gains: Vec<f64> = gains.collect();
+        let best = (0..gains.len()).max_by(|a, b| gains[*a].total_cmp(&gains[*b]))?;
+        let fit = LinearFit::new(&self.curves[best].1, forces, &self.weights)?;
+        let least = line_rss - gains[best];
+        let degrees = fit.degrees - 1.0;
+        let not_worse = |gain: f64| f_p_value((gains[best] - gain) / (least / degrees), 1.0, degrees) > 0.05;
+        let close = self.curves.iter().zip(&gains).filter(|(_, g)| not_worse(**g)).map(|((v, _), _)| *v);
         let (low, high) = close.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
-        let (stribeck_velocity, fit) = fits.into_iter().find(|(_, f)| f.weighted_rss <= least)?;
-        Some(Candidate { stribeck_velocity, fit, velocity_interval: [low, high] })
+        Some(Candidate { stribeck_velocity: self.curves[best].0, fit, velocity_interval: [low, high] })
     }
 
-    fn gain(&self, forces: &DVector<f64>) -> Option<f64> {
-        let line = LinearFit::new(&self.line, forces, &self.weights)?;
-        let best = self.best(forces)?;
-        Some((line.weighted_rss - best.fit.weighted_rss) / best.fit.weighted_rss)
+    /// Largest gain relative to what is left after it.
+    fn statistic(&self, weighted: &DVector<f64>) -> f64 {
+        let (gains, left) = self.gains(weighted);
+        let gain = gains.fold(0.0, f64::max);
+        gain / (left - gain).max(f64::MIN_POSITIVE)
     }
 
     /// p value of the observed gain among data simulated under the line; a clear non-finding is not simulated.
-    fn p_value(&self, line: &LinearFit, best: &Candidate, seed: u64) -> f64 {
-        let observed = (line.weighted_rss - best.fit.weighted_rss) / best.fit.weighted_rss;
-        let pointwise = f_p_value(observed * best.fit.degrees, 1.0, best.fit.degrees);
+    fn p_value(&self, forces: &DVector<f64>, degrees: f64, seed: u64) -> f64 {
+        let observed = self.statistic(&forces.component_mul(&self.weights.map(f64::sqrt)));
+        let pointwise = f_p_value(observed * degrees, 1.0, degrees);
         if pointwise > 0.05 {
             // The largest statistic over the grid is less significant still.
             return pointwise;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let trend = &self.line * &line.coefficients;
+        // Only scatter about the line matters: the line itself is projected away.
         let beyond = (0..SIMULATIONS).filter(|_| {
-            let scattered = DVector::from_fn(trend.len(), |i, _| trend[i] + normal(&mut rng) / self.weights[i].sqrt());
-            self.gain(&scattered).is_some_and(|g| g >= observed)
+            let scattered = DVector::from_fn(forces.len(), |_, _| normal(&mut rng));
+            self.statistic(&scattered) >= observed
         });
         (beyond.count() + 1) as f64 / (SIMULATIONS + 1) as f64
     }

@@ -63,7 +63,7 @@ impl Training {
         let mut runs = Vec::new();
         let mut sizes: Vec<f64> = Vec::new();
         for part in data {
-            for Range { start: from, end: to } in part.recording.unbroken() {
+            for Range { start: from, end: to } in part.recording.stretches() {
                 if to > from + 1 {
                     runs.push(run(part, from, to, shortest, &mut sizes));
                 }
