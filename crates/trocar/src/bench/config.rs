@@ -538,7 +538,8 @@ impl BenchConfig {
             hand.hold_shortest_s,
             1e6,
         )?;
-        let left = 1.0 - hand.hold_probability;
+        // Rounded, so that 0.9 and 0.1 go together.
+        let left = ((1.0 - hand.hold_probability) * 1e9).round() * 1e-9;
         within(
             &key("reversal_probability"),
             hand.reversal_probability,
@@ -666,6 +667,17 @@ fn overlay(
             // `stroke_m = 1` means 1.0.
             (default @ toml::Value::Float(_), toml::Value::Integer(value)) => {
                 *default = toml::Value::Float(value as f64);
+            }
+            // Every whole number of a bench is a count.
+            (toml::Value::Integer(_), toml::Value::Integer(value))
+                if u32::try_from(value).is_err() =>
+            {
+                return Err(ConfigError::OutOfRange {
+                    line: Some(line),
+                    key,
+                    allowed: format!("between 0 and {}", u32::MAX),
+                    found: value as f64,
+                });
             }
             (default, value) if default.same_type(&value) => *default = value,
             (default, value) => {
