@@ -1,8 +1,7 @@
 //! The virtual bench behaves like a rig: physics, instruments, reproducibility, configuration.
 
 use trocar::bench::{
-    BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol,
-    random_plausible_seal, random_seal, run,
+    BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol, random_plausible_seal, random_seal, run,
 };
 use trocar_model::{DeformationForce, Element, ElementParams, SealDamping, SlidingFriction};
 
@@ -54,8 +53,7 @@ fn passes(reference: &[f64]) -> Vec<std::ops::Range<usize>> {
     let mut passes = Vec::new();
     let mut begin = 0;
     for i in 1..=reference.len() {
-        let ends = i == reference.len()
-            || (reference[i] != 0.0 && reference[i].signum() != reference[begin].signum());
+        let ends = i == reference.len() || (reference[i] != 0.0 && reference[i].signum() != reference[begin].signum());
         if ends {
             passes.push(begin..i);
             begin = i;
@@ -74,10 +72,7 @@ fn speed_settles_over_most_of_every_stroke() {
     for pass in passes {
         let asked = truth.reference_velocity[pass.clone()]
             .iter()
-            .fold(
-                0.0,
-                |most: f64, v| if v.abs() > most.abs() { *v } else { most },
-            );
+            .fold(0.0, |most: f64, v| if v.abs() > most.abs() { *v } else { most });
         let travelled = |keep: &dyn Fn(usize) -> bool| {
             let inside = pass.clone().skip(1).filter(|&i| keep(i));
             let steps = inside.map(|i| (truth.position[i] - truth.position[i - 1]).abs());
@@ -112,9 +107,7 @@ fn work_of_the_motor_is_accounted_for() {
         let work = |force: &[f64]| {
             let mean_force = |i: usize| 0.5 * (force[i] + force[i - 1]);
             let moved = |i: usize| truth.position[i] - truth.position[i - 1];
-            (1..force.len())
-                .map(|i| mean_force(i) * moved(i))
-                .sum::<f64>()
+            (1..force.len()).map(|i| mean_force(i) * moved(i)).sum::<f64>()
         };
         let drag: Vec<f64> = truth.velocity.iter().map(|v| 40.0 * v).collect();
         let last = truth.velocity.len() - 1;
@@ -129,10 +122,7 @@ fn work_of_the_motor_is_accounted_for() {
         let spent = work(&truth.seal_force) + work(&drag) + kinetic + stored;
         assert!(spent > 0.1, "{protocol}: only {spent} J");
         // First-order integration at 10 kHz.
-        assert!(
-            (supplied / spent - 1.0).abs() < 0.005,
-            "{protocol}: {supplied} J, {spent} J"
-        );
+        assert!((supplied / spent - 1.0).abs() < 0.005, "{protocol}: {supplied} J, {spent} J");
     }
 }
 
@@ -141,15 +131,10 @@ fn a_closed_cycle_costs_work() {
     let record = go(&ideal(), Protocol::Steady, &[plausible()], 1);
     let truth = &record.truth;
     let steps = 1..truth.position.len();
-    let work: f64 = steps
-        .map(|i| truth.seal_force[i] * (truth.position[i] - truth.position[i - 1]))
-        .sum();
+    let work: f64 = steps.map(|i| truth.seal_force[i] * (truth.position[i] - truth.position[i - 1])).sum();
     // 18 cycles of twice 120 mm against 3 N and 5 N s/m on 57.5 mm/s on average, less what deformation saves.
     let sliding = 18.0 * 0.24 * (3.0 + 5.0 * 0.0575);
-    assert!(
-        work > 0.8 * sliding && work < sliding,
-        "{work} J of {sliding} J"
-    );
+    assert!(work > 0.8 * sliding && work < sliding, "{work} J of {sliding} J");
 }
 
 #[test]
@@ -165,21 +150,35 @@ fn reading_is_seal_and_inertia_and_weight() {
         let motor_side = record.force[i] - 0.7 + 0.2 * 9.81 - 0.2 * truth.acceleration[i];
         assert!((motor_side - truth.seal_force[i]).abs() < 1e-9);
     }
-    let heaviest = truth
-        .acceleration
-        .iter()
-        .fold(0.0, |a: f64, b| a.max(b.abs()));
+    let heaviest = truth.acceleration.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
     assert!(heaviest > 2.0, "no inertia to speak of: {heaviest} m/s²");
 }
 
 #[test]
+fn a_record_with_its_rod_taken_out_is_the_seal() {
+    let mut config = BenchConfig::default();
+    config.rod.mass_kg = 0.1;
+    config.force_sensor.tare_n = 0.0;
+    let record = go(&config, Protocol::Dynamic, &[plausible()], 1);
+    let error = |force: &[f64]| {
+        let seal = &record.truth.seal_force;
+        let errors: Vec<f64> = force.iter().zip(seal).map(|(a, b)| a - b).collect();
+        (mean(&errors).abs(), rms_about_mean(&errors))
+    };
+    let raw = record.to_recording("dynamic").unwrap();
+    assert_eq!(raw.len(), record.time.len());
+    // Gravity pulls towards insertion, so against the force that the rod has to be pushed with.
+    let seal_alone = raw.clone().without_moving_mass(0.1, -9.81).unwrap();
+    let (bias, spread) = error(&seal_alone.force);
+    let (raw_bias, raw_spread) = error(&raw.force);
+    assert!(raw_bias > 0.9 && raw_spread > 0.1, "{raw_bias} N, {raw_spread} N");
+    // 25 mN of sensor noise, and the acceleration seen through 4 µm counts.
+    assert!(bias < 0.01 && spread < 0.06, "{bias} N, {spread} N");
+}
+
+#[test]
 fn encoder_gives_whole_counts() {
-    let record = go(
-        &BenchConfig::default(),
-        Protocol::Surgeon,
-        &[plausible()],
-        5,
-    );
+    let record = go(&BenchConfig::default(), Protocol::Surgeon, &[plausible()], 5);
     for (seen, truth) in record.position.iter().zip(&record.truth.position) {
         let counts = seen / ENCODER_COUNT;
         assert!((counts - counts.round()).abs() < 1e-6, "{seen} m");
@@ -189,10 +188,7 @@ fn encoder_gives_whole_counts() {
     let record = go(&down, Protocol::Step, &[plausible()], 5);
     for (seen, truth) in record.position.iter().zip(&record.truth.position) {
         let below = truth - seen;
-        assert!(
-            (-1e-12..ENCODER_COUNT + 1e-12).contains(&below),
-            "{below} m"
-        );
+        assert!((-1e-12..ENCODER_COUNT + 1e-12).contains(&below), "{below} m");
     }
 }
 
@@ -206,12 +202,7 @@ fn force_noise_is_as_declared() {
         let seal = [plausible()];
         let noisy = go(&noisy, Protocol::Surgeon, &seal, 9);
         let quiet = go(&quiet, Protocol::Surgeon, &seal, 9);
-        let noise: Vec<f64> = noisy
-            .force
-            .iter()
-            .zip(&quiet.force)
-            .map(|(a, b)| a - b)
-            .collect();
+        let noise: Vec<f64> = noisy.force.iter().zip(&quiet.force).map(|(a, b)| a - b).collect();
         // 60 000 samples, 10 000 of them independent at 50 Hz: 2 % is three standard errors.
         assert!((rms_about_mean(&noise) / 0.025 - 1.0).abs() < 0.02);
         assert!(mean(&noise).abs() < 0.001);
@@ -227,12 +218,7 @@ fn force_noise_is_as_declared() {
 
 #[test]
 fn sensor_saturates_at_its_range() {
-    let record = go(
-        &BenchConfig::default(),
-        Protocol::Step,
-        &[linear_seal(30.0, 5.0)],
-        2,
-    );
+    let record = go(&BenchConfig::default(), Protocol::Step, &[linear_seal(30.0, 5.0)], 2);
     let highest = record.force.iter().fold(f64::MIN, |a, &b| a.max(b));
     let lowest = record.force.iter().fold(f64::MAX, |a, &b| a.min(b));
     assert_eq!((lowest, highest), (-22.0, 22.0));
@@ -255,11 +241,7 @@ fn standstill_reads_tare_and_weight() {
     let record = go(&config, Protocol::Surgeon, &[plausible()], 1);
     assert!(record.truth.velocity.iter().all(|v| v.abs() < 1e-6));
     let expected = 0.3 - 0.04 * 9.81;
-    assert!(
-        (mean(&record.force) - expected).abs() < 0.002,
-        "{}",
-        mean(&record.force)
-    );
+    assert!((mean(&record.force) - expected).abs() < 0.002, "{}", mean(&record.force));
 }
 
 #[test]
@@ -301,18 +283,10 @@ fn repeated_passes_differ_by_the_fluctuation_declared() {
     assert!(level(&config) < 1e-4);
     config.fluctuation.pass_fraction = 0.02;
     // 200 levels: 15 % is three standard errors.
-    assert!(
-        (level(&config) / 0.02 - 1.0).abs() < 0.15,
-        "{}",
-        level(&config)
-    );
+    assert!((level(&config) / 0.02 - 1.0).abs() < 0.15, "{}", level(&config));
     config.fluctuation.pass_fraction = 0.0;
     config.fluctuation.ripple_fraction = 0.02;
-    assert!(
-        (0.002..0.02).contains(&level(&config)),
-        "{}",
-        level(&config)
-    );
+    assert!((0.002..0.02).contains(&level(&config)), "{}", level(&config));
 }
 
 #[test]
@@ -321,21 +295,14 @@ fn force_does_not_jump_at_a_reversal() {
     config.fluctuation.pass_fraction = 0.05;
     let truth = go(&config, Protocol::Validation, &[plausible()], 8).truth;
     // 1.65 N/mm at 0.1 m/s and 1 kHz is 0.17 N per sample.
-    let largest = truth
-        .seal_force
-        .windows(2)
-        .fold(0.0, |a: f64, w| a.max((w[1] - w[0]).abs()));
+    let largest = truth.seal_force.windows(2).fold(0.0, |a: f64, w| a.max((w[1] - w[0]).abs()));
     assert!(largest < 0.2, "{largest} N");
 }
 
 #[test]
 fn homing_leaves_the_seal_bent_backwards() {
     let record = go(&ideal(), Protocol::Step, &[plausible()], 1);
-    assert!(
-        (record.truth.seal_force[0] + 3.0).abs() < 0.1,
-        "{}",
-        record.truth.seal_force[0]
-    );
+    assert!((record.truth.seal_force[0] + 3.0).abs() < 0.1, "{}", record.truth.seal_force[0]);
     assert!(record.truth.deflections[0][0] < -7.5e-3);
 }
 
@@ -345,11 +312,7 @@ fn constant_push_gives_cycles_at_about_the_speed_asked_for() {
     let record = go(&config, Protocol::Dynamic, &[plausible()], 1);
     let truth = &record.truth;
     assert!(truth.position.iter().all(|x| (0.0..=0.16).contains(x)));
-    let reversals = truth
-        .velocity
-        .windows(2)
-        .filter(|w| w[0] * w[1] < 0.0)
-        .count();
+    let reversals = truth.velocity.windows(2).filter(|w| w[0] * w[1] < 0.0).count();
     assert!((9..=10).contains(&reversals), "{reversals}");
     let (insertion, withdrawal) = record.events.push;
     assert!(insertion > 5.0 && (insertion + withdrawal).abs() < 1e-9);
@@ -357,11 +320,7 @@ fn constant_push_gives_cycles_at_about_the_speed_asked_for() {
         .filter(|&i| truth.velocity[i] > 0.0 && (0.055..0.075).contains(&truth.position[i]))
         .map(|i| truth.velocity[i])
         .collect();
-    assert!(
-        (mean(&sliding) / 0.05 - 1.0).abs() < 0.15,
-        "{} m/s",
-        mean(&sliding)
-    );
+    assert!((mean(&sliding) / 0.05 - 1.0).abs() < 0.15, "{} m/s", mean(&sliding));
 }
 
 #[test]
@@ -370,10 +329,7 @@ fn push_too_weak_for_the_guide_is_a_stall() {
     config.motor.cogging_n = 5.0;
     config.protocol.dynamic.pass_timeout_s = 2.0;
     let error = run(&config, Protocol::Dynamic, &[plausible()], 1).unwrap_err();
-    assert!(
-        matches!(error, BenchError::Stalled { pass: 1, .. }),
-        "{error}"
-    );
+    assert!(matches!(error, BenchError::Stalled { pass: 1, .. }), "{error}");
 }
 
 #[test]
@@ -387,10 +343,7 @@ fn surgeon_has_tremor_holds_and_partial_reversals() {
     assert!((4e-5..1.2e-4).contains(&in_band), "{in_band} m");
     assert!(above < 0.2 * in_band, "{above} m against {in_band} m");
     let smooth = smoothed(&truth.position, 250);
-    let still = smooth
-        .windows(300)
-        .filter(|w| (w[299] - w[0]).abs() < 1e-4)
-        .count();
+    let still = smooth.windows(300).filter(|w| (w[299] - w[0]).abs() < 1e-4).count();
     assert!(still > 2_000, "{still} samples of rest");
     let partial = partial_reversals(&truth.deflections[0], 8e-3);
     assert!(partial >= 5, "{partial} partial reversals");
@@ -460,16 +413,8 @@ fn every_protocol_is_finite_and_within_the_stops() {
                 &truth.acceleration,
                 &truth.deflections[0],
             ];
-            assert!(
-                columns
-                    .iter()
-                    .all(|column| column.len() == record.time.len())
-            );
-            assert!(
-                columns
-                    .iter()
-                    .all(|column| column.iter().all(|v| v.is_finite()))
-            );
+            assert!(columns.iter().all(|column| column.len() == record.time.len()));
+            assert!(columns.iter().all(|column| column.iter().all(|v| v.is_finite())));
             assert!(truth.position.iter().all(|x| (0.0..=0.16).contains(x)));
             assert_eq!(record.events.stop_hits, 0, "{protocol}, seed {seed}");
         }
@@ -484,25 +429,14 @@ fn stops_hold_a_rig_without_control() {
     config.protocol.dynamic.sliding_speed_m_s = 0.9;
     config.motor.drag_n_s_m = 5.0;
     let record = go(&config, Protocol::Dynamic, &[], 1);
-    assert!(
-        record
-            .truth
-            .position
-            .iter()
-            .all(|x| (0.0..=0.16).contains(x))
-    );
+    assert!(record.truth.position.iter().all(|x| (0.0..=0.16).contains(x)));
     assert!(record.events.stop_hits > 0);
 }
 
 #[test]
 fn several_elements_add_up() {
     let config = ideal();
-    let two = go(
-        &config,
-        Protocol::Step,
-        &[linear_seal(1.0, 2.0), linear_seal(2.0, 3.0)],
-        1,
-    );
+    let two = go(&config, Protocol::Step, &[linear_seal(1.0, 2.0), linear_seal(2.0, 3.0)], 1);
     let one = go(&config, Protocol::Step, &[linear_seal(3.0, 5.0)], 1);
     assert_eq!(two.truth.deflections.len(), 2);
     // Equal half widths and proportional stiffness, but not viscous damping: equal once all slide.
@@ -517,12 +451,7 @@ fn weak_motor_is_reported() {
     config.motor.peak_force_n = 4.0;
     let record = go(&config, Protocol::Step, &[plausible()], 1);
     assert!(record.events.motor_limited_steps > 0);
-    assert_eq!(
-        go(&BenchConfig::default(), Protocol::Step, &[plausible()], 1)
-            .events
-            .motor_limited_steps,
-        0
-    );
+    assert_eq!(go(&BenchConfig::default(), Protocol::Step, &[plausible()], 1).events.motor_limited_steps, 0);
 }
 
 #[test]
@@ -562,53 +491,20 @@ fn a_document_changes_only_what_it_names() {
 #[test]
 fn wrong_documents_are_explained() {
     let cases = [
-        (
-            "[rig]\nstroke_limit_mm = 160",
-            "line 2: unknown key rig.stroke_limit_mm",
-        ),
+        ("[rig]\nstroke_limit_mm = 160", "line 2: unknown key rig.stroke_limit_mm"),
         ("\n[protocl]\n", "line 2: unknown key protocl"),
-        (
-            "[rig]\nstart_m = \"2 cm\"",
-            "line 2: rig.start_m must be a number, got a text",
-        ),
-        (
-            "[rig]\nsubsteps = 1.5",
-            "line 2: rig.substeps must be a whole number, got a number",
-        ),
-        (
-            "rig = 3",
-            "line 1: rig must be a section, got a whole number",
-        ),
+        ("[rig]\nstart_m = \"2 cm\"", "line 2: rig.start_m must be a number, got a text"),
+        ("[rig]\nsubsteps = 1.5", "line 2: rig.substeps must be a whole number, got a number"),
+        ("rig = 3", "line 1: rig must be a section, got a whole number"),
         ("[rig]\nstart_m = ", "not a TOML document"),
-        (
-            "# rig\n[motor]\nslider_mass_kg = -1",
-            "line 3: motor.slider_mass_kg must be positive, got -1",
-        ),
-        (
-            "[encoder]\nnoise_m = nan",
-            "line 2: encoder.noise_m must be zero or positive, got NaN",
-        ),
-        (
-            "[encoder]\nrounding = \"up\"",
-            "line 2: encoder.rounding: unknown variant `up`",
-        ),
-        (
-            "[rig]\nsubsteps = -3",
-            "line 2: rig.substeps must be between 0",
-        ),
-        (
-            "[protocol.steady]\nstroke_m = 0.2",
-            "line 2: protocol.steady.stroke_m must be between",
-        ),
-        (
-            "[protocol.step]\nstroke_m = 0.001",
-            "protocol.step.stroke_m must be between 0.00125",
-        ),
+        ("# rig\n[motor]\nslider_mass_kg = -1", "line 3: motor.slider_mass_kg must be positive, got -1"),
+        ("[encoder]\nnoise_m = nan", "line 2: encoder.noise_m must be zero or positive, got NaN"),
+        ("[encoder]\nrounding = \"up\"", "line 2: encoder.rounding: unknown variant `up`"),
+        ("[rig]\nsubsteps = -3", "line 2: rig.substeps must be between 0"),
+        ("[protocol.steady]\nstroke_m = 0.2", "line 2: protocol.steady.stroke_m must be between"),
+        ("[protocol.step]\nstroke_m = 0.001", "protocol.step.stroke_m must be between 0.00125"),
         // Metres given in millimetres.
-        (
-            "[protocol.dynamic]\nstroke_m = 60",
-            "line 2: protocol.dynamic.stroke_m must be between",
-        ),
+        ("[protocol.dynamic]\nstroke_m = 60", "line 2: protocol.dynamic.stroke_m must be between"),
     ];
     for (text, message) in cases {
         let error = BenchConfig::from_toml(text).unwrap_err().to_string();
@@ -617,10 +513,7 @@ fn wrong_documents_are_explained() {
     let mut config = BenchConfig::default();
     config.controller.proportional_n_s_m = 0.0;
     let error = run(&config, Protocol::Step, &[], 0).unwrap_err();
-    assert!(matches!(
-        error,
-        BenchError::Config(ConfigError::OutOfRange { line: None, .. })
-    ));
+    assert!(matches!(error, BenchError::Config(ConfigError::OutOfRange { line: None, .. })));
 }
 
 #[test]
@@ -653,15 +546,9 @@ fn random_seals_are_plausible_and_differ() {
             assert!(force.falling().force(z) > -params.withdrawal.static_force);
         }
     }
-    assert!(
-        (75..=225).contains(&turning_over),
-        "{turning_over} of 300 turn over"
-    );
+    assert!((75..=225).contains(&turning_over), "{turning_over} of 300 turn over");
     assert_ne!(random_plausible_seal(1), random_plausible_seal(2));
-    let symmetric = PlausibleSeals {
-        friction_asymmetry: 0.0,
-        ..ranges
-    };
+    let symmetric = PlausibleSeals { friction_asymmetry: 0.0, ..ranges };
     let params = random_seal(&symmetric, 7);
     assert_eq!(params.insertion, params.withdrawal);
 }
@@ -674,13 +561,7 @@ fn protocols_run_much_faster_than_real_time() {
         let record = go(&config, protocol, &[plausible()], 1);
         let wall = begin.elapsed().as_secs_f64();
         let recorded = record.time[record.time.len() - 1];
-        println!(
-            "{protocol:>10}: {recorded:6.1} s recorded in {:5.1} ms",
-            1e3 * wall
-        );
-        assert!(
-            recorded > 20.0 * wall,
-            "{protocol}: {recorded} s took {wall} s"
-        );
+        println!("{protocol:>10}: {recorded:6.1} s recorded in {:5.1} ms", 1e3 * wall);
+        assert!(recorded > 20.0 * wall, "{protocol}: {recorded} s took {wall} s");
     }
 }
