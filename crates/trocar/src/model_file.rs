@@ -10,10 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SealDamping,
-    SlidingFriction,
-};
+use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SealDamping, SlidingFriction};
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
@@ -134,9 +131,7 @@ pub enum ModelFileError {
         found: String,
     },
     /// A file of a newer program.
-    #[error(
-        "written by a newer trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar"
-    )]
+    #[error("written by a newer trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar")]
     Newer {
         /// Version found.
         found: u64,
@@ -186,12 +181,7 @@ pub enum ModelFileError {
 impl ModelFile {
     /// A model of `elements` without sensor and intervals.
     pub fn new(elements: Vec<Element>, origin: Origin) -> Self {
-        Self {
-            elements,
-            origin,
-            sensor: None,
-            intervals: BTreeMap::new(),
-        }
+        Self { elements, origin, sensor: None, intervals: BTreeMap::new() }
     }
 
     /// The plausible one-stage 10.5 mm trocar, marked as plausible.
@@ -211,10 +201,7 @@ impl ModelFile {
     /// [`ModelFileError::InFile`] around what [`ModelFile::from_json`] or the operating system says.
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
         let read = || Self::from_json(&fs::read_to_string(path)?);
-        read().map_err(|source| ModelFileError::InFile {
-            path: path.to_owned(),
-            source: Box::new(source),
-        })
+        read().map_err(|source| ModelFileError::InFile { path: path.to_owned(), source: Box::new(source) })
     }
 
     /// Reads and checks the text of a model file.
@@ -238,37 +225,24 @@ impl ModelFile {
 
 /// Format and version first: a newer file may differ in any other key.
 fn check_header(text: &str) -> Result<(), ModelFileError> {
-    let value: serde_json::Value =
-        serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
-            line: error.line(),
-            column: error.column(),
-            what: without_place(&error),
-        })?;
-    let shown = |key: &str| {
-        value
-            .get(key)
-            .map_or_else(|| "nothing".to_owned(), ToString::to_string)
-    };
+    let value: serde_json::Value = serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
+        line: error.line(),
+        column: error.column(),
+        what: without_place(&error),
+    })?;
+    let shown = |key: &str| value.get(key).map_or_else(|| "nothing".to_owned(), ToString::to_string);
     if value.get("format").and_then(|format| format.as_str()) != Some(FORMAT) {
-        return Err(ModelFileError::WrongFormat {
-            found: shown("format"),
-        });
+        return Err(ModelFileError::WrongFormat { found: shown("format") });
     }
     match value.get("version").and_then(serde_json::Value::as_u64) {
         Some(version) if version == u64::from(VERSION) => Ok(()),
         Some(found) if found > u64::from(VERSION) => Err(ModelFileError::Newer { found }),
-        _ => Err(ModelFileError::WrongVersion {
-            found: shown("version"),
-        }),
+        _ => Err(ModelFileError::WrongVersion { found: shown("version") }),
     }
 }
 
 fn wrong_key(error: serde_json::Error) -> ModelFileError {
-    ModelFileError::WrongKey {
-        line: error.line(),
-        column: error.column(),
-        what: without_place(&error),
-    }
+    ModelFileError::WrongKey { line: error.line(), column: error.column(), what: without_place(&error) }
 }
 
 /// The parser's message without its " at line L column C".
@@ -350,11 +324,7 @@ impl Document {
             version: VERSION,
             origin: model.origin.clone(),
             sensor: model.sensor,
-            elements: model
-                .elements
-                .iter()
-                .map(|element| ElementText::from(element.params()))
-                .collect(),
+            elements: model.elements.iter().map(|element| ElementText::from(element.params())).collect(),
             intervals: model.intervals.clone(),
         }
     }
@@ -364,9 +334,8 @@ impl Document {
             return Err(impossible("elements", "a model needs at least one element"));
         }
         let elements = self.elements.iter().enumerate();
-        let elements: Result<Vec<Element>, _> = elements
-            .map(|(i, element)| element.element(&format!("elements[{i}]")))
-            .collect();
+        let elements: Result<Vec<Element>, _> =
+            elements.map(|(i, element)| element.element(&format!("elements[{i}]"))).collect();
         for (i, recording) in self.origin.recordings.iter().enumerate() {
             check_hash(&recording.sha256, &format!("origin.recordings[{i}].sha256"))?;
         }
@@ -379,20 +348,12 @@ impl Document {
         for (name, interval) in &self.intervals {
             check_interval(name, interval)?;
         }
-        Ok(ModelFile {
-            elements: elements?,
-            origin: self.origin,
-            sensor: self.sensor,
-            intervals: self.intervals,
-        })
+        Ok(ModelFile { elements: elements?, origin: self.origin, sensor: self.sensor, intervals: self.intervals })
     }
 }
 
 fn impossible(place: &str, what: &str) -> ModelFileError {
-    ModelFileError::Value {
-        place: place.to_owned(),
-        what: what.to_owned(),
-    }
+    ModelFileError::Value { place: place.to_owned(), what: what.to_owned() }
 }
 
 fn check_hash(hash: &str, place: &str) -> Result<(), ModelFileError> {
@@ -406,8 +367,7 @@ fn check_hash(hash: &str, place: &str) -> Result<(), ModelFileError> {
 
 fn check_interval(name: &str, interval: &Interval) -> Result<(), ModelFileError> {
     let [low, high] = interval.ci95;
-    let ordered = low.is_none_or(|low| low <= interval.value)
-        && high.is_none_or(|high| interval.value <= high);
+    let ordered = low.is_none_or(|low| low <= interval.value) && high.is_none_or(|high| interval.value <= high);
     if ordered {
         return Ok(());
     }
@@ -444,11 +404,7 @@ impl ElementText {
         let params = ElementParams {
             deformation,
             damping: SealDamping {
-                coefficients: [
-                    damping.constant_n_s_m,
-                    damping.linear_n_s2_m2,
-                    damping.quadratic_n_s3_m3,
-                ],
+                coefficients: [damping.constant_n_s_m, damping.linear_n_s2_m2, damping.quadratic_n_s3_m3],
             },
             insertion: self.insertion.friction(),
             withdrawal: self.withdrawal.friction(),
@@ -459,18 +415,14 @@ impl ElementText {
 
 /// Puts the place in front of what the model says.
 fn parameter(place: &str) -> impl Fn(ParamError) -> ModelFileError {
-    move |source| ModelFileError::Parameter {
-        place: place.to_owned(),
-        source,
-    }
+    move |source| ModelFileError::Parameter { place: place.to_owned(), source }
 }
 
 impl DeformationText {
     fn force(&self, place: &str) -> Result<DeformationForce, ModelFileError> {
         let rising = self.rising.branch(&format!("{place}.rising"))?;
         let falling = self.falling.branch(&format!("{place}.falling"))?;
-        let force = DeformationForce::new(rising, falling, Some(self.yield_stiffness_n_m))
-            .map_err(parameter(place))?;
+        let force = DeformationForce::new(rising, falling, Some(self.yield_stiffness_n_m)).map_err(parameter(place))?;
         let (c, stated) = (force.half_width(), self.half_width_m);
         if (c - stated).abs() > INTERVAL_TOLERANCE * c {
             let what = format!("half_width_m is {stated}, but the pieces end at {c}");
@@ -497,8 +449,7 @@ impl BranchText {
     fn branch(&self, place: &str) -> Result<Branch, ModelFileError> {
         let piece = |i: usize| {
             let text = &self.pieces[i];
-            Piece::new(text.from_m, text.to_m, &text.legendre_n)
-                .map_err(parameter(&format!("{place}.pieces[{i}]")))
+            Piece::new(text.from_m, text.to_m, &text.legendre_n).map_err(parameter(&format!("{place}.pieces[{i}]")))
         };
         let branch = Branch::new(piece(0)?, piece(1)?).map_err(parameter(place))?;
         let (join, stated) = (branch.join(), self.join_m);

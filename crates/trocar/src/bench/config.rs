@@ -203,9 +203,7 @@ impl SpeedCycles {
     pub fn speeds(&self) -> Vec<f64> {
         // A thousandth of an increment keeps the last speed when the division falls just short of a whole number.
         let increments = (self.fastest_m_s - self.slowest_m_s) / self.increment_m_s + 1e-3;
-        (0..=increments as u32)
-            .map(|i| self.slowest_m_s + f64::from(i) * self.increment_m_s)
-            .collect()
+        (0..=increments as u32).map(|i| self.slowest_m_s + f64::from(i) * self.increment_m_s).collect()
     }
 }
 
@@ -347,31 +345,17 @@ impl BenchConfig {
         let spans = toml::de::DeTable::parse(text).map_err(syntax)?;
         let given: toml::Table = text.parse().map_err(syntax)?;
         let mut merged: toml::Table = DEFAULT_TOML.parse().expect("the shipped document is TOML");
-        let lines = Lines {
-            text,
-            root: spans.get_ref(),
-        };
+        let lines = Lines { text, root: spans.get_ref() };
         overlay(&mut merged, given, &lines, &mut Vec::new())?;
         // Keys and types are those of the shipped document, so only a word out of a fixed set can still be wrong.
-        let config: Self =
-            merged
-                .try_into()
-                .map_err(|error: toml::de::Error| ConfigError::Word {
-                    line: lines.of("encoder.rounding").unwrap_or(1),
-                    message: format!("encoder.rounding: {}", error.message()),
-                })?;
+        let config: Self = merged.try_into().map_err(|error: toml::de::Error| ConfigError::Word {
+            line: lines.of("encoder.rounding").unwrap_or(1),
+            message: format!("encoder.rounding: {}", error.message()),
+        })?;
         config.validate().map_err(|error| match error {
-            ConfigError::OutOfRange {
-                key,
-                allowed,
-                found,
-                ..
-            } => ConfigError::OutOfRange {
-                line: lines.of(&key),
-                key,
-                allowed,
-                found,
-            },
+            ConfigError::OutOfRange { key, allowed, found, .. } => {
+                ConfigError::OutOfRange { line: lines.of(&key), key, allowed, found }
+            }
             other => other,
         })?;
         Ok(config)
@@ -447,12 +431,7 @@ impl BenchConfig {
         // Above a fifth a rare draw could turn the sign of the force, and the seal would push.
         within("fluctuation.pass_fraction", slow.pass_fraction, 0.0, 0.2)?;
         positive("fluctuation.pass_travel_m", slow.pass_travel_m)?;
-        within(
-            "fluctuation.ripple_fraction",
-            slow.ripple_fraction,
-            0.0,
-            0.2,
-        )?;
+        within("fluctuation.ripple_fraction", slow.ripple_fraction, 0.0, 0.2)?;
         positive("fluctuation.ripple_length_m", slow.ripple_length_m)
     }
 
@@ -463,19 +442,9 @@ impl BenchConfig {
         within(&key("fastest_m_s"), fastest, cycles.slowest_m_s, 10.0)?;
         within(&key("increment_m_s"), cycles.increment_m_s, 1e-4, 10.0)?;
         at_least_one(&key("cycles_per_speed"), cycles.cycles_per_speed)?;
-        within(
-            &key("acceleration_m_s2"),
-            cycles.acceleration_m_s2,
-            1e-3,
-            1e3,
-        )?;
+        within(&key("acceleration_m_s2"), cycles.acceleration_m_s2, 1e-3, 1e3)?;
         not_negative(&key("dwell_s"), cycles.dwell_s)?;
-        self.stroke(
-            &key("stroke_m"),
-            cycles.stroke_m,
-            fastest,
-            cycles.acceleration_m_s2,
-        )
+        self.stroke(&key("stroke_m"), cycles.stroke_m, fastest, cycles.acceleration_m_s2)
     }
 
     fn validate_dynamic(&self) -> Result<(), ConfigError> {
@@ -489,27 +458,11 @@ impl BenchConfig {
 
     fn validate_step(&self) -> Result<(), ConfigError> {
         let step = &self.protocol.step;
-        positive(
-            "protocol.step.insertion_speed_m_s",
-            step.insertion_speed_m_s,
-        )?;
-        positive(
-            "protocol.step.withdrawal_speed_m_s",
-            step.withdrawal_speed_m_s,
-        )?;
-        within(
-            "protocol.step.acceleration_m_s2",
-            step.acceleration_m_s2,
-            1e-3,
-            1e3,
-        )?;
+        positive("protocol.step.insertion_speed_m_s", step.insertion_speed_m_s)?;
+        positive("protocol.step.withdrawal_speed_m_s", step.withdrawal_speed_m_s)?;
+        within("protocol.step.acceleration_m_s2", step.acceleration_m_s2, 1e-3, 1e3)?;
         let fastest = step.insertion_speed_m_s.max(step.withdrawal_speed_m_s);
-        self.stroke(
-            "protocol.step.stroke_m",
-            step.stroke_m,
-            fastest,
-            step.acceleration_m_s2,
-        )
+        self.stroke("protocol.step.stroke_m", step.stroke_m, fastest, step.acceleration_m_s2)
     }
 
     fn validate_surgeon(&self) -> Result<(), ConfigError> {
@@ -522,68 +475,33 @@ impl BenchConfig {
         let half = 0.5 * hand.range_m;
         within(&key("longest_m"), hand.longest_m, hand.shortest_m, half)?;
         positive(&key("slowest_m_s"), hand.slowest_m_s)?;
-        within(
-            &key("fastest_m_s"),
-            hand.fastest_m_s,
-            hand.slowest_m_s,
-            10.0,
-        )?;
+        within(&key("fastest_m_s"), hand.fastest_m_s, hand.slowest_m_s, 10.0)?;
         positive(&key("quickest_s"), hand.quickest_s)?;
         within(&key("hold_probability"), hand.hold_probability, 0.0, 0.9)?;
         not_negative(&key("hold_shortest_s"), hand.hold_shortest_s)?;
         let longest_hold = hand.hold_longest_s;
-        within(
-            &key("hold_longest_s"),
-            longest_hold,
-            hand.hold_shortest_s,
-            1e6,
-        )?;
-        let left = 1.0 - hand.hold_probability;
-        within(
-            &key("reversal_probability"),
-            hand.reversal_probability,
-            0.0,
-            left,
-        )?;
+        within(&key("hold_longest_s"), longest_hold, hand.hold_shortest_s, 1e6)?;
+        // Rounded, so that 0.9 and 0.1 go together.
+        let left = ((1.0 - hand.hold_probability) * 1e9).round() * 1e-9;
+        within(&key("reversal_probability"), hand.reversal_probability, 0.0, left)?;
         positive(&key("reversal_shortest_m"), hand.reversal_shortest_m)?;
         let longest = hand.reversal_longest_m;
-        within(
-            &key("reversal_longest_m"),
-            longest,
-            hand.reversal_shortest_m,
-            half,
-        )?;
+        within(&key("reversal_longest_m"), longest, hand.reversal_shortest_m, half)?;
         within(&key("tremor_rms_m"), hand.tremor_rms_m, 0.0, 0.005)?;
         positive(&key("tremor_low_hz"), hand.tremor_low_hz)?;
         let nyquist = 0.5 * self.rig.sample_rate_hz;
-        within(
-            &key("tremor_high_hz"),
-            hand.tremor_high_hz,
-            hand.tremor_low_hz,
-            nyquist,
-        )
+        within(&key("tremor_high_hz"), hand.tremor_high_hz, hand.tremor_low_hz, nyquist)
     }
 
     /// A pass must reach its speed and end before the safety stop.
-    fn stroke(
-        &self,
-        key: &str,
-        stroke: f64,
-        fastest: f64,
-        acceleration: f64,
-    ) -> Result<(), ConfigError> {
+    fn stroke(&self, key: &str, stroke: f64, fastest: f64, acceleration: f64) -> Result<(), ConfigError> {
         let room = self.rig.stroke_limit_m - self.rig.start_m;
         within(key, stroke, fastest * fastest / acceleration, room)
     }
 }
 
 fn out_of_range(key: &str, allowed: String, found: f64) -> Result<(), ConfigError> {
-    Err(ConfigError::OutOfRange {
-        line: None,
-        key: key.to_owned(),
-        allowed,
-        found,
-    })
+    Err(ConfigError::OutOfRange { line: None, key: key.to_owned(), allowed, found })
 }
 
 fn finite(key: &str, value: f64) -> Result<(), ConfigError> {
@@ -652,11 +570,7 @@ fn overlay(
         let line = lines.of(&key).unwrap_or(1);
         let expected = || defaults.keys().cloned().collect::<Vec<_>>().join(", ");
         if !defaults.contains_key(&name) {
-            return Err(ConfigError::UnknownKey {
-                line,
-                key,
-                expected: expected(),
-            });
+            return Err(ConfigError::UnknownKey { line, key, expected: expected() });
         }
         let default = &mut defaults[&name];
         match (default, value) {
@@ -666,6 +580,15 @@ fn overlay(
             // `stroke_m = 1` means 1.0.
             (default @ toml::Value::Float(_), toml::Value::Integer(value)) => {
                 *default = toml::Value::Float(value as f64);
+            }
+            // Every whole number of a bench is a count.
+            (toml::Value::Integer(_), toml::Value::Integer(value)) if u32::try_from(value).is_err() => {
+                return Err(ConfigError::OutOfRange {
+                    line: Some(line),
+                    key,
+                    allowed: format!("between 0 and {}", u32::MAX),
+                    found: value as f64,
+                });
             }
             (default, value) if default.same_type(&value) => *default = value,
             (default, value) => {

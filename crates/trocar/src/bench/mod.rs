@@ -38,6 +38,8 @@ use core::str::FromStr;
 use thiserror::Error;
 use trocar_model::Element;
 
+use crate::recording::{Recording, RecordingError};
+
 use motion::Reference;
 use rig::{Push, RigState};
 use sensors::{ForceReading, PositionSensor};
@@ -59,13 +61,7 @@ pub enum Protocol {
 
 impl Protocol {
     /// All protocols, in the order in which an identification uses them.
-    pub const ALL: [Self; 5] = [
-        Self::Steady,
-        Self::Dynamic,
-        Self::Validation,
-        Self::Step,
-        Self::Surgeon,
-    ];
+    pub const ALL: [Self; 5] = [Self::Steady, Self::Dynamic, Self::Validation, Self::Step, Self::Surgeon];
 
     /// Name in files and on the command line.
     pub const fn name(self) -> &'static str {
@@ -94,10 +90,7 @@ impl FromStr for Protocol {
     type Err = UnknownProtocol;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {
-        Self::ALL
-            .into_iter()
-            .find(|protocol| protocol.name() == name)
-            .ok_or_else(|| UnknownProtocol(name.to_owned()))
+        Self::ALL.into_iter().find(|protocol| protocol.name() == name).ok_or_else(|| UnknownProtocol(name.to_owned()))
     }
 }
 
@@ -135,6 +128,17 @@ pub struct Truth {
     pub seal_force: Vec<f64>,
     /// Deflection of each element, m: `deflections[element][sample]`.
     pub deflections: Vec<Vec<f64>>,
+}
+
+impl BenchRun {
+    /// Time, position and force as a recording called `name`: what identification gets to see.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when the run is too short to be one.
+    pub fn to_recording(&self, name: impl Into<String>) -> Result<Recording, RecordingError> {
+        let (time, position) = (self.time.clone(), self.position.clone());
+        Recording::from_columns(name, time, position, self.force.clone())
+    }
 }
 
 /// What happened during a run that an experimenter should know.
@@ -180,12 +184,7 @@ pub enum BenchError {
 /// # Errors
 /// [`BenchError::Config`] when a value is out of range, [`BenchError::Stalled`] when constant force does not move the
 /// instrument.
-pub fn run(
-    config: &BenchConfig,
-    protocol: Protocol,
-    seal: &[Element],
-    seed: u64,
-) -> Result<BenchRun, BenchError> {
+pub fn run(config: &BenchConfig, protocol: Protocol, seal: &[Element], seed: u64) -> Result<BenchRun, BenchError> {
     config.validate()?;
     let mut rig = RigState::new(config, seal, seed);
     rig.home();
@@ -229,10 +228,7 @@ impl Log {
                 position: Vec::new(),
                 velocity: Vec::new(),
                 force: Vec::new(),
-                truth: Truth {
-                    deflections: vec![Vec::new(); elements],
-                    ..Truth::default()
-                },
+                truth: Truth { deflections: vec![Vec::new(); elements], ..Truth::default() },
                 events: RigEvents::default(),
             },
         }
@@ -245,10 +241,8 @@ impl Log {
         let run = &mut self.run;
         run.events.saturated_samples += usize::from(saturated);
         run.time.push(run.time.len() as f64 / self.sample_rate);
-        run.position
-            .push(self.position_sensor.position(rig.position()));
-        run.velocity
-            .push(self.position_sensor.speed(rig.velocity()));
+        run.position.push(self.position_sensor.position(rig.position()));
+        run.velocity.push(self.position_sensor.speed(rig.velocity()));
         run.force.push(reading);
         let truth = &mut run.truth;
         truth.position.push(rig.position());
@@ -264,10 +258,7 @@ impl Log {
 
     fn finish(self, events: RigEvents) -> BenchRun {
         let mut run = self.run;
-        run.events = RigEvents {
-            saturated_samples: run.events.saturated_samples,
-            ..events
-        };
+        run.events = RigEvents { saturated_samples: run.events.saturated_samples, ..events };
         run
     }
 }

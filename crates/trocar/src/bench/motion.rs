@@ -25,8 +25,7 @@ impl Tremor {
     fn new(surgeon: &Surgeon, noise: &mut Noise) -> Self {
         let amplitude = surgeon.tremor_rms_m * libm::sqrt(2.0 / TREMOR_LINES as f64);
         Self(core::array::from_fn(|_| {
-            let rate = core::f64::consts::TAU
-                * noise.uniform(surgeon.tremor_low_hz, surgeon.tremor_high_hz);
+            let rate = core::f64::consts::TAU * noise.uniform(surgeon.tremor_low_hz, surgeon.tremor_high_hz);
             let phase = noise.uniform(0.0, core::f64::consts::TAU);
             (rate, amplitude * rate, phase)
         }))
@@ -35,9 +34,7 @@ impl Tremor {
     fn velocity(&self, time: f64) -> f64 {
         let fade = (time / TREMOR_FADE).min(1.0);
         let lines = self.0.iter();
-        fade * lines
-            .map(|(rate, amplitude, phase)| amplitude * libm::cos(rate * time + phase))
-            .sum::<f64>()
+        fade * lines.map(|(rate, amplitude, phase)| amplitude * libm::cos(rate * time + phase)).sum::<f64>()
     }
 }
 
@@ -53,12 +50,7 @@ pub(super) struct Reference {
 
 impl Reference {
     fn empty() -> Self {
-        Self {
-            pieces: Vec::new(),
-            duration: 0.0,
-            tremor: None,
-            current: 0,
-        }
+        Self { pieces: Vec::new(), duration: 0.0, tremor: None, current: 0 }
     }
 
     fn push(&mut self, duration: f64, piece: Piece) {
@@ -76,27 +68,9 @@ impl Reference {
     fn pass(&mut self, velocity: f64, stroke: f64, acceleration: f64) {
         let ramp = velocity.abs() / acceleration;
         let constant = stroke / velocity.abs() - ramp;
-        self.push(
-            ramp,
-            Piece::Ramp {
-                from: 0.0,
-                to: velocity,
-            },
-        );
-        self.push(
-            constant,
-            Piece::Ramp {
-                from: velocity,
-                to: velocity,
-            },
-        );
-        self.push(
-            ramp,
-            Piece::Ramp {
-                from: velocity,
-                to: 0.0,
-            },
-        );
+        self.push(ramp, Piece::Ramp { from: 0.0, to: velocity });
+        self.push(constant, Piece::Ramp { from: velocity, to: velocity });
+        self.push(ramp, Piece::Ramp { from: velocity, to: 0.0 });
     }
 
     /// Cycles of growing speed.
@@ -161,12 +135,7 @@ impl Reference {
             let mean_speed = noise.uniform(surgeon.slowest_m_s, surgeon.fastest_m_s);
             let duration = (distance / mean_speed).max(surgeon.quickest_s);
             place += direction * distance;
-            reference.push(
-                duration,
-                Piece::MinimumJerk {
-                    distance: direction * distance,
-                },
-            );
+            reference.push(duration, Piece::MinimumJerk { distance: direction * distance });
         }
         reference.duration = surgeon.duration_s;
         reference.tremor = Some(Tremor::new(surgeon, &mut Noise::new(seed, Source::Tremor)));
@@ -186,9 +155,7 @@ impl Reference {
                 let s = (time - begin) / duration;
                 let movement = match piece {
                     Piece::Ramp { from, to } => from + (to - from) * s,
-                    Piece::MinimumJerk { distance } => {
-                        30.0 * distance / duration * s * s * (1.0 - s) * (1.0 - s)
-                    }
+                    Piece::MinimumJerk { distance } => 30.0 * distance / duration * s * s * (1.0 - s) * (1.0 - s),
                 };
                 return movement + self.tremor.as_ref().map_or(0.0, |t| t.velocity(time));
             }

@@ -28,10 +28,7 @@ impl Noise {
     pub(crate) fn new(seed: u64, source: Source) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(source as u64);
-        Self {
-            generator,
-            spare: None,
-        }
+        Self { generator, spare: None }
     }
 
     /// Uniform in [0, 1).

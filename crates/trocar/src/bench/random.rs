@@ -72,13 +72,12 @@ pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
         let shape = Shape::draw(&mut noise);
         let other = shape.perturbed(ranges.branch_asymmetry, &mut noise);
         let levels = (withdrawal.static_force, insertion.static_force);
-        let params =
-            deformation(half_width, levels, &shape, &other).map(|deformation| ElementParams {
-                deformation,
-                damping: SealDamping::ZERO,
-                insertion,
-                withdrawal,
-            });
+        let params = deformation(half_width, levels, &shape, &other).map(|deformation| ElementParams {
+            deformation,
+            damping: SealDamping::ZERO,
+            insertion,
+            withdrawal,
+        });
         if let Ok(params) = params
             && plausible(&params)
             && Element::new(params).is_ok()
@@ -111,17 +110,9 @@ impl Shape {
     fn draw(noise: &mut Noise) -> Self {
         let turns_over = noise.unit() < 0.5;
         let (force_at_join, slope_before, slope_behind) = if turns_over {
-            (
-                noise.uniform(0.2, 0.5),
-                noise.uniform(-0.1, 0.3),
-                noise.uniform(-0.8, -0.2),
-            )
+            (noise.uniform(0.2, 0.5), noise.uniform(-0.1, 0.3), noise.uniform(-0.8, -0.2))
         } else {
-            (
-                noise.uniform(-0.1, 0.4),
-                noise.uniform(0.3, 1.0),
-                noise.uniform(0.2, 0.6),
-            )
+            (noise.uniform(-0.1, 0.4), noise.uniform(0.3, 1.0), noise.uniform(0.2, 0.6))
         };
         Self {
             join: noise.uniform(-0.45, -0.1),
@@ -189,13 +180,8 @@ impl Quartic {
         let a3 = 0.25 * (m0 + m1) - 0.25 * (p1 - p0);
         let a4 = self.bulge;
         // t² = (P0 + 2 P2)/3, t³ = (3 P1 + 2 P3)/5, t⁴ = (7 P0 + 20 P2 + 8 P4)/35.
-        let legendre = [
-            a0 + a2 / 3.0 + a4 / 5.0,
-            a1 + 0.6 * a3,
-            2.0 / 3.0 * a2 + 4.0 / 7.0 * a4,
-            0.4 * a3,
-            8.0 / 35.0 * a4,
-        ];
+        let legendre =
+            [a0 + a2 / 3.0 + a4 / 5.0, a1 + 0.6 * a3, 2.0 / 3.0 * a2 + 4.0 / 7.0 * a4, 0.4 * a3, 8.0 / 35.0 * a4];
         Piece::new(self.from.0, self.to.0, &legendre)
     }
 }
@@ -226,10 +212,7 @@ fn turned(piece: &Piece) -> Result<Piece, ParamError> {
 fn plausible(params: &ElementParams) -> bool {
     let force = &params.deformation;
     let c = force.half_width();
-    let (lowest, highest) = (
-        -params.withdrawal.static_force,
-        params.insertion.static_force,
-    );
+    let (lowest, highest) = (-params.withdrawal.static_force, params.insertion.static_force);
     (1..CHECK_POINTS).all(|i| {
         let z = c * (2.0 * f64::from(i) / f64::from(CHECK_POINTS) - 1.0);
         let (rising, falling) = (force.rising().force(z), force.falling().force(z));

@@ -44,11 +44,7 @@ impl Push {
         let speed = cycles.sliding_speed_m_s;
         let guide = motor.drag_n_s_m * speed + motor.guide_friction_n;
         let total = |friction: fn(&Element) -> &SlidingFriction| {
-            guide
-                + seal
-                    .iter()
-                    .map(|element| friction(element).force(speed))
-                    .sum::<f64>()
+            guide + seal.iter().map(|element| friction(element).force(speed)).sum::<f64>()
         };
         // Weight that no counterbalance carries and gas pressure act in both directions alike.
         let moving_mass = motor.slider_mass_kg + config.rod.mass_kg;
@@ -94,10 +90,7 @@ impl<'a> RigState<'a> {
             config,
             seal,
             level: SealLevel::new(&config.fluctuation, position, seed),
-            control: SpeedControl {
-                gains: config.controller.clone(),
-                integral: 0.0,
-            },
+            control: SpeedControl { gains: config.controller.clone(), integral: 0.0 },
             moving_mass: config.motor.slider_mass_kg + config.rod.mass_kg,
             step_duration,
             force_lag: lag,
@@ -192,11 +185,7 @@ impl<'a> RigState<'a> {
             let mut samples = 0;
             while !arrived(self.position) {
                 if samples == longest_pass {
-                    return Err(BenchError::Stalled {
-                        pass: pass + 1,
-                        position: self.position,
-                        push: force,
-                    });
+                    return Err(BenchError::Stalled { pass: pass + 1, position: self.position, push: force });
                 }
                 for _ in 0..rig.substeps {
                     self.step(force);
@@ -256,8 +245,5 @@ impl<'a> RigState<'a> {
 fn force_limits(motor: &Motor, velocity: f64) -> (f64, f64) {
     let ratio = velocity / motor.no_load_speed_m_s;
     let peak = motor.peak_force_n;
-    (
-        -peak * (1.0 + ratio).clamp(0.0, 1.0),
-        peak * (1.0 - ratio).clamp(0.0, 1.0),
-    )
+    (-peak * (1.0 + ratio).clamp(0.0, 1.0), peak * (1.0 - ratio).clamp(0.0, 1.0))
 }

@@ -48,17 +48,11 @@ pub(super) struct ForceReading {
 
 impl ForceReading {
     pub(super) fn new(sensor: &ForceSensor, sample_rate_hz: f64, seed: u64) -> Self {
-        let memory =
-            libm::exp(-core::f64::consts::TAU * sensor.noise_bandwidth_hz / sample_rate_hz);
+        let memory = libm::exp(-core::f64::consts::TAU * sensor.noise_bandwidth_hz / sample_rate_hz);
         let mut noise = Noise::new(seed, Source::ForceSensor);
         // Started in its stationary distribution: the first samples are as noisy as the rest.
         let coloured = noise.normal();
-        Self {
-            sensor: sensor.clone(),
-            noise,
-            memory,
-            coloured,
-        }
+        Self { sensor: sensor.clone(), noise, memory, coloured }
     }
 
     /// One logged reading of `force`, the load on the sensor in N, and whether it saturated.
@@ -69,11 +63,8 @@ impl ForceReading {
         let range = self.sensor.range_n;
         let limited = analogue.clamp(-range, range);
         let resolution = self.sensor.resolution_n;
-        let reading = if resolution > 0.0 {
-            ((limited / resolution).round() * resolution).clamp(-range, range)
-        } else {
-            limited
-        };
+        let reading =
+            if resolution > 0.0 { ((limited / resolution).round() * resolution).clamp(-range, range) } else { limited };
         (reading, limited != analogue)
     }
 }
