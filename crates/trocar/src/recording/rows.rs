@@ -342,7 +342,7 @@ impl<R: Read> RowReader<R> {
         let found = self.splitter.split(&self.buffer[start..end]);
         let expected = self.layout.slots.len();
         if found != expected {
-            return Err(self.field_count(line, found));
+            return Err(self.field_count(line, found)?);
         }
         let mut values = [f64::NAN; 4];
         for (k, slot) in self.layout.slots.iter().enumerate() {
@@ -358,27 +358,25 @@ impl<R: Read> RowReader<R> {
         Ok(Some(Row { line, values }))
     }
 
-    fn field_count(&self, line: u64, found: usize) -> RecordingError {
-        let hint = match (
-            self.finished && self.peek_line(1).is_none(),
-            self.layout.source,
-        ) {
-            (true, _) => {
+    fn field_count(&mut self, line: u64, found: usize) -> Result<RecordingError, RecordingError> {
+        self.skip_line();
+        let last = self.start == self.complete && !self.refill()?;
+        let hint = match self.layout.source {
+            _ if last => {
                 "\n\nhint: this is the last line; was the recording cut off while it was written?"
             }
-            (false, "--columns") => {
-                "\n\nhint: --columns names every column in order, '-' skips one"
-            }
-            (false, _) => "",
+            "--columns" => "\n\nhint: --columns names every column in order, '-' skips one",
+            _ => "",
         };
-        RecordingError::FieldCount {
-            file: self.file.clone(),
+        let (file, expected) = (self.file.clone(), self.layout.slots.len());
+        Ok(RecordingError::FieldCount {
+            file,
             line,
             found,
-            expected: self.layout.slots.len(),
+            expected,
             reference: self.layout.source,
             hint,
-        }
+        })
     }
 
     fn not_a_number(&self, line: u64, column: usize, cell: &[u8]) -> RecordingError {
@@ -440,7 +438,10 @@ impl Splitter {
             Separator::Byte(byte) => byte,
             Separator::Whitespace => b' ',
         };
-        let reader = csv_core::ReaderBuilder::new().delimiter(delimiter).build();
+        let reader = csv_core::ReaderBuilder::new()
+            .delimiter(delimiter)
+            .terminator(csv_core::Terminator::Any(b'\n'))
+            .build();
         Self {
             separator,
             reader,

@@ -33,6 +33,9 @@ const SATURATED_RUN: usize = 5;
 /// Values looked at for resolution and noise: enough for three digits, few enough to cost nothing.
 const LOOKED_AT: usize = 1 << 16;
 
+/// Deviations beyond this many standard deviations are not noise.
+const NOISE_LIMIT: f64 = 5.0;
+
 /// From a Gaussian's median absolute value to its standard deviation.
 const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
 
@@ -278,8 +281,12 @@ fn describe_values(columns: &Columns, quality: &mut Quality) {
     quality.stroke = high - low;
     quality.position_resolution = resolution(&columns.position);
     quality.force_resolution = resolution(&columns.force);
-    quality.position_noise = noise(&columns.time, &columns.position);
-    quality.force_noise = noise(&columns.time, &columns.force);
+    quality.position_noise = noise(
+        &columns.time,
+        &columns.position,
+        quality.position_resolution,
+    );
+    quality.force_noise = noise(&columns.time, &columns.force, quality.force_resolution);
 }
 
 fn range(values: &[f64]) -> (f64, f64) {
@@ -296,8 +303,11 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Robust standard deviation about the straight line through the two neighbours, which takes out slow motion.
-fn noise(time: &[f64], values: &[f64]) -> f64 {
+/// Standard deviation about the straight line through the two neighbours, which takes out slow motion.
+///
+/// Jumps are left out by comparison with the median. The median itself would be coarse where the noise is only a
+/// few steps of `resolution`.
+fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
     let stride = (values.len() / LOOKED_AT).max(1);
     let deviations = (1..values.len() - 1).step_by(stride).map(|k| {
         let weight = (time[k] - time[k - 1]) / (time[k + 1] - time[k - 1]);
@@ -306,7 +316,16 @@ fn noise(time: &[f64], values: &[f64]) -> f64 {
         let scale = (1.0 + weight * weight + (1.0 - weight) * (1.0 - weight)).sqrt();
         (values[k] - between).abs() / scale
     });
-    median(deviations.collect()).unwrap_or_default() * MEDIAN_TO_SD
+    let deviations: Vec<f64> = deviations.collect();
+    let typical = median(deviations.clone()).unwrap_or_default() * MEDIAN_TO_SD;
+    let limit = NOISE_LIMIT * typical.max(resolution / 12_f64.sqrt());
+    let (sum, count) = deviations
+        .iter()
+        .filter(|&&deviation| deviation <= limit)
+        .fold((0.0, 0_usize), |(sum, count), deviation| {
+            (sum + deviation * deviation, count + 1)
+        });
+    (sum / count.max(1) as f64).sqrt()
 }
 
 /// The greatest step of which nearly all differences are whole multiples.
