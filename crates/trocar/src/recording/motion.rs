@@ -44,10 +44,7 @@ impl Recording {
     pub fn acceleration_window(&self) -> f64 {
         let interval = self.quality.median_interval;
         // Rounding to a step scatters by the step over the square root of twelve.
-        let noise = self
-            .quality
-            .position_noise
-            .max(self.quality.position_resolution / 12_f64.sqrt());
+        let noise = self.quality.position_noise.max(self.quality.position_resolution / 12_f64.sqrt());
         let shortest = (FEWEST - 1) as f64 * interval;
         let mut best = (f64::INFINITY, shortest);
         let mut window = shortest;
@@ -57,11 +54,7 @@ impl Recording {
             let (n, m) = (samples(window), samples(window / 2.0));
             let by_noise = variance(m) - variance(n);
             let excess = (mean_square_difference(self, window) - by_noise).max(0.0);
-            let bias = if m < n {
-                excess / (1.0 - (m / n).powi(2)).powi(2)
-            } else {
-                0.0
-            };
+            let bias = if m < n { excess / (1.0 - (m / n).powi(2)).powi(2) } else { 0.0 };
             let variance = variance(n);
             if variance + bias < best.0 {
                 best = (variance + bias, window);
@@ -76,11 +69,7 @@ impl Recording {
 fn mean_square_difference(recording: &Recording, window: f64) -> f64 {
     let long = local_acceleration(recording, window);
     let short = local_acceleration(recording, window / 2.0);
-    long.iter()
-        .zip(&short)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        / long.len() as f64
+    long.iter().zip(&short).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / long.len() as f64
 }
 
 /// Fit at one sample.
@@ -93,10 +82,7 @@ struct Fit {
 fn local_fit(recording: &Recording, window: f64, take: impl Fn(Fit) -> f64) -> Vec<f64> {
     let mut out = Vec::with_capacity(recording.len());
     for stretch in recording.stretches() {
-        let (time, position) = (
-            &recording.time[stretch.clone()],
-            &recording.position[stretch],
-        );
+        let (time, position) = (&recording.time[stretch.clone()], &recording.position[stretch]);
         fit_stretch(time, position, window / 2.0, |fit| out.push(take(fit)));
     }
     out
@@ -136,10 +122,7 @@ fn window_around(time: &[f64], k: usize, half: f64, before: &Range<usize>) -> Ra
         end += 1;
     }
     if end - start < fewest {
-        start = k
-            .saturating_sub(fewest / 2)
-            .min(time.len() - fewest)
-            .clamp(before.start, start);
+        start = k.saturating_sub(fewest / 2).min(time.len() - fewest).clamp(before.start, start);
         end = end.max(start + fewest).min(time.len());
     }
     start..end
@@ -160,11 +143,7 @@ struct Sums {
 
 impl Sums {
     fn at(time: &[f64], position: &[f64], k: usize, inside: Range<usize>) -> Self {
-        let span = if inside.is_empty() {
-            1.0
-        } else {
-            time[inside.end - 1] - time[inside.start]
-        };
+        let span = if inside.is_empty() { 1.0 } else { time[inside.end - 1] - time[inside.start] };
         let mut sums = Self {
             origin: (time[k], position[k]),
             unit: span,
@@ -206,9 +185,6 @@ impl Sums {
         let curvature = (c2 - skew * c1) / (m4 - m2 * m2 - skew * m3);
         let t = (time - self.origin.0) / self.unit - mean;
         let slope = linear + curvature * (2.0 * t - skew);
-        Fit {
-            slope: slope / self.unit,
-            curvature: curvature / (self.unit * self.unit),
-        }
+        Fit { slope: slope / self.unit, curvature: curvature / (self.unit * self.unit) }
     }
 }
