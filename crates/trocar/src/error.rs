@@ -143,9 +143,7 @@ pub enum RecordingError {
         problem: String,
     },
     /// A row has too few or too many fields.
-    #[error(
-        "{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}"
-    )]
+    #[error("{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}")]
     FieldCount {
         /// File as the caller named it.
         file: String,
@@ -185,7 +183,7 @@ pub enum RecordingError {
         line: u64,
         /// The quantity concerned.
         quantity: &'static str,
-        /// `empty or nan`, `inf` or `-inf`.
+        /// `empty or nan` or `infinite`.
         found: &'static str,
     },
     /// Too few samples to take an interval, a velocity and an acceleration from.
@@ -239,6 +237,22 @@ pub enum RecordingError {
         found: usize,
         /// Samples in all.
         samples: usize,
+    },
+    /// The position changes between two rows of the same time (`simulate`).
+    #[error(
+        "{file} line {line}: position goes from {from} m to {to} m while time stays at {time} s, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits"
+    )]
+    NoDuration {
+        /// File as the caller named it.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// The time, in s.
+        time: f64,
+        /// Position before, in m.
+        from: f64,
+        /// Position found, in m.
+        to: f64,
     },
     /// The position covers more than any instrument can.
     #[error(

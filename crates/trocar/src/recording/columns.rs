@@ -38,14 +38,7 @@ impl Quantity {
     /// The SI unit comes first.
     fn units(self) -> &'static [Unit] {
         match self {
-            Self::Time => &[
-                ("s", 1.0),
-                ("ms", 1e3),
-                ("us", 1e6),
-                ("ns", 1e9),
-                ("sec", 1.0),
-                ("seconds", 1.0),
-            ],
+            Self::Time => &[("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("sec", 1.0), ("seconds", 1.0)],
             Self::Position => &[("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("um", 1e6)],
             Self::Force => &[("n", 1.0), ("mn", 1e3), ("kn", 1e-3)],
             Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6)],
@@ -92,21 +85,15 @@ const NOT_MEASURED: [&str; 12] = [
 /// Understands `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
 fn recognise(name: &str) -> Option<Reading> {
     let lower = name.to_lowercase().replace(['µ', 'μ'], "u");
-    let mut words: Vec<&str> = lower
-        .split(|c: char| !c.is_alphanumeric())
-        .filter(|word| !word.is_empty() && *word != "per")
-        .collect();
+    let mut words: Vec<&str> =
+        lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty() && *word != "per").collect();
     if words.iter().any(|word| NOT_MEASURED.contains(word)) {
         return None;
     }
     let quantity = quantity_of(&words)?;
     let per_si = take_unit(&mut words, quantity);
     let exact = words.len() == 1;
-    Some(Reading {
-        quantity,
-        exact,
-        per_si,
-    })
+    Some(Reading { quantity, exact, per_si })
 }
 
 /// The quantity whose word the name holds; two different ones cancel out.
@@ -152,41 +139,20 @@ pub(crate) struct Layout {
 
 impl Layout {
     pub(crate) fn has(&self, quantity: Quantity) -> bool {
-        self.slots
-            .iter()
-            .flatten()
-            .any(|slot| slot.quantity == quantity)
+        self.slots.iter().flatten().any(|slot| slot.quantity == quantity)
     }
 
     /// From `--columns time_s,position_mm,-,force_n`.
     pub(crate) fn from_mapping(mapping: &str, needed: &[Quantity]) -> Result<Self, RecordingError> {
-        let names: Vec<String> = mapping
-            .split(',')
-            .map(|name| name.trim().to_owned())
-            .collect();
-        let slots = names
-            .iter()
-            .map(|name| mapped_slot(name))
-            .collect::<Result<Vec<_>, _>>()?;
-        let layout = Self {
-            names,
-            slots,
-            source: "--columns",
-            notes: Vec::new(),
-        };
+        let names: Vec<String> = mapping.split(',').map(|name| name.trim().to_owned()).collect();
+        let slots = names.iter().map(|name| mapped_slot(name)).collect::<Result<Vec<_>, _>>()?;
+        let layout = Self { names, slots, source: "--columns", notes: Vec::new() };
         for quantity in Quantity::ALL {
-            let mut taken = layout
-                .slots
-                .iter()
-                .flatten()
-                .filter(|slot| slot.quantity == quantity);
+            let mut taken = layout.slots.iter().flatten().filter(|slot| slot.quantity == quantity);
             let count = taken.by_ref().count();
             if count > 1 || (count == 0 && needed.contains(&quantity)) {
                 let problem = format!("naming {} {count} times, expected once", quantity.name());
-                return Err(RecordingError::BadColumns {
-                    entry: mapping.to_owned(),
-                    problem,
-                });
+                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
             }
         }
         Ok(layout)
@@ -203,20 +169,11 @@ impl Layout {
         let mut slots = vec![None; names.len()];
         let mut notes = Vec::new();
         for quantity in Quantity::ALL {
-            let header = Header {
-                file,
-                line,
-                names: &names,
-                readings: &readings,
-            };
+            let header = Header { file, line, names: &names, readings: &readings };
             match header.choose(quantity, needed.contains(&quantity))? {
                 Choice::Column(index, slot) => {
                     if readings[index].is_some_and(|reading| !reading.exact) {
-                        notes.push(format!(
-                            "column '{}' taken as {}",
-                            names[index],
-                            quantity.name()
-                        ));
+                        notes.push(format!("column '{}' taken as {}", names[index], quantity.name()));
                     }
                     slots[index] = Some(slot);
                 }
@@ -224,12 +181,7 @@ impl Layout {
                 Choice::None => {}
             }
         }
-        Ok(Self {
-            names,
-            slots,
-            source: "the header",
-            notes,
-        })
+        Ok(Self { names, slots, source: "the header", notes })
     }
 }
 
@@ -237,22 +189,13 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
     if matches!(name, "-" | "skip" | "") {
         return Ok(None);
     }
-    let bad = |problem: String| RecordingError::BadColumns {
-        entry: name.to_owned(),
-        problem,
-    };
-    let reading = recognise(name)
-        .ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
-    let per_si = reading.per_si.ok_or_else(|| {
-        bad(format!(
-            "without a unit, expected one of {}",
-            unit_list(reading.quantity)
-        ))
-    })?;
-    Ok(Some(Slot {
-        quantity: reading.quantity,
-        per_si,
-    }))
+    let bad = |problem: String| RecordingError::BadColumns { entry: name.to_owned(), problem };
+    let reading =
+        recognise(name).ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
+    let per_si = reading
+        .per_si
+        .ok_or_else(|| bad(format!("without a unit, expected one of {}", unit_list(reading.quantity))))?;
+    Ok(Some(Slot { quantity: reading.quantity, per_si }))
 }
 
 fn unit_list(quantity: Quantity) -> String {
@@ -287,14 +230,11 @@ impl Header<'_> {
         let of = |exact: bool| {
             let readings = self.readings.iter().enumerate();
             let matching = readings.filter(move |(_, reading)| {
-                reading
-                    .is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
+                reading.is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
             });
             matching.map(|(index, _)| index).collect::<Vec<_>>()
         };
-        let candidates = Some(of(true))
-            .filter(|exact| !exact.is_empty())
-            .unwrap_or_else(|| of(false));
+        let candidates = Some(of(true)).filter(|exact| !exact.is_empty()).unwrap_or_else(|| of(false));
         let outcome = match candidates[..] {
             [] => Err(self.missing(quantity)),
             [index] => self.slot(index, quantity),
@@ -358,17 +298,10 @@ pub(crate) fn is_recognised(name: &str) -> bool {
 pub(crate) fn is_unit_row(cells: &[String]) -> bool {
     let bare = |cell: &String| {
         let lower = cell.to_lowercase().replace(['µ', 'μ'], "u");
-        lower
-            .split(|c: char| !c.is_alphanumeric())
-            .filter(|word| !word.is_empty())
-            .collect::<Vec<_>>()
-            .join("_")
+        lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
     };
-    let known = |unit: &str| {
-        Quantity::ALL
-            .iter()
-            .any(|quantity| quantity.units().iter().any(|(name, _)| *name == unit))
-    };
+    let known =
+        |unit: &str| Quantity::ALL.iter().any(|quantity| quantity.units().iter().any(|(name, _)| *name == unit));
     cells.iter().filter(|cell| known(&bare(cell))).count() >= 2
 }
 
@@ -396,11 +329,7 @@ mod tests {
             ("Velocity [mm/s]", Quantity::Velocity, 1e3),
             ("v (m·s^-1)", Quantity::Velocity, 1.0),
         ] {
-            assert_eq!(
-                reading(name),
-                Some((quantity, true, Some(per_si))),
-                "{name}"
-            );
+            assert_eq!(reading(name), Some((quantity, true, Some(per_si))), "{name}");
         }
     }
 
@@ -410,9 +339,6 @@ mod tests {
         assert_eq!(reading("status"), None);
         assert_eq!(reading("s"), None);
         assert_eq!(reading("force"), Some((Quantity::Force, true, None)));
-        assert_eq!(
-            reading("motor_position_mm"),
-            Some((Quantity::Position, false, Some(1e3)))
-        );
+        assert_eq!(reading("motor_position_mm"), Some((Quantity::Position, false, Some(1e3))));
     }
 }

@@ -16,42 +16,15 @@ pub(crate) struct Format {
 
 /// In order of preference when several explain the lines equally well.
 const CANDIDATES: [Format; 9] = [
-    Format {
-        separator: Separator::Byte(b';'),
-        decimal_comma: false,
-    },
-    Format {
-        separator: Separator::Byte(b';'),
-        decimal_comma: true,
-    },
-    Format {
-        separator: Separator::Byte(b'\t'),
-        decimal_comma: false,
-    },
-    Format {
-        separator: Separator::Byte(b'\t'),
-        decimal_comma: true,
-    },
-    Format {
-        separator: Separator::Byte(b'|'),
-        decimal_comma: false,
-    },
-    Format {
-        separator: Separator::Byte(b'|'),
-        decimal_comma: true,
-    },
-    Format {
-        separator: Separator::Byte(b','),
-        decimal_comma: false,
-    },
-    Format {
-        separator: Separator::Whitespace,
-        decimal_comma: false,
-    },
-    Format {
-        separator: Separator::Whitespace,
-        decimal_comma: true,
-    },
+    Format { separator: Separator::Byte(b';'), decimal_comma: false },
+    Format { separator: Separator::Byte(b';'), decimal_comma: true },
+    Format { separator: Separator::Byte(b'\t'), decimal_comma: false },
+    Format { separator: Separator::Byte(b'\t'), decimal_comma: true },
+    Format { separator: Separator::Byte(b'|'), decimal_comma: false },
+    Format { separator: Separator::Byte(b'|'), decimal_comma: true },
+    Format { separator: Separator::Byte(b','), decimal_comma: false },
+    Format { separator: Separator::Whitespace, decimal_comma: false },
+    Format { separator: Separator::Whitespace, decimal_comma: true },
 ];
 
 impl Format {
@@ -60,21 +33,8 @@ impl Format {
         let rows = if lines.len() > 1 { &lines[1..] } else { lines };
         let by_numbers = best(|format| score(format, rows));
         by_numbers
-            .or_else(|| {
-                best(|format| {
-                    (
-                        0,
-                        format
-                            .cells(lines.first().copied().unwrap_or_default())
-                            .len()
-                            - 1,
-                    )
-                })
-            })
-            .unwrap_or(Format {
-                separator: Separator::Byte(b','),
-                decimal_comma: false,
-            })
+            .or_else(|| best(|format| (0, format.cells(lines.first().copied().unwrap_or_default()).len() - 1)))
+            .unwrap_or(Format { separator: Separator::Byte(b','), decimal_comma: false })
     }
 
     /// Splits without regard to quotes; good enough to judge a format by.
@@ -99,8 +59,7 @@ impl Format {
 }
 
 pub(crate) fn whitespace_cells(line: &[u8]) -> impl Iterator<Item = &[u8]> {
-    line.split(|&b| b == b' ' || b == b'\t')
-        .filter(|cell| !cell.is_empty())
+    line.split(|&b| b == b' ' || b == b'\t').filter(|cell| !cell.is_empty())
 }
 
 /// `1,5` with digits on both sides of one comma: neither a list (`1,`) nor thousands (`1,000.5`).
@@ -110,8 +69,7 @@ fn comma_number(cell: &[u8]) -> Option<f64> {
     digits.copy_from_slice(cell);
     let comma = cell.iter().position(|&b| b == b',')?;
     digits[comma] = b'.';
-    let whole =
-        comma > 0 && cell[comma - 1].is_ascii_digit() && cell.get(comma + 1)?.is_ascii_digit();
+    let whole = comma > 0 && cell[comma - 1].is_ascii_digit() && cell.get(comma + 1)?.is_ascii_digit();
     whole.then(|| fast_float2::parse(&*digits).ok()).flatten()
 }
 
@@ -123,14 +81,11 @@ fn score(format: Format, rows: &[&[u8]]) -> (usize, usize) {
         if cells.len() < 2 {
             continue;
         }
-        let unquoted = cells.iter().map(|cell| cell.trim_ascii()).map(|cell| {
-            cell.strip_prefix(b"\"")
-                .and_then(|cell| cell.strip_suffix(b"\""))
-                .unwrap_or(cell)
-        });
-        let numbers = unquoted
-            .filter(|cell| format.number(cell).is_some())
-            .count();
+        let unquoted = cells
+            .iter()
+            .map(|cell| cell.trim_ascii())
+            .map(|cell| cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell));
+        let numbers = unquoted.filter(|cell| format.number(cell).is_some()).count();
         score.0 += usize::from(numbers == cells.len());
         score.1 += numbers;
     }
@@ -162,11 +117,7 @@ mod tests {
         for (text, separator, decimal_comma) in [
             ("a,b\n1,2", Separator::Byte(b','), false),
             ("a, b, c\n1, 2, 3", Separator::Byte(b','), false),
-            (
-                "time [s];position, mm\n0,001;0,004",
-                Separator::Byte(b';'),
-                true,
-            ),
+            ("time [s];position, mm\n0,001;0,004", Separator::Byte(b';'), true),
             ("a\tb\n1.5\t2.5", Separator::Byte(b'\t'), false),
             ("a|b\n1.5|2.5", Separator::Byte(b'|'), false),
             ("a b\n  1.5   2.5", Separator::Whitespace, false),
@@ -174,14 +125,7 @@ mod tests {
             ("\"a\";\"b\"\n\"1,5\";\"2\"", Separator::Byte(b';'), true),
             ("a,b,status\n1.5,2.5,ok", Separator::Byte(b','), false),
         ] {
-            assert_eq!(
-                sniff(text),
-                Format {
-                    separator,
-                    decimal_comma
-                },
-                "{text}"
-            );
+            assert_eq!(sniff(text), Format { separator, decimal_comma }, "{text}");
         }
     }
 }

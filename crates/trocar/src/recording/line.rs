@@ -15,8 +15,7 @@ impl Line {
 
     /// Appends a number and a comma.
     pub(crate) fn number(&mut self, value: f64) -> &mut Self {
-        self.bytes
-            .extend_from_slice(self.digits.format(value).as_bytes());
+        self.bytes.extend_from_slice(self.digits.format(value).as_bytes());
         self.bytes.push(b',');
         self
     }
@@ -33,11 +32,7 @@ impl Line {
         if let Some(last) = self.bytes.last_mut() {
             *last = b'\n';
         }
-        if self.bytes.len() >= Self::PIECE {
-            self.flush(output)
-        } else {
-            Ok(())
-        }
+        if self.bytes.len() >= Self::PIECE { self.flush(output) } else { Ok(()) }
     }
 
     /// Hands on what is left.

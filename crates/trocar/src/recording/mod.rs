@@ -20,7 +20,7 @@ pub use crate::error::RecordingError;
 pub use motion::{local_acceleration, local_velocity};
 pub use quality::{Dropped, Gap, Quality, Reset, Saturation, Warning, WarningKind};
 
-mod columns;
+pub(crate) mod columns;
 mod format;
 pub(crate) mod line;
 mod motion;
@@ -30,6 +30,9 @@ mod screen;
 
 /// Fewest samples that make a recording.
 pub const MIN_SAMPLES: usize = 8;
+
+/// Longest stroke accepted, in m: no instrument moves further through a trocar.
+pub const LONGEST_STROKE: f64 = 2.0;
 
 /// Where in a recording something was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,28 +99,18 @@ impl Recording {
         for (column, values) in [("position", &position), ("force", &force)] {
             if values.len() != time.len() {
                 let (file, found, expected) = (name, values.len(), time.len());
-                return Err(RecordingError::Lengths {
-                    file,
-                    column,
-                    found,
-                    expected,
-                });
+                return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
         let mut hash = Sha256::new();
         for column in [&time, &position, &force] {
-            column
-                .iter()
-                .for_each(|value| hash.update(value.to_le_bytes()));
+            column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
         let mut collector = Collector::new(time.len(), false);
         collector.columns.lines = Lines::counted();
         for k in 0..time.len() {
             let values = [time[k], position[k], force[k], f64::NAN];
-            collector.add(Row {
-                line: k as u64,
-                values,
-            });
+            collector.add(Row { line: k as u64, values });
         }
         collector.finish(&name, name.clone(), rows::hex(&hash.finalize()), None)
     }
@@ -140,12 +133,7 @@ impl Recording {
     /// Ranges of samples without a gap or reset inside; nothing may be concluded across their ends.
     pub fn stretches(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let starts = std::iter::once(0).chain(self.quality.breaks.iter().copied());
-        let ends = self
-            .quality
-            .breaks
-            .iter()
-            .copied()
-            .chain(std::iter::once(self.len()));
+        let ends = self.quality.breaks.iter().copied().chain(std::iter::once(self.len()));
         starts.zip(ends).map(|(from, to)| from..to)
     }
 
@@ -154,7 +142,7 @@ impl Recording {
     ///
     /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the insertion axis (0 when
     /// the axis is horizontal; a constant weight may as well stay in the offset). The acceleration is
-    /// [`local_acceleration`] over [`Recording::inertia_window`].
+    /// [`local_acceleration`] over [`Recording::acceleration_window`].
     ///
     /// # Errors
     /// [`RecordingError::MovingMass`] when the mass is negative or not finite.
@@ -162,15 +150,13 @@ impl Recording {
         if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
             return Err(RecordingError::MovingMass { found: mass });
         }
-        let window = self.inertia_window(mass);
+        let window = self.acceleration_window();
         let acceleration = local_acceleration(&self, window);
         for (force, a) in self.force.iter_mut().zip(acceleration) {
             *force -= mass * (a + gravity);
         }
         let window_ms = window * 1e3;
-        self.quality.notes.push(format!(
-            "inertia of {mass} kg taken out, acceleration over {window_ms:.3} ms"
-        ));
+        self.quality.notes.push(format!("inertia of {mass} kg taken out, acceleration over {window_ms:.3} ms"));
         Ok(self)
     }
 }
@@ -187,21 +173,13 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
     if file == "-" {
         return read_from(&file, std::io::stdin().lock(), None, options);
     }
-    let open = |source| RecordingError::Open {
-        file: file.clone(),
-        source,
-    };
+    let open = |source| RecordingError::Open { file: file.clone(), source };
     let input = File::open(path).map_err(open)?;
     let metadata = input.metadata().map_err(open)?;
     if metadata.is_dir() {
         return Err(open(std::io::ErrorKind::IsADirectory.into()));
     }
-    read_from(
-        &file,
-        input,
-        metadata.is_file().then(|| metadata.len()),
-        options,
-    )
+    read_from(&file, input, metadata.is_file().then(|| metadata.len()), options)
 }
 
 fn read_from(
@@ -214,12 +192,7 @@ fn read_from(
     let mut reader = RowReader::open(file, input, options.columns.as_deref(), &needed, true)?;
     let has_velocity = reader.layout().has(Quantity::Velocity);
     let rows = size.map_or(0, |size| (size as f64 / reader.bytes_per_line()) as u64);
-    check_memory(
-        file,
-        rows,
-        if has_velocity { 4 } else { 3 },
-        options.memory_limit,
-    )?;
+    check_memory(file, rows, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
     // The estimate saves the copies of a growing column; a few percent cover lines that get shorter.
     let mut collector = Collector::new((rows + rows / 32) as usize, has_velocity);
     let sign = if options.flip_force { -1.0 } else { 1.0 };
@@ -227,34 +200,16 @@ fn read_from(
         row.values[Quantity::Force as usize] *= sign;
         collector.add(row);
     }
-    let name = Path::new(file)
-        .file_name()
-        .map_or(file.into(), |name| name.to_string_lossy());
-    let mut recording = collector.finish(
-        file,
-        name.into_owned(),
-        reader.digest(),
-        options.sensor_limit,
-    )?;
-    recording
-        .quality
-        .notes
-        .extend_from_slice(&reader.layout().notes);
+    let name = Path::new(file).file_name().map_or(file.into(), |name| name.to_string_lossy());
+    let mut recording = collector.finish(file, name.into_owned(), reader.digest(), options.sensor_limit)?;
+    recording.quality.notes.extend_from_slice(&reader.layout().notes);
     if options.flip_force {
-        recording
-            .quality
-            .notes
-            .push("sign of the force reversed".into());
+        recording.quality.notes.push("sign of the force reversed".into());
     }
     Ok(recording)
 }
 
-fn check_memory(
-    file: &str,
-    rows: u64,
-    columns: u64,
-    limit: Option<u64>,
-) -> Result<(), RecordingError> {
+fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
     const MB: u64 = 1_000_000;
     let needed = rows * columns * size_of::<f64>() as u64;
     match limit {
@@ -284,10 +239,7 @@ impl Collector {
             velocity: has_velocity.then(column),
             lines: Lines::default(),
         };
-        Self {
-            columns,
-            non_finite: Dropped::default(),
-        }
+        Self { columns, non_finite: Dropped::default() }
     }
 
     fn add(&mut self, row: Row) {
@@ -315,22 +267,8 @@ impl Collector {
         sensor_limit: Option<f64>,
     ) -> Result<Recording, RecordingError> {
         let (columns, quality) = screen::screen(file, self.columns, self.non_finite, sensor_limit)?;
-        let Columns {
-            time,
-            position,
-            force,
-            velocity,
-            ..
-        } = columns;
-        Ok(Recording {
-            name,
-            sha256,
-            time,
-            position,
-            force,
-            velocity,
-            quality,
-        })
+        let Columns { time, position, force, velocity, .. } = columns;
+        Ok(Recording { name, sha256, time, position, force, velocity, quality })
     }
 }
 
@@ -347,11 +285,8 @@ pub fn write(
     velocity: Option<&[f64]>,
     force: &[f64],
 ) -> std::io::Result<()> {
-    let header = if velocity.is_some() {
-        "time_s,position_m,velocity_m_s,force_n"
-    } else {
-        "time_s,position_m,force_n"
-    };
+    let header =
+        if velocity.is_some() { "time_s,position_m,velocity_m_s,force_n" } else { "time_s,position_m,force_n" };
     writeln!(output, "{header}")?;
     let mut line = Line::default();
     for k in 0..time.len() {

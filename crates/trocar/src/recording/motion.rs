@@ -15,11 +15,11 @@ use super::Recording;
 /// Fewest samples in a window: two more than the coefficients.
 const FEWEST: usize = 5;
 
-/// Longest window for the inertia, in s: the acceleration of a hand or a motor under control changes slower.
-const LONGEST_INERTIA_WINDOW: f64 = 0.1;
+/// Windows tried for the acceleration: from five samples up, each this much longer than the last.
+const WINDOW_STEP: f64 = std::f64::consts::SQRT_2;
 
-/// Part of the force noise that the inertia may add.
-const INERTIA_NOISE: f64 = 0.5;
+/// Longest window tried, in s: what accelerates an instrument changes faster.
+const LONGEST_WINDOW: f64 = 0.5;
 
 /// Velocity in m/s at every sample, from the positions over `window` seconds.
 #[must_use]
@@ -34,31 +34,42 @@ pub fn local_acceleration(recording: &Recording, window: f64) -> Vec<f64> {
 }
 
 impl Recording {
-    /// The window in s over which the acceleration of `mass` kg adds at most half of the force noise.
+    /// The window in s that gives the acceleration with the least error, in the mean over the recording.
     ///
     /// n positions with standard deviation s, taken every h seconds, give the acceleration with variance
-    /// `720 s^2 / (h^4 n^5)`; the window is n h, at least five intervals and at most 0.1 s.
+    /// `V(n) = 720 s^2 / (h^4 n^5)`, and a bias b that grows with the square of the window. The bias is seen in the
+    /// difference from the fit over half the window, m samples: its mean square is
+    /// `b^2 (1 - (m / n)^2)^2 + V(m) - V(n)`, since the longer fit is the efficient one.
     #[must_use]
-    pub fn inertia_window(&self, mass: f64) -> f64 {
-        let quality = &self.quality;
-        let interval = quality.median_interval;
+    pub fn acceleration_window(&self) -> f64 {
+        let interval = self.quality.median_interval;
         // Rounding to a step scatters by the step over the square root of twelve.
-        let position_noise = quality
-            .position_noise
-            .max(quality.position_resolution / 12_f64.sqrt());
-        let force_noise = quality
-            .force_noise
-            .max(quality.force_resolution / 12_f64.sqrt());
-        let ratio = mass * position_noise / (INERTIA_NOISE * force_noise * interval * interval);
-        let samples = (720.0 * ratio * ratio).powf(0.2);
-        let shortest = FEWEST as f64 * interval;
-        // No force noise at all gives an infinite ratio (or none, without position noise).
-        if samples.is_finite() {
-            (samples * interval).clamp(shortest, LONGEST_INERTIA_WINDOW.max(shortest))
-        } else {
-            shortest
+        let noise = self.quality.position_noise.max(self.quality.position_resolution / 12_f64.sqrt());
+        let shortest = (FEWEST - 1) as f64 * interval;
+        let mut best = (f64::INFINITY, shortest);
+        let mut window = shortest;
+        while window <= LONGEST_WINDOW.min(self.duration() / 4.0) {
+            let samples = |window: f64| ((window / interval).round() + 1.0).max(FEWEST as f64);
+            let variance = |n: f64| 720.0 * (noise / (interval * interval)).powi(2) / n.powi(5);
+            let (n, m) = (samples(window), samples(window / 2.0));
+            let by_noise = variance(m) - variance(n);
+            let excess = (mean_square_difference(self, window) - by_noise).max(0.0);
+            let bias = if m < n { excess / (1.0 - (m / n).powi(2)).powi(2) } else { 0.0 };
+            let variance = variance(n);
+            if variance + bias < best.0 {
+                best = (variance + bias, window);
+            }
+            window *= WINDOW_STEP;
         }
+        best.1
     }
+}
+
+/// Mean square of what halving the window changes about the acceleration.
+fn mean_square_difference(recording: &Recording, window: f64) -> f64 {
+    let long = local_acceleration(recording, window);
+    let short = local_acceleration(recording, window / 2.0);
+    long.iter().zip(&short).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / long.len() as f64
 }
 
 /// Fit at one sample.
@@ -71,10 +82,7 @@ struct Fit {
 fn local_fit(recording: &Recording, window: f64, take: impl Fn(Fit) -> f64) -> Vec<f64> {
     let mut out = Vec::with_capacity(recording.len());
     for stretch in recording.stretches() {
-        let (time, position) = (
-            &recording.time[stretch.clone()],
-            &recording.position[stretch],
-        );
+        let (time, position) = (&recording.time[stretch.clone()], &recording.position[stretch]);
         fit_stretch(time, position, window / 2.0, |fit| out.push(take(fit)));
     }
     out
@@ -114,10 +122,7 @@ fn window_around(time: &[f64], k: usize, half: f64, before: &Range<usize>) -> Ra
         end += 1;
     }
     if end - start < fewest {
-        start = k
-            .saturating_sub(fewest / 2)
-            .min(time.len() - fewest)
-            .clamp(before.start, start);
+        start = k.saturating_sub(fewest / 2).min(time.len() - fewest).clamp(before.start, start);
         end = end.max(start + fewest).min(time.len());
     }
     start..end
@@ -138,11 +143,7 @@ struct Sums {
 
 impl Sums {
     fn at(time: &[f64], position: &[f64], k: usize, inside: Range<usize>) -> Self {
-        let span = if inside.is_empty() {
-            1.0
-        } else {
-            time[inside.end - 1] - time[inside.start]
-        };
+        let span = if inside.is_empty() { 1.0 } else { time[inside.end - 1] - time[inside.start] };
         let mut sums = Self {
             origin: (time[k], position[k]),
             unit: span,
@@ -184,9 +185,6 @@ impl Sums {
         let curvature = (c2 - skew * c1) / (m4 - m2 * m2 - skew * m3);
         let t = (time - self.origin.0) / self.unit - mean;
         let slope = linear + curvature * (2.0 * t - skew);
-        Fit {
-            slope: slope / self.unit,
-            curvature: curvature / (self.unit * self.unit),
-        }
+        Fit { slope: slope / self.unit, curvature: curvature / (self.unit * self.unit) }
     }
 }

@@ -26,11 +26,7 @@ impl Dropped {
     pub(super) fn places(&self, unit: &str) -> String {
         let shown: Vec<String> = self.lines.iter().take(5).map(u64::to_string).collect();
         let plural = if self.count == 1 { "" } else { "s" };
-        let more = if self.count > shown.len() {
-            ", ..."
-        } else {
-            ""
-        };
+        let more = if self.count > shown.len() { ", ..." } else { "" };
         format!("{unit}{plural} {}{more}", shown.join(", "))
     }
 }

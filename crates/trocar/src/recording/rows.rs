@@ -45,6 +45,7 @@ pub(crate) struct RowReader<R> {
     /// End of the bytes read.
     filled: usize,
     finished: bool,
+    bytes_read: u64,
     /// Line number of `start`.
     line: u64,
     hash: Option<Sha256>,
@@ -62,17 +63,9 @@ impl<R: Read> RowReader<R> {
         needed: &[Quantity],
         hash: bool,
     ) -> Result<Self, RecordingError> {
-        let empty = Layout {
-            names: Vec::new(),
-            slots: Vec::new(),
-            source: "",
-            notes: Vec::new(),
-        };
+        let empty = Layout { names: Vec::new(), slots: Vec::new(), source: "", notes: Vec::new() };
         let layout = mapping.map_or(Ok(empty), |mapping| Layout::from_mapping(mapping, needed))?;
-        let format = Format {
-            separator: Separator::Byte(b','),
-            decimal_comma: false,
-        };
+        let format = Format { separator: Separator::Byte(b','), decimal_comma: false };
         let mut reader = Self {
             file: file.to_owned(),
             input,
@@ -81,6 +74,7 @@ impl<R: Read> RowReader<R> {
             complete: 0,
             filled: 0,
             finished: false,
+            bytes_read: 0,
             line: 1,
             hash: hash.then(Sha256::new),
             format,
@@ -99,10 +93,11 @@ impl<R: Read> RowReader<R> {
 
     /// SHA-256 of all bytes read, in hexadecimal; meaningful after the last row.
     pub(crate) fn digest(&mut self) -> String {
-        self.hash
-            .take()
-            .map(|hash| hex(&hash.finalize()))
-            .unwrap_or_default()
+        self.hash.take().map(|hash| hex(&hash.finalize())).unwrap_or_default()
+    }
+
+    pub(crate) fn bytes_read(&self) -> u64 {
+        self.bytes_read
     }
 
     /// Average bytes per line of what is in the buffer.
@@ -139,21 +134,13 @@ impl<R: Read> RowReader<R> {
         while !self.finished {
             // One byte is kept for the newline that the last line may lack.
             if self.filled + 1 >= self.buffer.len() {
-                return Err(RecordingError::LineTooLong {
-                    file: self.file.clone(),
-                    line: self.line,
-                    limit: BUFFER,
-                });
+                return Err(RecordingError::LineTooLong { file: self.file.clone(), line: self.line, limit: BUFFER });
             }
             let space = self.buffer.len() - 1;
             let read = match self.input.read(&mut self.buffer[self.filled..space]) {
                 Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
                 Err(source) => {
-                    return Err(RecordingError::Read {
-                        file: self.file.clone(),
-                        line: self.line,
-                        source,
-                    });
+                    return Err(RecordingError::Read { file: self.file.clone(), line: self.line, source });
                 }
                 Ok(read) => read,
             };
@@ -161,11 +148,9 @@ impl<R: Read> RowReader<R> {
             if let Some(hash) = &mut self.hash {
                 hash.update(fresh);
             }
-            let newline = fresh
-                .iter()
-                .rposition(|&b| b == b'\n')
-                .map(|at| self.filled + at + 1);
+            let newline = fresh.iter().rposition(|&b| b == b'\n').map(|at| self.filled + at + 1);
             self.filled += read;
+            self.bytes_read += read as u64;
             if read == 0 {
                 self.finished = true;
                 if self.filled > 0 {
@@ -194,10 +179,7 @@ impl<R: Read> RowReader<R> {
             None
         };
         if let Some(found) = found {
-            return Err(RecordingError::NotText {
-                file: self.file.clone(),
-                found,
-            });
+            return Err(RecordingError::NotText { file: self.file.clone(), found });
         }
         if bytes.starts_with(&[0xef, 0xbb, 0xbf]) {
             self.start = 3;
@@ -209,14 +191,9 @@ impl<R: Read> RowReader<R> {
     fn find_columns(&mut self, mapped: bool, needed: &[Quantity]) -> Result<(), RecordingError> {
         let comment = self.skip_blank()?;
         let Some(first) = self.peek_line(0).map(<[u8]>::to_vec) else {
-            return Err(RecordingError::Empty {
-                file: self.file.clone(),
-            });
+            return Err(RecordingError::Empty { file: self.file.clone() });
         };
-        let lines: Vec<&[u8]> = (0..)
-            .map_while(|k| self.peek_line(k))
-            .take(SNIFFED_LINES)
-            .collect();
+        let lines: Vec<&[u8]> = (0..).map_while(|k| self.peek_line(k)).take(SNIFFED_LINES).collect();
         self.format = Format::sniff(&lines);
         self.splitter = Splitter::new(self.format.separator);
         let names = self.cells(&first);
@@ -244,25 +221,16 @@ impl<R: Read> RowReader<R> {
 
     /// Names need not be understood (`--columns` may say what they are), but they are not numbers.
     fn is_header(&self, cells: &[String]) -> bool {
-        let numeric =
-            |cell: &&String| !cell.is_empty() && self.format.number(cell.as_bytes()).is_some();
-        cells.iter().any(|cell| columns::is_recognised(cell))
-            || cells.iter().filter(numeric).count() == 0
+        let numeric = |cell: &&String| !cell.is_empty() && self.format.number(cell.as_bytes()).is_some();
+        cells.iter().any(|cell| columns::is_recognised(cell)) || cells.iter().filter(numeric).count() == 0
     }
 
-    fn take_header(
-        &mut self,
-        mut names: Vec<String>,
-        mapped: bool,
-        needed: &[Quantity],
-    ) -> Result<(), RecordingError> {
+    fn take_header(&mut self, mut names: Vec<String>, mapped: bool, needed: &[Quantity]) -> Result<(), RecordingError> {
         let line = self.line;
         self.skip_line();
         self.skip_blank()?;
         let second = self.peek_line(0).map(<[u8]>::to_vec);
-        let units = second
-            .map(|text| self.cells(&text))
-            .filter(|cells| is_unit_row(cells));
+        let units = second.map(|text| self.cells(&text)).filter(|cells| is_unit_row(cells));
         if let Some(units) = units.filter(|units| units.len() == names.len()) {
             for (name, unit) in names.iter_mut().zip(&units) {
                 *name = format!("{name} {unit}");
@@ -274,10 +242,7 @@ impl<R: Read> RowReader<R> {
             self.layout = Layout::from_header(&self.file, line, names, needed)?;
         }
         if self.peek_line(0).is_none() {
-            return Err(RecordingError::HeaderOnly {
-                file: self.file.clone(),
-                line,
-            });
+            return Err(RecordingError::HeaderOnly { file: self.file.clone(), line });
         }
         Ok(())
     }
@@ -309,10 +274,7 @@ impl<R: Read> RowReader<R> {
 
     fn skip_line(&mut self) {
         let bytes = &self.buffer[self.start..self.complete];
-        let length = bytes
-            .iter()
-            .position(|&b| b == b'\n')
-            .map_or(bytes.len(), |at| at + 1);
+        let length = bytes.iter().position(|&b| b == b'\n').map_or(bytes.len(), |at| at + 1);
         self.start += length;
         self.line += 1;
     }
@@ -320,13 +282,7 @@ impl<R: Read> RowReader<R> {
     /// The cells of a header line.
     fn cells(&mut self, line: &[u8]) -> Vec<String> {
         let cells = self.splitter.split(line);
-        (0..cells)
-            .map(|k| {
-                String::from_utf8_lossy(self.splitter.cell(k))
-                    .trim()
-                    .to_owned()
-            })
-            .collect()
+        (0..cells).map(|k| String::from_utf8_lossy(self.splitter.cell(k)).trim().to_owned()).collect()
     }
 
     /// One line in full generality; `None` for blank and comment lines.
@@ -342,43 +298,29 @@ impl<R: Read> RowReader<R> {
         let found = self.splitter.split(&self.buffer[start..end]);
         let expected = self.layout.slots.len();
         if found != expected {
-            return Err(self.field_count(line, found));
+            return Err(self.field_count(line, found)?);
         }
         let mut values = [f64::NAN; 4];
         for (k, slot) in self.layout.slots.iter().enumerate() {
             let Some(slot) = slot else { continue };
             let cell = self.splitter.cell(k);
-            let number = self
-                .format
-                .number(cell)
-                .ok_or_else(|| self.not_a_number(line, k, cell))?;
+            let number = self.format.number(cell).ok_or_else(|| self.not_a_number(line, k, cell))?;
             values[slot.quantity as usize] = number / slot.per_si;
         }
         self.skip_line();
         Ok(Some(Row { line, values }))
     }
 
-    fn field_count(&self, line: u64, found: usize) -> RecordingError {
-        let hint = match (
-            self.finished && self.peek_line(1).is_none(),
-            self.layout.source,
-        ) {
-            (true, _) => {
-                "\n\nhint: this is the last line; was the recording cut off while it was written?"
-            }
-            (false, "--columns") => {
-                "\n\nhint: --columns names every column in order, '-' skips one"
-            }
-            (false, _) => "",
+    fn field_count(&mut self, line: u64, found: usize) -> Result<RecordingError, RecordingError> {
+        self.skip_line();
+        let last = self.start == self.complete && !self.refill()?;
+        let hint = match self.layout.source {
+            _ if last => "\n\nhint: this is the last line; was the recording cut off while it was written?",
+            "--columns" => "\n\nhint: --columns names every column in order, '-' skips one",
+            _ => "",
         };
-        RecordingError::FieldCount {
-            file: self.file.clone(),
-            line,
-            found,
-            expected: self.layout.slots.len(),
-            reference: self.layout.source,
-            hint,
-        }
+        let (file, expected) = (self.file.clone(), self.layout.slots.len());
+        Ok(RecordingError::FieldCount { file, line, found, expected, reference: self.layout.source, hint })
     }
 
     fn not_a_number(&self, line: u64, column: usize, cell: &[u8]) -> RecordingError {
@@ -411,9 +353,7 @@ fn fast_row(bytes: &[u8], format: Format, layout: &Layout) -> Option<([f64; 4], 
             values[slot.quantity as usize] = number / slot.per_si;
             at += used;
         } else {
-            at += bytes[at..]
-                .iter()
-                .position(|&b| b == separator || b == b'\n' || b == b'\r' || b == b'"')?;
+            at += bytes[at..].iter().position(|&b| b == separator || b == b'\n' || b == b'\r' || b == b'"')?;
         }
         match *bytes.get(at)? {
             b'\n' if k == last => {}
@@ -440,13 +380,9 @@ impl Splitter {
             Separator::Byte(byte) => byte,
             Separator::Whitespace => b' ',
         };
-        let reader = csv_core::ReaderBuilder::new().delimiter(delimiter).build();
-        Self {
-            separator,
-            reader,
-            text: Vec::new(),
-            ends: Vec::new(),
-        }
+        let reader =
+            csv_core::ReaderBuilder::new().delimiter(delimiter).terminator(csv_core::Terminator::Any(b'\n')).build();
+        Self { separator, reader, text: Vec::new(), ends: Vec::new() }
     }
 
     /// Returns the number of cells.
@@ -463,15 +399,9 @@ impl Splitter {
         self.reader.reset();
         self.text.resize(line.len() + 1, 0);
         self.ends.resize(line.len() + 2, 0);
-        let (_, read, written, ends) =
-            self.reader
-                .read_record(line, &mut self.text, &mut self.ends);
+        let (_, read, written, ends) = self.reader.read_record(line, &mut self.text, &mut self.ends);
         // The end of input closes the last cell, and a quote left open with it.
-        let rest = self.reader.read_record(
-            &line[read..],
-            &mut self.text[written..],
-            &mut self.ends[ends..],
-        );
+        let rest = self.reader.read_record(&line[read..], &mut self.text[written..], &mut self.ends[ends..]);
         rest.3 + ends
     }
 
@@ -484,16 +414,8 @@ impl Splitter {
 /// A piece of a file as a message may show it.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
-    let short: String = text
-        .chars()
-        .take(QUOTED)
-        .flat_map(char::escape_debug)
-        .collect();
-    if text.chars().count() > QUOTED {
-        short + "..."
-    } else {
-        short
-    }
+    let short: String = text.chars().take(QUOTED).flat_map(char::escape_debug).collect();
+    if text.chars().count() > QUOTED { short + "..." } else { short }
 }
 
 /// Lower-case hexadecimal.

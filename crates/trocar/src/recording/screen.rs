@@ -1,10 +1,7 @@
 //! Looks a recording over: drops what cannot be used, refuses what has no meaning, and writes down the rest.
 
 use super::quality::{Dropped, Gap, Quality, Reset, Saturation, Warning, WarningKind};
-use super::{MIN_SAMPLES, Place, RecordingError};
-
-/// Longest stroke accepted, in m: no instrument moves further through a trocar.
-const LONGEST_STROKE: f64 = 2.0;
+use super::{LONGEST_STROKE, MIN_SAMPLES, Place, RecordingError};
 
 /// Stroke in m below which the unit is doubtful: less than the seal of any trocar deforms.
 const DOUBTFUL_STROKE: f64 = 1e-3;
@@ -33,6 +30,9 @@ const SATURATED_RUN: usize = 5;
 /// Values looked at for resolution and noise: enough for three digits, few enough to cost nothing.
 const LOOKED_AT: usize = 1 << 16;
 
+/// Deviations beyond this many standard deviations are not noise.
+const NOISE_LIMIT: f64 = 5.0;
+
 /// From a Gaussian's median absolute value to its standard deviation.
 const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
 
@@ -58,10 +58,7 @@ pub(super) struct Lines {
 impl Lines {
     /// For samples without a file, counted from 0.
     pub(super) fn counted() -> Self {
-        Self {
-            counted: true,
-            jumps: Vec::new(),
-        }
+        Self { counted: true, jumps: Vec::new() }
     }
 
     pub(super) fn push(&mut self, index: usize, line: u64) {
@@ -77,11 +74,7 @@ impl Lines {
     }
 
     fn place(&self, index: usize) -> Place {
-        if self.counted {
-            Place::Sample(self.of(index) as usize)
-        } else {
-            Place::Line(self.of(index))
-        }
+        if self.counted { Place::Sample(self.of(index) as usize) } else { Place::Line(self.of(index)) }
     }
 }
 
@@ -92,10 +85,7 @@ pub(super) fn screen(
     non_finite_rows: Dropped,
     sensor_limit: Option<f64>,
 ) -> Result<(Columns, Quality), RecordingError> {
-    let mut quality = Quality {
-        non_finite_rows,
-        ..Quality::default()
-    };
+    let mut quality = Quality { non_finite_rows, ..Quality::default() };
     check_length(file, columns.time.len())?;
     drop_standing_time(file, &mut columns, &mut quality)?;
     check_length(file, columns.time.len())?;
@@ -103,49 +93,28 @@ pub(super) fn screen(
     describe_values(&columns, &mut quality);
     if quality.stroke > LONGEST_STROKE {
         let (file, stroke) = (file.to_owned(), quality.stroke);
-        return Err(RecordingError::StrokeTooLong {
-            file,
-            stroke,
-            limit: LONGEST_STROKE,
-        });
+        return Err(RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE });
     }
     find_resets(&columns, &mut quality);
     find_saturation(&columns, &mut quality, sensor_limit);
     quality.force_opposes_motion = force_opposes_motion(&columns);
     quality.breaks = quality.gaps.iter().map(|gap| gap.index).collect();
-    quality
-        .breaks
-        .extend(quality.resets.iter().map(|reset| reset.index));
+    quality.breaks.extend(quality.resets.iter().map(|reset| reset.index));
     quality.breaks.sort_unstable();
     quality.breaks.dedup();
-    quality.warnings = warnings(
-        &quality,
-        if columns.lines.counted {
-            "sample"
-        } else {
-            "line"
-        },
-    );
+    quality.warnings = warnings(&quality, if columns.lines.counted { "sample" } else { "line" });
     Ok((columns, quality))
 }
 
 fn check_length(file: &str, found: usize) -> Result<(), RecordingError> {
     if found < MIN_SAMPLES {
-        return Err(RecordingError::TooFewSamples {
-            file: file.to_owned(),
-            found,
-            needed: MIN_SAMPLES,
-        });
+        return Err(RecordingError::TooFewSamples { file: file.to_owned(), found, needed: MIN_SAMPLES });
     }
     Ok(())
 }
 
 /// Leaves out rows whose time does not advance, and refuses a clock that runs backwards or stands still.
-fn drop_standing_time(
-    file: &str,
-    columns: &mut Columns,
-    quality: &mut Quality,
-) -> Result<(), RecordingError> {
+fn drop_standing_time(file: &str, columns: &mut Columns, quality: &mut Quality) -> Result<(), RecordingError> {
     if columns.time.windows(2).all(|pair| pair[1] > pair[0]) {
         return Ok(());
     }
@@ -155,10 +124,7 @@ fn drop_standing_time(
         return Err(never_advances(file, columns));
     };
     let (mut kept, mut coincident, mut first_coincident) = (0, 0, 0);
-    let mut lines = Lines {
-        counted: columns.lines.counted,
-        jumps: Vec::new(),
-    };
+    let mut lines = Lines { counted: columns.lines.counted, jumps: Vec::new() };
     lines.push(0, columns.lines.of(0));
     for k in 1..samples {
         let step = columns.time[k] - columns.time[kept];
@@ -170,31 +136,20 @@ fn drop_standing_time(
             continue;
         } else if step < -median {
             let (from, to, place) = (columns.time[kept], columns.time[k], columns.lines.place(k));
-            return Err(RecordingError::TimeGoesBack {
-                file: file.to_owned(),
-                place,
-                from,
-                to,
-            });
+            return Err(RecordingError::TimeGoesBack { file: file.to_owned(), place, from, to });
         } else if step < 0.0 {
             quality.unordered_rows.add(line);
             continue;
         }
         quality.repeated_rows.add(line);
-        if columns.position[k] != columns.position[kept] || columns.force[k] != columns.force[kept]
-        {
+        if columns.position[k] != columns.position[kept] || columns.force[k] != columns.force[kept] {
             first_coincident = if coincident == 0 { k } else { first_coincident };
             coincident += 1;
         }
     }
     if coincident as f64 > TOLERATED_COINCIDENT * samples as f64 {
         let place = columns.lines.place(first_coincident);
-        return Err(RecordingError::CoarseClock {
-            file: file.to_owned(),
-            place,
-            found: coincident,
-            samples,
-        });
+        return Err(RecordingError::CoarseClock { file: file.to_owned(), place, found: coincident, samples });
     }
     columns.truncate(kept + 1);
     columns.lines = lines;
@@ -204,18 +159,12 @@ fn drop_standing_time(
 fn never_advances(file: &str, columns: &Columns) -> RecordingError {
     let (file, time) = (file.to_owned(), &columns.time);
     match time.windows(2).position(|pair| pair[1] < pair[0]) {
-        Some(k) => RecordingError::TimeGoesBack {
-            file,
-            place: columns.lines.place(k + 1),
-            from: time[k],
-            to: time[k + 1],
-        },
-        None => RecordingError::ConstantTime {
-            file,
-            place: columns.lines.place(0),
-            value: time[0],
-            samples: time.len(),
-        },
+        Some(k) => {
+            RecordingError::TimeGoesBack { file, place: columns.lines.place(k + 1), from: time[k], to: time[k + 1] }
+        }
+        None => {
+            RecordingError::ConstantTime { file, place: columns.lines.place(0), value: time[0], samples: time.len() }
+        }
     }
 }
 
@@ -244,11 +193,7 @@ impl Columns {
 }
 
 fn describe_time(columns: &Columns, quality: &mut Quality) {
-    let steps: Vec<f64> = columns
-        .time
-        .windows(2)
-        .map(|pair| pair[1] - pair[0])
-        .collect();
+    let steps: Vec<f64> = columns.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     quality.longest_interval = steps.iter().copied().fold(0.0, f64::max);
     let mut sorted = steps.clone();
     let upper = sorted.len() * 95 / 100;
@@ -259,12 +204,7 @@ fn describe_time(columns: &Columns, quality: &mut Quality) {
     for (k, &step) in steps.iter().enumerate() {
         if step > threshold {
             let (from, to) = (columns.time[k], columns.time[k + 1]);
-            quality.gaps.push(Gap {
-                index: k + 1,
-                line: columns.lines.of(k + 1),
-                from,
-                to,
-            });
+            quality.gaps.push(Gap { index: k + 1, line: columns.lines.of(k + 1), from, to });
         } else {
             sum += (step - quality.median_interval).powi(2);
             count += 1;
@@ -278,16 +218,12 @@ fn describe_values(columns: &Columns, quality: &mut Quality) {
     quality.stroke = high - low;
     quality.position_resolution = resolution(&columns.position);
     quality.force_resolution = resolution(&columns.force);
-    quality.position_noise = noise(&columns.time, &columns.position);
-    quality.force_noise = noise(&columns.time, &columns.force);
+    quality.position_noise = noise(&columns.time, &columns.position, quality.position_resolution);
+    quality.force_noise = noise(&columns.time, &columns.force, quality.force_resolution);
 }
 
 fn range(values: &[f64]) -> (f64, f64) {
-    values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
-            (low.min(x), high.max(x))
-        })
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
 /// The middle value; `None` of nothing.
@@ -296,8 +232,11 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Robust standard deviation about the straight line through the two neighbours, which takes out slow motion.
-fn noise(time: &[f64], values: &[f64]) -> f64 {
+/// Standard deviation about the straight line through the two neighbours, which takes out slow motion.
+///
+/// Jumps are left out by comparison with the median. The median itself would be coarse where the noise is only a
+/// few steps of `resolution`.
+fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
     let stride = (values.len() / LOOKED_AT).max(1);
     let deviations = (1..values.len() - 1).step_by(stride).map(|k| {
         let weight = (time[k] - time[k - 1]) / (time[k + 1] - time[k - 1]);
@@ -306,7 +245,14 @@ fn noise(time: &[f64], values: &[f64]) -> f64 {
         let scale = (1.0 + weight * weight + (1.0 - weight) * (1.0 - weight)).sqrt();
         (values[k] - between).abs() / scale
     });
-    median(deviations.collect()).unwrap_or_default() * MEDIAN_TO_SD
+    let deviations: Vec<f64> = deviations.collect();
+    let typical = median(deviations.clone()).unwrap_or_default() * MEDIAN_TO_SD;
+    let limit = NOISE_LIMIT * typical.max(resolution / 12_f64.sqrt());
+    let (sum, count) = deviations
+        .iter()
+        .filter(|&&deviation| deviation <= limit)
+        .fold((0.0, 0_usize), |(sum, count), deviation| (sum + deviation * deviation, count + 1));
+    (sum / count.max(1) as f64).sqrt()
 }
 
 /// The greatest step of which nearly all differences are whole multiples.
@@ -315,9 +261,7 @@ fn noise(time: &[f64], values: &[f64]) -> f64 {
 /// greatest common divisor, and the divisor that most blocks share is taken, so a few odd values do no harm.
 fn resolution(values: &[f64]) -> f64 {
     let looked_at = &values[..values.len().min(LOOKED_AT)];
-    let largest = looked_at
-        .iter()
-        .fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
     let Some(scale) = (0..=10)
         .map(|digits| 10_f64.powi(digits))
@@ -326,15 +270,8 @@ fn resolution(values: &[f64]) -> f64 {
     else {
         return 0.0;
     };
-    let whole: Vec<i64> = looked_at
-        .iter()
-        .map(|x| (x * scale).round() as i64)
-        .collect();
-    let mut divisors: Vec<u64> = whole
-        .chunks(64)
-        .map(common_divisor)
-        .filter(|&divisor| divisor > 0)
-        .collect();
+    let whole: Vec<i64> = looked_at.iter().map(|x| (x * scale).round() as i64).collect();
+    let mut divisors: Vec<u64> = whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
     divisors.sort_unstable();
     let mut runs = divisors.chunk_by(|a, b| a == b);
     let mut commonest: Option<&[u64]> = None;
@@ -347,9 +284,7 @@ fn resolution(values: &[f64]) -> f64 {
 }
 
 fn common_divisor(block: &[i64]) -> u64 {
-    block
-        .windows(2)
-        .fold(0, |divisor, pair| gcd(divisor, pair[1].abs_diff(pair[0])))
+    block.windows(2).fold(0, |divisor, pair| gcd(divisor, pair[1].abs_diff(pair[0])))
 }
 
 fn gcd(mut a: u64, mut b: u64) -> u64 {
@@ -367,10 +302,7 @@ fn find_resets(columns: &Columns, quality: &mut Quality) {
     let typical = |range: std::ops::Range<usize>| {
         let mut speeds = [0.0; JUMP_NEIGHBOURS];
         let count = range.len();
-        speeds
-            .iter_mut()
-            .zip(range)
-            .for_each(|(slot, k)| *slot = speed(k));
+        speeds.iter_mut().zip(range).for_each(|(slot, k)| *slot = speed(k));
         speeds[..count].sort_unstable_by(f64::total_cmp);
         if count == 0 { 0.0 } else { speeds[count / 2] }
     };
@@ -383,11 +315,7 @@ fn find_resets(columns: &Columns, quality: &mut Quality) {
         let before = typical(k.saturating_sub(JUMP_NEIGHBOURS).max(1)..k);
         let after = typical(k + 1..(k + 1 + JUMP_NEIGHBOURS).min(time.len()));
         if speed(k) > JUMP_FACTOR * before.max(after) {
-            quality.resets.push(Reset {
-                index: k,
-                line: columns.lines.of(k),
-                jump,
-            });
+            quality.resets.push(Reset { index: k, line: columns.lines.of(k), jump });
         }
     }
 }
@@ -403,19 +331,12 @@ fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Optio
         }
         let threshold = limit.unwrap_or(sign * level);
         let stuck = |force: &f64| sign * force >= threshold;
-        let longest = columns
-            .force
-            .chunk_by(|a, b| stuck(a) == stuck(b))
-            .filter(|run| stuck(&run[0]));
+        let longest = columns.force.chunk_by(|a, b| stuck(a) == stuck(b)).filter(|run| stuck(&run[0]));
         let longest = longest.map(<[f64]>::len).max().unwrap_or(0);
         if limit.is_some() || longest >= SATURATED_RUN {
             let count = columns.force.iter().filter(|&force| stuck(force)).count();
             let first = columns.force.iter().position(stuck).unwrap_or_default();
-            quality.saturated.push(Saturation {
-                count,
-                level,
-                first_line: columns.lines.of(first),
-            });
+            quality.saturated.push(Saturation { count, level, first_line: columns.lines.of(first) });
         }
     }
 }
@@ -425,10 +346,7 @@ fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Optio
 /// An offset cancels in the difference; it takes both directions and a difference above half the scatter.
 fn force_opposes_motion(columns: &Columns) -> bool {
     let (time, position, force) = (&columns.time, &columns.position, &columns.force);
-    let travel: f64 = position
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .sum();
+    let travel: f64 = position.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
     let mean_speed = travel / (time[time.len() - 1] - time[0]);
     let mut sides = [Moments::default(), Moments::default()];
     for k in 1..time.len() {
@@ -471,42 +389,18 @@ impl Moments {
 fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let mut warn = |kind, message: String, hint: Option<&str>| {
-        warnings.push(Warning {
-            kind,
-            message,
-            hint: hint.map(str::to_owned),
-        });
+        warnings.push(Warning { kind, message, hint: hint.map(str::to_owned) });
     };
     for (kind, rows, what) in [
-        (
-            WarningKind::NonFiniteRows,
-            &quality.non_finite_rows,
-            "with an empty, NaN or infinite cell left out",
-        ),
-        (
-            WarningKind::RepeatedRows,
-            &quality.repeated_rows,
-            "with the time of the row above left out",
-        ),
-        (
-            WarningKind::UnorderedRows,
-            &quality.unordered_rows,
-            "out of order left out",
-        ),
+        (WarningKind::NonFiniteRows, &quality.non_finite_rows, "with an empty, NaN or infinite cell left out"),
+        (WarningKind::RepeatedRows, &quality.repeated_rows, "with the time of the row above left out"),
+        (WarningKind::UnorderedRows, &quality.unordered_rows, "out of order left out"),
     ] {
         if rows.count > 0 {
-            warn(
-                kind,
-                format!("{} rows {what}: {}", rows.count, rows.places(unit)),
-                None,
-            );
+            warn(kind, format!("{} rows {what}: {}", rows.count, rows.places(unit)), None);
         }
     }
-    if let Some(gap) = quality
-        .gaps
-        .iter()
-        .max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from)))
-    {
+    if let Some(gap) = quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from))) {
         let (count, length, line) = (quality.gaps.len(), gap.to - gap.from, gap.line);
         warn(
             WarningKind::Gaps,
@@ -516,19 +410,11 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     }
     if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
         let (jitter, interval) = (quality.jitter * 1e3, quality.median_interval * 1e3);
-        warn(
-            WarningKind::Jitter,
-            format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"),
-            None,
-        );
+        warn(WarningKind::Jitter, format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"), None);
     }
     if let Some(reset) = quality.resets.first() {
         let (count, jump, line) = (quality.resets.len(), reset.jump * 1e3, reset.line);
-        warn(
-            WarningKind::Resets,
-            format!("{count} position jumps, the first of {jump:.3} mm at {unit} {line}"),
-            None,
-        );
+        warn(WarningKind::Resets, format!("{count} position jumps, the first of {jump:.3} mm at {unit} {line}"), None);
     }
     for end in &quality.saturated {
         let (count, level, line) = (end.count, end.level, end.first_line);
@@ -542,11 +428,7 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     if quality.stroke < DOUBTFUL_STROKE {
         let stroke = quality.stroke * 1e3;
         let hint = "is the unit right? if the numbers are metres, name the column position_m or use --columns";
-        warn(
-            WarningKind::Stroke,
-            format!("the position covers only {stroke:.4} mm"),
-            Some(hint),
-        );
+        warn(WarningKind::Stroke, format!("the position covers only {stroke:.4} mm"), Some(hint));
     }
     if quality.force_opposes_motion {
         let hint = "if the sensor is mounted the other way round, use --flip-force";

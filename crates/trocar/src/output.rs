@@ -1,0 +1,238 @@
+//! Output that appears whole or not at all.
+//!
+//! Results are written beside their destination and renamed into place at the end, so an error on the way, a full
+//! disk or an interruption never leaves a half-written file where a finished one is expected. An interruption that ends
+//! the process runs no destructors; its handler calls [`remove_unfinished`].
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use tempfile::{NamedTempFile, TempDir};
+
+pub use crate::error::OutputError;
+
+/// Prefix of everything unfinished; the dot hides it from plain listings.
+const PREFIX: &str = ".trocar-";
+
+/// Temporary files and folders of this process that are not finished yet.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes every temporary file and folder of this process: the last act of a Ctrl-C handler.
+///
+/// Writing that still goes on in other threads fails afterwards.
+pub fn remove_unfinished() {
+    let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+    for path in unfinished.drain(..) {
+        // Nobody is left to tell when this fails, and the files are hidden ones.
+        let _ = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+    }
+}
+
+/// Keeps a path among the unfinished for as long as it lives.
+#[derive(Debug)]
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(path: &Path) -> Self {
+        UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        unfinished.retain(|path| *path != self.0);
+    }
+}
+
+/// A file that takes its name only when it is complete; dropped before [`AtomicFile::commit`], it leaves nothing.
+///
+/// `-` is standard output, and pipes and devices are written directly: they cannot be replaced.
+#[derive(Debug)]
+pub struct AtomicFile {
+    path: PathBuf,
+    target: Target,
+}
+
+#[derive(Debug)]
+enum Target {
+    Temporary { file: NamedTempFile, to: PathBuf, _unfinished: Unfinished },
+    Direct(File),
+    Stdout(io::Stdout),
+}
+
+impl AtomicFile {
+    /// Opens the file for writing.
+    ///
+    /// # Errors
+    /// [`OutputError::Create`] when the folder is missing or not writable, or `path` is a folder.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self, OutputError> {
+        let path = path.as_ref();
+        let target = Target::open(path).map_err(|source| OutputError::Create { path: path.to_owned(), source })?;
+        Ok(Self { path: path.to_owned(), target })
+    }
+
+    /// Makes the file appear under its name, in place of an earlier one.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`] when the last bytes cannot be stored; an earlier file of that name is then untouched.
+    pub fn commit(mut self) -> Result<(), OutputError> {
+        let path = self.path.clone();
+        let finish = || {
+            self.flush()?;
+            match self.target {
+                Target::Temporary { file, to, .. } => {
+                    file.as_file().sync_all()?;
+                    file.persist(to).map(drop).map_err(|error| error.error)
+                }
+                Target::Direct(_) | Target::Stdout(_) => Ok(()),
+            }
+        };
+        finish().map_err(|source| OutputError::Write { path, source })
+    }
+
+    /// An error of writing to this file with its path.
+    #[must_use]
+    pub fn write_error(&self, source: io::Error) -> OutputError {
+        OutputError::Write { path: self.path.clone(), source }
+    }
+}
+
+impl Target {
+    fn open(path: &Path) -> io::Result<Self> {
+        if path == Path::new("-") {
+            return Ok(Self::Stdout(io::stdout()));
+        }
+        let to = match fs::metadata(path) {
+            Ok(metadata) if metadata.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+            Ok(metadata) if !metadata.is_file() => {
+                return File::options().write(true).open(path).map(Self::Direct);
+            }
+            // Follows a link, so that the link stays and its file is replaced.
+            Ok(_) => fs::canonicalize(path)?,
+            Err(_) => path.to_owned(),
+        };
+        let file = hidden(0o666).tempfile_in(folder_of(&to))?;
+        let unfinished = Unfinished::new(file.path());
+        Ok(Self::Temporary { file, to, _unfinished: unfinished })
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.target {
+            Target::Temporary { file, .. } => file.write(bytes),
+            Target::Direct(file) => file.write(bytes),
+            Target::Stdout(stdout) => stdout.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.target {
+            Target::Temporary { file, .. } => file.flush(),
+            Target::Direct(file) => file.flush(),
+            Target::Stdout(stdout) => stdout.flush(),
+        }
+    }
+}
+
+/// A temporary name with the permissions that `File::create` and `create_dir` give; temporary files are private
+/// otherwise, and stay so under their final name.
+fn hidden(_mode: u32) -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(_mode));
+    builder
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Several files that appear in a folder together; dropped before [`StagedFolder::commit`], they leave nothing.
+///
+/// The folder may exist: files of the same names are replaced, others stay.
+#[derive(Debug)]
+pub struct StagedFolder {
+    target: PathBuf,
+    staging: TempDir,
+    _unfinished: Unfinished,
+}
+
+impl StagedFolder {
+    /// Prepares to fill the folder `target`, which need not exist.
+    ///
+    /// # Errors
+    /// [`OutputError::Create`] when nothing can be written there: better now than after the work.
+    pub fn create(target: impl AsRef<Path>) -> Result<Self, OutputError> {
+        let target = target.as_ref();
+        let staging = stage(target).map_err(|source| OutputError::Create { path: target.to_owned(), source })?;
+        let unfinished = Unfinished::new(staging.path());
+        Ok(Self { target: target.to_owned(), staging, _unfinished: unfinished })
+    }
+
+    /// The folder as it will be called.
+    #[must_use]
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Writes one file; `name` may lie in a folder of its own, as in `figures/residuals.svg`.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`], for example on a full disk.
+    pub fn write(&self, name: impl AsRef<Path>, contents: &[u8]) -> Result<(), OutputError> {
+        let path = self.staging.path().join(&name);
+        let store = || {
+            fs::create_dir_all(folder_of(&path))?;
+            let mut file = File::create(&path)?;
+            file.write_all(contents)?;
+            file.sync_all()
+        };
+        store().map_err(|source| OutputError::Write { path: self.target.join(&name), source })
+    }
+
+    /// Makes all files appear under their names.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`] when they cannot be moved into place.
+    pub fn commit(self) -> Result<(), OutputError> {
+        let place = || {
+            if !self.target.exists() {
+                fs::create_dir_all(folder_of(&self.target))?;
+                return fs::rename(self.staging.path(), &self.target);
+            }
+            move_into(self.staging.path(), &self.target)
+        };
+        place().map_err(|source| OutputError::Write { path: self.target.clone(), source })
+    }
+}
+
+/// A temporary folder on the same file system: inside the target, or beside it while it does not exist.
+fn stage(target: &Path) -> io::Result<TempDir> {
+    let existing = target.ancestors().find(|path| path.exists());
+    let folder = existing.filter(|path| !path.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(io::ErrorKind::NotADirectory.into());
+    }
+    hidden(0o777).tempdir_in(folder)
+}
+
+/// Moves all files, replacing those of the same name.
+fn move_into(from: &Path, to: &Path) -> io::Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let destination = to.join(entry.file_name());
+        if entry.file_type()?.is_dir() {
+            move_into(&entry.path(), &destination)?;
+        } else {
+            fs::rename(entry.path(), destination)?;
+        }
+    }
+    Ok(())
+}
