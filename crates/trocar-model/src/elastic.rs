@@ -377,6 +377,7 @@ impl DeformationForce {
     }
 
     /// Force and yield force after a monotone motion from deflection `from` with yield force `q` to deflection `to`.
+    #[inline(always)]
     pub(crate) fn reach(&self, from: f64, q: f64, to: f64) -> (f64, f64) {
         let (mid, gap) = self.mid_and_gap(to);
         let trial = q + self.yield_stiffness * (to - from);
@@ -403,16 +404,13 @@ impl DeformationForce {
         }
     }
 
-    /// M at -c (0) or +c (1).
-    pub(crate) fn end_force(&self, end: usize) -> f64 {
-        if end == 0 {
-            self.end_force[0]
-        } else {
-            self.end_force[1]
-        }
+    /// Force at an end of [-c, c], the upper or the lower, and the slope beyond it.
+    pub(crate) fn end(&self, upper: bool) -> (f64, f64) {
+        let k = usize::from(upper);
+        (self.end_force[k], self.end_stiffness[k])
     }
 
-    #[inline]
+    #[inline(always)]
     pub(crate) fn mid_and_gap(&self, z: f64) -> (f64, f64) {
         if z > self.half_width {
             return (
@@ -601,7 +599,7 @@ impl Stretch {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn local(&self, z: f64) -> f64 {
         (z - self.mid) * self.inverse_half
     }
@@ -674,7 +672,7 @@ fn horner(power: &[f64; COUNT], t: f64) -> (f64, f64) {
 
 /// Two power series at once by Estrin's scheme: a short dependency chain, so faster than Horner without fused
 /// multiply-add.
-#[inline]
+#[inline(always)]
 fn estrin(a: &[[f64; 2]; COUNT], t: f64) -> [f64; 2] {
     let t2 = t * t;
     let t4 = t2 * t2;

@@ -6,6 +6,7 @@ pub mod damping;
 pub mod elastic;
 pub mod ems;
 pub mod error;
+mod exponential;
 pub mod parallel;
 pub mod plausible;
 pub mod sliding;
