@@ -88,6 +88,24 @@ impl Piece {
         })
     }
 
+    /// The polynomial Σ θ_i·z^i with the coefficients of EMS (25), θ_i in N/m^i, on [`from`, `to`] (m).
+    ///
+    /// # Errors
+    /// As [`Piece::new`].
+    pub fn from_monomial(from: f64, to: f64, monomial: &[f64]) -> Result<Self, ParamError> {
+        let count = monomial.len();
+        if count == 0 || count > COUNT {
+            return Err(ParamError::CoefficientCount { count });
+        }
+        let mut padded = [0.0; COUNT];
+        for (slot, &value) in padded.iter_mut().zip(monomial) {
+            *slot = value;
+        }
+        let power = compose(&padded, 0.5 * (to - from), 0.5 * (to + from));
+        let legendre = power_to_legendre(&power);
+        Self::new(from, to, legendre.get(..count).unwrap_or(&legendre))
+    }
+
     /// Left end, m.
     pub fn from(&self) -> f64 {
         self.from
@@ -661,6 +679,26 @@ fn legendre_to_power(legendre: &[f64; COUNT]) -> [f64; COUNT] {
         current = next;
     }
     sum
+}
+
+/// A power series as Σ l_k·P_k(t): Horner's scheme in the Legendre basis, t·P_k = ((k+1)·P_(k+1) + k·P_(k-1))/(2k+1).
+fn power_to_legendre(power: &[f64; COUNT]) -> [f64; COUNT] {
+    let mut result = [0.0; COUNT];
+    for &coefficient in power.iter().rev() {
+        let mut next = [0.0; COUNT];
+        for (k, &value) in result.iter().enumerate() {
+            let part = value / (2 * k + 1) as f64;
+            if let Some(above) = next.get_mut(k + 1) {
+                *above += (k + 1) as f64 * part;
+            }
+            if k > 0 {
+                next[k - 1] += k as f64 * part;
+            }
+        }
+        next[0] += coefficient;
+        result = next;
+    }
+    result
 }
 
 /// Value and derivative of a power series.

@@ -158,7 +158,7 @@ impl Side {
         }
     }
 
-    fn sliding(self, params: &ElementParams) -> &SlidingFriction {
+    pub(crate) fn sliding(self, params: &ElementParams) -> &SlidingFriction {
         match self {
             Self::Withdrawal => &params.withdrawal,
             Self::Insertion => &params.insertion,
