@@ -12,6 +12,7 @@
 //! friction law; it lies between 1/2 (second order) and 1 (stiff limit), so no stiffness is too high for any dt.
 //! If r(0) <= 0 the seal sticks: the contact is an inclusion, sgn(v_d) decides nothing.
 
+use crate::elastic::Local;
 use crate::ems::{Element, Side, State};
 use crate::exponential::decay;
 
@@ -48,6 +49,8 @@ struct Motion {
 struct Onset {
     z: f64,
     q: f64,
+    /// The deformation force around z.
+    local: Local,
     side: Side,
     speed: f64,
     /// d(r)/du at fixed z with the sign changed: β + g' + D'.
@@ -70,20 +73,27 @@ impl Element {
             return self.leave_stick(state, motion);
         }
         let side = Side::of(state.slip_velocity);
-        let elastic = self
-            .params
-            .deformation
-            .reach(state.deflection, state.yield_force, state.deflection)
-            .0;
+        let (z, q) = (state.deflection, state.yield_force);
+        let local = self.params.deformation.local(z);
         let guess = state.slip_velocity.abs();
-        let (speed, drag) = self.slip_at(side, elastic, velocity, guess);
+        let (speed, drag) = if self.params.damping.is_zero() {
+            // Then the slip speed does not depend on v_d: it is still the one at the end of the last step.
+            let sliding = self.sliding(side);
+            (
+                guess,
+                sliding.viscous_damping + sliding.level_and_slope(guess).1,
+            )
+        } else {
+            self.slip_at(side, local.mid + q, velocity, guess)
+        };
         if speed == 0.0 {
             return self.leave_stick(state, motion);
         }
         self.slide(
             Onset {
-                z: state.deflection,
-                q: state.yield_force,
+                z,
+                q,
+                local,
                 side,
                 speed,
                 drag,
@@ -121,11 +131,13 @@ impl Element {
         };
         let part = yield_fraction(force_at, s * trial - limit);
         let reached = z + part * motion.velocity * motion.time;
-        let (elastic, yield_force) = self.params.deformation.reach(z, q, reached);
-        let (speed, drag) = self.slip_at(side, elastic, motion.velocity, 0.0);
+        let yield_force = self.params.deformation.reach(z, q, reached).1;
+        let local = self.params.deformation.local(reached);
+        let (speed, drag) = self.slip_at(side, local.mid + yield_force, motion.velocity, 0.0);
         let onset = Onset {
             z: reached,
             q: yield_force,
+            local,
             side,
             speed,
             drag,
@@ -270,7 +282,7 @@ impl Element {
     fn predict(&self, onset: Onset, motion: Motion) -> (f64, f64) {
         let s = onset.side.sign();
         let deformation_velocity = motion.velocity - s * onset.speed;
-        let stiffness = self.one_sided_stiffness(onset.z, onset.q, deformation_velocity);
+        let stiffness = self.one_sided_stiffness(&onset, deformation_velocity);
         let stiffening = stiffness * motion.time;
         if stiffening <= 0.0 || onset.drag <= 0.0 {
             return (1.0, onset.speed);
@@ -280,12 +292,12 @@ impl Element {
         (theta, (onset.speed + change).max(0.0))
     }
 
-    /// dF_e/dz at (z, q) for a motion in the direction of `deformation_velocity`.
-    fn one_sided_stiffness(&self, z: f64, q: f64, deformation_velocity: f64) -> f64 {
-        let local = self.params.deformation.local(z);
-        if deformation_velocity >= 0.0 && q >= local.gap {
+    /// dF_e/dz at the onset for a motion in the direction of `deformation_velocity`.
+    fn one_sided_stiffness(&self, onset: &Onset, deformation_velocity: f64) -> f64 {
+        let Onset { q, local, .. } = onset;
+        if deformation_velocity >= 0.0 && *q >= local.gap {
             local.mid_slope + local.gap_slope
-        } else if deformation_velocity <= 0.0 && q <= -local.gap {
+        } else if deformation_velocity <= 0.0 && *q <= -local.gap {
             local.mid_slope - local.gap_slope
         } else {
             local.mid_slope + self.params.deformation.yield_stiffness()
@@ -295,9 +307,10 @@ impl Element {
 
 /// θ(y) = 1/(1 - e^-y) - 1/y, from 1/2 at y = 0 to 1 at infinity: makes one step exact for a linear decay of rate y/dt.
 fn fit_theta(y: f64) -> f64 {
-    // Below 1/4 the difference of the two large terms would lose digits; the series is good to 2e-8 there.
-    if y < 0.25 {
-        0.5 + y / 12.0 * (1.0 - y * y / 60.0)
+    // The usual case by the series, good to 1e-6 up to 1: θ decides the order of accuracy, not the force itself.
+    if y < 1.0 {
+        let y2 = y * y;
+        0.5 + y * (1.0 / 12.0 - y2 * (1.0 / 720.0 - y2 / 30_240.0))
     } else {
         1.0 / (1.0 - decay(y)) - 1.0 / y
     }
