@@ -88,6 +88,24 @@ impl Piece {
         })
     }
 
+    /// The polynomial Σ θ_i·z^i with the coefficients of EMS (25), θ_i in N/m^i, on [`from`, `to`] (m).
+    ///
+    /// # Errors
+    /// As [`Piece::new`].
+    pub fn from_monomial(from: f64, to: f64, monomial: &[f64]) -> Result<Self, ParamError> {
+        let count = monomial.len();
+        if count == 0 || count > COUNT {
+            return Err(ParamError::CoefficientCount { count });
+        }
+        let mut padded = [0.0; COUNT];
+        for (slot, &value) in padded.iter_mut().zip(monomial) {
+            *slot = value;
+        }
+        let power = compose(&padded, 0.5 * (to - from), 0.5 * (to + from));
+        let legendre = power_to_legendre(&power);
+        Self::new(from, to, legendre.get(..count).unwrap_or(&legendre))
+    }
+
     /// Left end, m.
     pub fn from(&self) -> f64 {
         self.from
@@ -377,6 +395,7 @@ impl DeformationForce {
     }
 
     /// Force and yield force after a monotone motion from deflection `from` with yield force `q` to deflection `to`.
+    #[inline(always)]
     pub(crate) fn reach(&self, from: f64, q: f64, to: f64) -> (f64, f64) {
         let (mid, gap) = self.mid_and_gap(to);
         let trial = q + self.yield_stiffness * (to - from);
@@ -403,16 +422,13 @@ impl DeformationForce {
         }
     }
 
-    /// M at -c (0) or +c (1).
-    pub(crate) fn end_force(&self, end: usize) -> f64 {
-        if end == 0 {
-            self.end_force[0]
-        } else {
-            self.end_force[1]
-        }
+    /// Force at an end of [-c, c], the upper or the lower, and the slope beyond it.
+    pub(crate) fn end(&self, upper: bool) -> (f64, f64) {
+        let k = usize::from(upper);
+        (self.end_force[k], self.end_stiffness[k])
     }
 
-    #[inline]
+    #[inline(always)]
     pub(crate) fn mid_and_gap(&self, z: f64) -> (f64, f64) {
         if z > self.half_width {
             return (
@@ -601,7 +617,7 @@ impl Stretch {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn local(&self, z: f64) -> f64 {
         (z - self.mid) * self.inverse_half
     }
@@ -665,6 +681,26 @@ fn legendre_to_power(legendre: &[f64; COUNT]) -> [f64; COUNT] {
     sum
 }
 
+/// A power series as Σ l_k·P_k(t): Horner's scheme in the Legendre basis, t·P_k = ((k+1)·P_(k+1) + k·P_(k-1))/(2k+1).
+fn power_to_legendre(power: &[f64; COUNT]) -> [f64; COUNT] {
+    let mut result = [0.0; COUNT];
+    for &coefficient in power.iter().rev() {
+        let mut next = [0.0; COUNT];
+        for (k, &value) in result.iter().enumerate() {
+            let part = value / (2 * k + 1) as f64;
+            if let Some(above) = next.get_mut(k + 1) {
+                *above += (k + 1) as f64 * part;
+            }
+            if k > 0 {
+                next[k - 1] += k as f64 * part;
+            }
+        }
+        next[0] += coefficient;
+        result = next;
+    }
+    result
+}
+
 /// Value and derivative of a power series.
 fn horner(power: &[f64; COUNT], t: f64) -> (f64, f64) {
     power.iter().rev().fold((0.0, 0.0), |(value, slope), &a| {
@@ -674,7 +710,7 @@ fn horner(power: &[f64; COUNT], t: f64) -> (f64, f64) {
 
 /// Two power series at once by Estrin's scheme: a short dependency chain, so faster than Horner without fused
 /// multiply-add.
-#[inline]
+#[inline(always)]
 fn estrin(a: &[[f64; 2]; COUNT], t: f64) -> [f64; 2] {
     let t2 = t * t;
     let t4 = t2 * t2;

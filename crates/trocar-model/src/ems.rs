@@ -3,6 +3,7 @@
 use crate::damping::SealDamping;
 use crate::elastic::DeformationForce;
 use crate::error::ParamError;
+use crate::exponential::decay;
 use crate::sliding::SlidingFriction;
 
 /// Allowed distance between a branch end and the static force, as a fraction of the static force.
@@ -66,6 +67,14 @@ impl State {
         self.slip_velocity
     }
 
+    /// Takes over `next` unless a number grew beyond all bounds.
+    #[inline(always)]
+    fn commit(&mut self, next: Self) {
+        if next.force.abs() <= f64::MAX && next.deflection.abs() <= f64::MAX {
+            *self = next;
+        }
+    }
+
     /// Whether the seal bends or slides.
     pub fn mode(&self) -> Mode {
         if self.slip_velocity == 0.0 {
@@ -111,6 +120,12 @@ struct Contact {
     least_drag: f64,
     /// Neither β nor σ: the force does not decide the slip speed.
     free: bool,
+    /// |F_e| at the end of the deformation range, N, and its slope beyond, N/m.
+    end_force: f64,
+    end_stiffness: f64,
+    /// K/β on that straight end, 1/s, and β/K, s; infinite and 0 without β.
+    rate: f64,
+    lag: f64,
 }
 
 /// Direction of slip or of the force. An own type, since `f64::signum(-0.0)` is -1.
@@ -143,10 +158,10 @@ impl Side {
         }
     }
 
-    fn end(self) -> usize {
+    pub(crate) fn sliding(self, params: &ElementParams) -> &SlidingFriction {
         match self {
-            Self::Withdrawal => 0,
-            Self::Insertion => 1,
+            Self::Withdrawal => &params.withdrawal,
+            Self::Insertion => &params.insertion,
         }
     }
 }
@@ -171,8 +186,8 @@ impl Element {
                 && extremes.highest_force <= highest
                 && extremes.lowest_force >= lowest,
             least_stiffness: extremes.least_slope,
-            withdrawal: Contact::new(&params.withdrawal, &params.damping)?,
-            insertion: Contact::new(&params.insertion, &params.damping)?,
+            withdrawal: Contact::new(&params, Side::Withdrawal)?,
+            insertion: Contact::new(&params, Side::Insertion)?,
             params,
         })
     }
@@ -223,14 +238,12 @@ impl Element {
     /// finite, leaves the state untouched and returns the last force.
     pub fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
         let velocity = displacement / duration;
-        if duration > 0.0 && duration.is_finite() && velocity.is_finite() {
-            let next = if self.confined {
-                self.advance_confined(state, velocity, duration)
+        if duration > 0.0 && duration <= f64::MAX && velocity.abs() <= f64::MAX {
+            // Two commits, so that the exact step stays in registers.
+            if self.confined {
+                state.commit(self.advance_confined(state, velocity, duration));
             } else {
-                self.advance_in_parts(state, velocity, duration)
-            };
-            if next.force.is_finite() && next.deflection.is_finite() {
-                *state = next;
+                state.commit(self.advance_in_parts(state, velocity, duration));
             }
         }
         state.force
@@ -239,6 +252,7 @@ impl Element {
     /// The general step in parts of at most c/8 of travel, so that the order of yielding and turning over is kept.
     ///
     /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the work is bounded.
+    #[inline(never)]
     fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {
         let stride = LONGEST_PART * self.params.deformation.half_width();
         let strides = velocity.abs() * duration / stride;
@@ -266,10 +280,7 @@ impl Element {
     }
 
     pub(crate) fn sliding(&self, side: Side) -> &SlidingFriction {
-        match side {
-            Side::Withdrawal => &self.params.withdrawal,
-            Side::Insertion => &self.params.insertion,
-        }
+        side.sliding(&self.params)
     }
 
     fn contact(&self, side: Side) -> &Contact {
@@ -292,6 +303,7 @@ impl Element {
     }
 
     /// The exact solution at constant velocity when sliding only happens on the straight ends.
+    #[inline(always)]
     fn advance_confined(&self, state: &State, velocity: f64, mut time: f64) -> State {
         let c = self.params.deformation.half_width();
         let mut z = state.deflection;
@@ -320,40 +332,36 @@ impl Element {
     }
 
     /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the time left.
+    #[inline(always)]
     fn slide_on_end(&self, side: Side, excess: f64, velocity: f64, time: f64) -> (State, f64) {
         let deformation = &self.params.deformation;
+        let Contact {
+            end_force,
+            end_stiffness,
+            rate,
+            lag,
+            ..
+        } = *self.contact(side);
         let s = side.sign();
-        let (low, high) = deformation.end_stiffness();
-        let stiffness = if s > 0.0 { high } else { low };
-        let beta = self.sliding(side).viscous_damping;
-        let settled = beta * s * velocity / stiffness;
-        let decay = if beta > 0.0 {
-            libm::exp(-stiffness * time / beta)
-        } else {
-            0.0
-        };
-        let end = settled + (excess - settled) * decay;
+        // (20) on a straight spring: the excess relaxes towards β·v_d/K with the rate K/β.
+        let settled = lag * s * velocity;
+        let end = settled + (excess - settled) * decay(rate * time);
         let mut left = 0.0;
         if end < 0.0 || (end <= 0.0 && s * velocity < 0.0) {
             let reached = if settled < 0.0 {
-                beta / stiffness * libm::log1p(-excess / settled)
+                lag * libm::log1p(-excess / settled)
             } else {
                 0.0
             };
             left = time - reached;
         }
         let end = end.max(0.0);
-        let slip = if beta > 0.0 {
-            s * stiffness * end / beta
-        } else {
-            velocity
-        };
-        let force = deformation.end_force(side.end()) + s * stiffness * end;
+        let slip_velocity = if lag > 0.0 { s * rate * end } else { velocity };
         let state = State {
             deflection: s * (deformation.half_width() + end),
             yield_force: 0.0,
-            force,
-            slip_velocity: slip,
+            force: s * (end_force + end_stiffness * end),
+            slip_velocity,
         };
         (state, left)
     }
@@ -382,7 +390,8 @@ fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
 }
 
 impl Contact {
-    fn new(sliding: &SlidingFriction, damping: &SealDamping) -> Result<Self, ParamError> {
+    fn new(params: &ElementParams, side: Side) -> Result<Self, ParamError> {
+        let (sliding, damping) = (side.sliding(params), &params.damping);
         let free = sliding.viscous_damping == 0.0 && damping.is_zero();
         if free && !sliding.is_constant() {
             return Err(ParamError::UndampedBreakaway {
@@ -390,10 +399,20 @@ impl Contact {
                 coulomb_force: sliding.coulomb_force,
             });
         }
+        let (end_force, end_stiffness) = params.deformation.end(side == Side::Insertion);
+        let rate = end_stiffness / sliding.viscous_damping;
         Ok(Self {
             folding: folding(sliding, damping.least_slope()),
             least_drag: sliding.viscous_damping + damping.least_slope() - sliding.steepest_fall(),
             free,
+            end_force: side.sign() * end_force,
+            end_stiffness,
+            rate,
+            lag: if rate.is_finite() {
+                sliding.viscous_damping / end_stiffness
+            } else {
+                0.0
+            },
         })
     }
 }

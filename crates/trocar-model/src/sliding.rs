@@ -1,6 +1,7 @@
 //! Sliding friction between seal and instrument: Coulomb, viscous and Stribeck, EMS (11).
 
 use crate::error::{ParamError, not_negative, positive};
+use crate::exponential::decay;
 
 /// Friction of the sliding contact in one direction of slip.
 ///
@@ -78,7 +79,7 @@ impl SlidingFriction {
         } else {
             (0.0, if delta > 1.0 { 0.0 } else { f64::INFINITY })
         };
-        let fall = (self.static_force - self.coulomb_force) * libm::exp(-power);
+        let fall = (self.static_force - self.coulomb_force) * decay(power);
         let slope = if fall > 0.0 {
             -fall * slope / self.stribeck_velocity
         } else {

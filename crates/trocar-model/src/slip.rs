@@ -12,7 +12,9 @@
 //! friction law; it lies between 1/2 (second order) and 1 (stiff limit), so no stiffness is too high for any dt.
 //! If r(0) <= 0 the seal sticks: the contact is an inclusion, sgn(v_d) decides nothing.
 
+use crate::elastic::Local;
 use crate::ems::{Element, Side, State};
+use crate::exponential::decay;
 
 /// Limit on evaluations of r in one search: keeps the work of a step bounded.
 const MAX_EVALUATIONS: usize = 240;
@@ -24,7 +26,7 @@ const NEWTON_EVALUATIONS: usize = 24;
 const EVEN_STRIDES: usize = 100;
 
 /// A residual below this fraction of the static force gets one last Newton correction, which squares it.
-const RESIDUAL: f64 = 1e-10;
+const RESIDUAL: f64 = 1e-8;
 
 /// March stride as a fraction of the Stribeck speed: a tenth of the narrowest feature of g.
 const STRIBECK_STRIDE: f64 = 0.1;
@@ -47,6 +49,8 @@ struct Motion {
 struct Onset {
     z: f64,
     q: f64,
+    /// The deformation force around z.
+    local: Local,
     side: Side,
     speed: f64,
     /// d(r)/du at fixed z with the sign changed: β + g' + D'.
@@ -69,20 +73,27 @@ impl Element {
             return self.leave_stick(state, motion);
         }
         let side = Side::of(state.slip_velocity);
-        let elastic = self
-            .params
-            .deformation
-            .reach(state.deflection, state.yield_force, state.deflection)
-            .0;
+        let (z, q) = (state.deflection, state.yield_force);
+        let local = self.params.deformation.local(z);
         let guess = state.slip_velocity.abs();
-        let (speed, drag) = self.slip_at(side, elastic, velocity, guess);
+        let (speed, drag) = if self.params.damping.is_zero() {
+            // Then the slip speed does not depend on v_d: it is still the one at the end of the last step.
+            let sliding = self.sliding(side);
+            (
+                guess,
+                sliding.viscous_damping + sliding.level_and_slope(guess).1,
+            )
+        } else {
+            self.slip_at(side, local.mid + q, velocity, guess)
+        };
         if speed == 0.0 {
             return self.leave_stick(state, motion);
         }
         self.slide(
             Onset {
-                z: state.deflection,
-                q: state.yield_force,
+                z,
+                q,
+                local,
                 side,
                 speed,
                 drag,
@@ -120,11 +131,13 @@ impl Element {
         };
         let part = yield_fraction(force_at, s * trial - limit);
         let reached = z + part * motion.velocity * motion.time;
-        let (elastic, yield_force) = self.params.deformation.reach(z, q, reached);
-        let (speed, drag) = self.slip_at(side, elastic, motion.velocity, 0.0);
+        let yield_force = self.params.deformation.reach(z, q, reached).1;
+        let local = self.params.deformation.local(reached);
+        let (speed, drag) = self.slip_at(side, local.mid + yield_force, motion.velocity, 0.0);
         let onset = Onset {
             z: reached,
             q: yield_force,
+            local,
             side,
             speed,
             drag,
@@ -171,8 +184,8 @@ impl Element {
 
     /// Slides through `motion`, EMS (14).
     fn slide(&self, onset: Onset, motion: Motion) -> State {
-        let theta = self.fitted_theta(onset, motion);
-        let next = self.slide_with(onset, motion, theta);
+        let (theta, guess) = self.predict(onset, motion);
+        let next = self.slide_with(onset, motion, theta, guess);
         let across = onset.side.opposite();
         if next.slip_velocity == 0.0
             && across.sign() * next.force > self.sliding(across).static_force
@@ -183,12 +196,12 @@ impl Element {
                 speed: 0.0,
                 ..onset
             };
-            return self.slide_with(onset, motion, 1.0);
+            return self.slide_with(onset, motion, 1.0, 0.0);
         }
         next
     }
 
-    fn slide_with(&self, onset: Onset, motion: Motion, theta: f64) -> State {
+    fn slide_with(&self, onset: Onset, motion: Motion, theta: f64, guess: f64) -> State {
         let Onset {
             z, q, side, speed, ..
         } = onset;
@@ -209,7 +222,7 @@ impl Element {
                 -drag - implicit * stiffness,
             ) // EMS (13)
         };
-        let search = self.search(onset, implicit);
+        let search = self.search(onset, implicit, guess);
         let u = find_root(residual, search).0;
         let deflection = target - s * implicit * u;
         let (elastic, yield_force) = deformation.reach(z, q, deflection);
@@ -227,14 +240,14 @@ impl Element {
     /// With a single root any start will do, and the last speed is the nearest. A folded friction law is followed on
     /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
     /// side, is the stable one.
-    fn search(&self, onset: Onset, implicit: f64) -> Search {
+    fn search(&self, onset: Onset, implicit: f64, guess: f64) -> Search {
         let sliding = self.sliding(onset.side);
         let residual = RESIDUAL * sliding.static_force;
         let folds = self.folds(onset.side);
         let softens = self.least_stiffness * implicit + self.least_drag(onset.side) <= 0.0;
         if !folds && !softens {
             return Search {
-                guess: onset.speed,
+                guess,
                 stride: f64::INFINITY,
                 residual,
             };
@@ -250,7 +263,13 @@ impl Element {
         } else {
             f64::INFINITY
         };
-        let guess = if folds { onset.speed } else { 0.0 };
+        let guess = if folds {
+            guess
+                .min(onset.speed + in_speed)
+                .max(onset.speed - in_speed)
+        } else {
+            0.0
+        };
         Search {
             guess,
             stride: in_speed.min(in_deflection),
@@ -258,23 +277,27 @@ impl Element {
         }
     }
 
-    /// θ of the module documentation, from the rate K/(β + g' + D') at the start; 1 where that is no decay.
-    fn fitted_theta(&self, onset: Onset, motion: Motion) -> f64 {
-        let deformation_velocity = motion.velocity - onset.side.sign() * onset.speed;
-        let stiffness = self.one_sided_stiffness(onset.z, onset.q, deformation_velocity);
-        let rate = stiffness * motion.time;
-        if rate <= 0.0 || onset.drag <= 0.0 {
-            return 1.0;
+    /// θ of the module documentation, from the rate K/(β + g' + D') at the start, and the slip speed at the end if
+    /// nothing bends. θ = 1 where the start does not decay.
+    fn predict(&self, onset: Onset, motion: Motion) -> (f64, f64) {
+        let s = onset.side.sign();
+        let deformation_velocity = motion.velocity - s * onset.speed;
+        let stiffness = self.one_sided_stiffness(&onset, deformation_velocity);
+        let stiffening = stiffness * motion.time;
+        if stiffening <= 0.0 || onset.drag <= 0.0 {
+            return (1.0, onset.speed);
         }
-        fit_theta(rate / onset.drag)
+        let theta = fit_theta(stiffening / onset.drag);
+        let change = stiffening * s * deformation_velocity / (onset.drag + theta * stiffening);
+        (theta, (onset.speed + change).max(0.0))
     }
 
-    /// dF_e/dz at (z, q) for a motion in the direction of `deformation_velocity`.
-    fn one_sided_stiffness(&self, z: f64, q: f64, deformation_velocity: f64) -> f64 {
-        let local = self.params.deformation.local(z);
-        if deformation_velocity >= 0.0 && q >= local.gap {
+    /// dF_e/dz at the onset for a motion in the direction of `deformation_velocity`.
+    fn one_sided_stiffness(&self, onset: &Onset, deformation_velocity: f64) -> f64 {
+        let Onset { q, local, .. } = onset;
+        if deformation_velocity >= 0.0 && *q >= local.gap {
             local.mid_slope + local.gap_slope
-        } else if deformation_velocity <= 0.0 && q <= -local.gap {
+        } else if deformation_velocity <= 0.0 && *q <= -local.gap {
             local.mid_slope - local.gap_slope
         } else {
             local.mid_slope + self.params.deformation.yield_stiffness()
@@ -284,11 +307,12 @@ impl Element {
 
 /// θ(y) = 1/(1 - e^-y) - 1/y, from 1/2 at y = 0 to 1 at infinity: makes one step exact for a linear decay of rate y/dt.
 fn fit_theta(y: f64) -> f64 {
-    // Below 1/4 the difference of the two large terms would lose digits; the series is good to 2e-8 there.
-    if y < 0.25 {
-        0.5 + y / 12.0 * (1.0 - y * y / 60.0)
+    // The usual case by the series, good to 1e-6 up to 1: θ decides the order of accuracy, not the force itself.
+    if y < 1.0 {
+        let y2 = y * y;
+        0.5 + y * (1.0 / 12.0 - y2 * (1.0 / 720.0 - y2 / 30_240.0))
     } else {
-        1.0 / (1.0 - libm::exp(-y)) - 1.0 / y
+        1.0 / (1.0 - decay(y)) - 1.0 / y
     }
 }
 
