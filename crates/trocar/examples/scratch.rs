@@ -13,12 +13,12 @@ fn main() {
     }
     for r in &train { println!("{} n={} dt={} res={:.2e} pn={:.2e} fn={:.2e} warn={:?}", r.name, r.len(), r.quality.median_interval, r.quality.position_resolution, r.quality.position_noise, r.quality.force_noise, r.quality.warnings.iter().map(|w| &w.message).collect::<Vec<_>>()); }
     let t = Instant::now();
-    let o = IdentifyOptions { bootstrap: boot, ..Default::default() };
+    let o = IdentifyOptions { bootstrap: boot, inertia_removed: mass > 0.0, ..Default::default() };
     let id = match identify(&train, &o, &|s, f| eprintln!("  {s} {f} {:?}", t.elapsed())) { Ok(i) => i, Err(e) => { println!("{e}"); return } };
     println!("identify {:?}", t.elapsed());
     for p in &id.parameters { if !p.name.contains("theta") { println!("{:32} {:12.6} [{:12.6},{:12.6}] {} {:?}", p.name, p.estimate.value, p.estimate.ci95[0], p.estimate.ci95[1], p.estimate.unit, p.estimate.note); } }
     println!("-- two-step"); for p in &id.two_step_parameters { if !p.name.contains("theta") { println!("{:32} {:12.6} [{:12.6},{:12.6}] {}", p.name, p.estimate.value, p.estimate.ci95[0], p.estimate.ci95[1], p.estimate.unit); } }
-    println!("sym p {:?} scatter {} means {}", id.steady.symmetry_p_value, id.steady.pass_scatter_n, id.steady.means.len());
+    for m in id.steady.means.iter().take(if std::env::var("M").is_ok() {200} else {0}) { println!("{:?} {:.4} {:.4} se {:.4} n {}", m.direction, m.velocity_m_s, m.force_n, m.standard_error_n, m.samples); } println!("sym p {:?} scatter {} means {}", id.steady.symmetry_p_value, id.steady.pass_scatter_n, id.steady.means.len());
     println!("lof {:?}", id.steady.lack_of_fit);
     if let Ok(d) = &id.deformation { println!("traverses {} spread {} damping {:?} rms {} {} poly7 {} {}", d.traverses.len(), d.deflection_error, d.damping, d.rising.rms, d.falling.rms, d.rising.single_polynomial_rms, d.falling.single_polynomial_rms); } else { println!("{:?}", id.deformation.as_ref().err()); }
     println!("{:?}\nresidual {}", id.refinement, id.residual_rms);

@@ -40,9 +40,13 @@ pub struct Pass {
     pub direction: Direction,
     /// Whether the pass begins at a reversal that the recording shows (not at its start or behind a gap).
     pub starts_at_reversal: bool,
+    /// Number of the motion it belongs to: a gap or a reset of the encoder cuts a pass, not the motion.
+    pub motion: usize,
 }
 
 /// A stretch of constant velocity: samples `start..end` of a recording.
+///
+/// Stretches of one motion at one speed share a `plateau`: together they are one datum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stretch {
     /// First sample.
@@ -51,6 +55,8 @@ pub struct Stretch {
     pub end: usize,
     /// Index of the pass it lies in.
     pub pass: usize,
+    /// Number of the plateau of velocity it belongs to.
+    pub plateau: usize,
     /// Mean velocity, m/s: displacement over duration.
     pub velocity: f64,
 }
@@ -62,11 +68,16 @@ pub struct SegmentOptions {
     pub velocity_tolerance: f64,
     /// Shortest stretch, s (0.05).
     pub minimum_duration: f64,
+    /// Least part of a motion's time that a plateau holds (0.15).
+    ///
+    /// A smooth stroke (half a sine) spends 0.128 of its time within 2 % of its top speed, a minimum-jerk stroke
+    /// 0.10: neither is a plateau.
+    pub minimum_dwell: f64,
 }
 
 impl Default for SegmentOptions {
     fn default() -> Self {
-        Self { velocity_tolerance: 0.02, minimum_duration: 0.05 }
+        Self { velocity_tolerance: 0.02, minimum_duration: 0.05, minimum_dwell: 0.15 }
     }
 }
 
@@ -80,9 +91,13 @@ pub fn reversal_threshold(recording: &Recording) -> f64 {
 ///
 /// The sample of the extreme position ends one pass and starts the next. Gaps and resets end a pass too.
 pub fn passes(recording: &Recording, threshold: f64) -> Vec<Pass> {
-    let mut found = Vec::new();
+    let mut found: Vec<Pass> = Vec::new();
     for range in recording.stretches() {
         passes_of_range(&recording.position, range.start, range.end, threshold, &mut found);
+    }
+    for i in 1..found.len() {
+        let goes_on = !found[i].starts_at_reversal && found[i].direction == found[i - 1].direction;
+        found[i].motion = found[i - 1].motion + usize::from(!goes_on);
     }
     found
 }
@@ -92,7 +107,7 @@ fn passes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, fou
     let mut heading = None;
     let mut push = |start: usize, end: usize, direction| {
         if end > start {
-            found.push(Pass { start, end, direction, starts_at_reversal: start > from });
+            found.push(Pass { start, end, direction, starts_at_reversal: start > from, motion: 0 });
         }
     };
     for i in from..to {
@@ -143,93 +158,100 @@ fn velocity_window(recording: &Recording, speed: f64, pass_duration: f64, option
     window.max(options.minimum_duration).max(5.0 * q.median_interval).min(pass_duration / 6.0)
 }
 
-/// Finds the stretches of constant velocity in `passes`.
+/// Finds the stretches of constant velocity in `passes`, in the order of their start.
 ///
-/// The local velocity (slope of the positions over a window that the position noise asks for) stays within
-/// `velocity_tolerance` of the stretch's median for at least `minimum_duration`. Several stretches of different
-/// speed may lie in one pass.
+/// The local velocity (slope of the positions over a window that the position noise asks for) is searched for the
+/// speeds at which a motion dwells: a plateau holds at least `minimum_dwell` of the motion's time within
+/// `velocity_tolerance`. Several plateaus may lie in one motion; each gives one or more stretches of at least
+/// `minimum_duration`.
 pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOptions) -> Vec<Stretch> {
     let mut found = Vec::new();
     let mut cached: Option<(f64, Vec<f64>)> = None;
-    for (index, pass) in passes.iter().enumerate() {
-        let duration = recording.time[pass.end] - recording.time[pass.start];
-        if duration < 2.0 * options.minimum_duration {
+    let mut plateau = 0;
+    for motion in passes.chunk_by(|a, b| a.motion == b.motion) {
+        let first = passes.partition_point(|p| p.motion < motion[0].motion);
+        let duration: f64 = motion.iter().map(|p| recording.time[p.end] - recording.time[p.start]).sum();
+        let travel: f64 = motion.iter().map(|p| travel(recording, p, p.end)).sum();
+        if duration < 2.0 * options.minimum_duration || travel <= 0.0 {
             continue;
         }
-        let travel = (recording.position[pass.end] - recording.position[pass.start]).abs();
         let wanted = velocity_window(recording, travel / duration, duration, options);
-        // Windows in steps of a factor 1.5, so that passes of like speed share one differentiation.
+        // Windows in steps of a factor 1.5, so that motions of like speed share one differentiation.
         let window = 1.5f64.powf(wanted.log(1.5).round());
         if cached.as_ref().is_none_or(|(w, _)| *w != window) {
             cached = Some((window, local_velocity(recording, window)));
         }
         let velocity = &cached.as_ref().expect("filled above").1;
-        runs(recording, velocity, index, pass, options, &mut found);
+        for speed in plateau_speeds(velocity, motion, options) {
+            for (k, pass) in motion.iter().enumerate() {
+                runs(recording, velocity, pass, speed, options, |start, end| {
+                    let (x, t) = (&recording.position, &recording.time);
+                    let mean = (x[end - 1] - x[start]) / (t[end - 1] - t[start]);
+                    found.push(Stretch { start, end, pass: first + k, plateau, velocity: mean });
+                });
+            }
+            plateau += 1;
+        }
     }
+    found.sort_by_key(|s| s.start);
     found
 }
 
+/// Speeds, m/s, at which a motion dwells, most time first.
+fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -> Vec<f64> {
+    const MOST_SAMPLES: usize = 4000;
+    let sign = motion[0].direction.sign();
+    let samples: usize = motion.iter().map(|p| p.end - p.start).sum();
+    let every = samples.div_ceil(MOST_SAMPLES);
+    let along = motion.iter().flat_map(|p| (p.start..p.end).step_by(every)).map(|i| sign * velocity[i]);
+    let mut speeds: Vec<f64> = along.collect();
+    let all = speeds.len() as f64;
+    speeds.retain(|v| *v > 0.0);
+    speeds.sort_by(f64::total_cmp);
+    let wide = (1.0 + options.velocity_tolerance) / (1.0 - options.velocity_tolerance);
+    let mut plateaus = Vec::new();
+    while !speeds.is_empty() {
+        let mut best = (0, 0.0);
+        let mut to = 0;
+        for from in 0..speeds.len() {
+            while to < speeds.len() && speeds[to] <= wide * speeds[from] {
+                to += 1;
+            }
+            if to - from > best.0 {
+                best = (to - from, speeds[(from + to) / 2]);
+            }
+        }
+        let (count, speed) = best;
+        if (count as f64) < options.minimum_dwell * all {
+            break;
+        }
+        plateaus.push(speed);
+        // The flanks of a plateau are no plateau of their own.
+        speeds.retain(|v| (v / speed - 1.0).abs() > 6.0 * options.velocity_tolerance);
+    }
+    plateaus
+}
+
+/// Runs of at least the minimum duration within the tolerance of `speed`.
 fn runs(
     recording: &Recording,
     velocity: &[f64],
-    index: usize,
     pass: &Pass,
+    speed: f64,
     options: &SegmentOptions,
-    found: &mut Vec<Stretch>,
+    mut on: impl FnMut(usize, usize),
 ) {
-    let time = &recording.time;
     let sign = pass.direction.sign();
-    let mut i = pass.start;
-    while i < pass.end {
-        let (mut sum, mut n, mut j) = (0.0, 0.0, i);
-        while j <= pass.end {
-            let v = sign * velocity[j];
-            let mean = if n > 0.0 { sum / n } else { v };
-            if v <= 0.0 || (v - mean).abs() > options.velocity_tolerance * mean {
-                break;
+    let mut start = pass.start;
+    for i in pass.start..=pass.end {
+        let within = i < pass.end && (sign * velocity[i] / speed - 1.0).abs() <= options.velocity_tolerance;
+        if !within {
+            if i > start + 4 && recording.time[i - 1] - recording.time[start] >= options.minimum_duration {
+                on(start, i);
             }
-            (sum, n, j) = (sum + v, n + 1.0, j + 1);
-        }
-        if let Some(stretch) = trimmed(recording, velocity, index, i, j, options) {
-            found.push(stretch);
-            i = j;
-        } else {
-            // A run that starts on a ramp breaks off early: try again a little further on.
-            let next = time[i] + 0.2 * options.minimum_duration;
-            i += 1 + time[i + 1..=pass.end].partition_point(|t| *t < next);
+            start = i + 1;
         }
     }
-}
-
-/// Narrows a run to the samples within the tolerance of its median, and refuses what is then too short.
-fn trimmed(
-    recording: &Recording,
-    velocity: &[f64],
-    pass: usize,
-    mut start: usize,
-    mut end: usize,
-    options: &SegmentOptions,
-) -> Option<Stretch> {
-    let time = &recording.time;
-    let long_enough = |a: usize, b: usize| b > a + 4 && time[b - 1] - time[a] >= options.minimum_duration;
-    if !long_enough(start, end) {
-        return None;
-    }
-    let mut sorted: Vec<f64> = velocity[start..end].to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted[sorted.len() / 2];
-    let off = |i: usize| (velocity[i] - median).abs() > options.velocity_tolerance * median.abs();
-    while start < end && off(start) {
-        start += 1;
-    }
-    while end > start && off(end - 1) {
-        end -= 1;
-    }
-    if !long_enough(start, end) {
-        return None;
-    }
-    let mean = (recording.position[end - 1] - recording.position[start]) / (time[end - 1] - time[start]);
-    Some(Stretch { start, end, pass, velocity: mean })
 }
 
 /// Travel, m, of sample `i` since the start of its pass; grows along the motion.

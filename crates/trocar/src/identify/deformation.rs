@@ -22,7 +22,7 @@ use crate::segment::{Direction, Pass};
 /// Points per traverse at which the deformation force is kept.
 pub const BINS: usize = 100;
 /// Fewest samples inside a traverse that still draw it.
-const FEWEST_SAMPLES: usize = 8;
+const FEWEST_SAMPLES: usize = 5;
 /// Fewest traverses from which a half width is taken.
 const FEWEST_TRAVERSES: usize = 3;
 /// Largest relative spread of c over traverses for which a deformation is called resolved.
@@ -62,6 +62,20 @@ impl Limits {
     pub fn pins(&self) -> Pins {
         Pins { low: -self.negative, high: self.positive }
     }
+}
+
+/// Median of numbers; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Drops traverses whose travel lies far off the others': a switching instant taken from a disturbance.
+fn without_outliers(traverses: Vec<Traverse>) -> Vec<Traverse> {
+    let middle = median(traverses.iter().map(|t| t.half_travel).collect());
+    let spread = 1.4826 * median(traverses.iter().map(|t| (t.half_travel - middle).abs()).collect());
+    let limit = (5.0 * spread).max(0.05 * middle);
+    traverses.into_iter().filter(|t| (t.half_travel - middle).abs() <= limit).collect()
 }
 
 /// One full turn-over of the seal.
@@ -237,6 +251,7 @@ fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
 /// # Errors
 /// A sentence that says why the recordings do not resolve a deformation.
 pub(super) fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2], lsb: f64) -> Result<DeformationFit, String> {
+    let traverses = without_outliers(traverses);
     let count = |d| traverses.iter().filter(|t| t.direction == d).count();
     let (rising, falling) = (count(Direction::Positive), count(Direction::Negative));
     if rising + falling < FEWEST_TRAVERSES || rising == 0 || falling == 0 {

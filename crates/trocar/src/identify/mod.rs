@@ -44,6 +44,9 @@ pub struct IdentifyOptions {
     pub refine: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_hidden_mass: bool,
+    /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
+    /// where no deformation is resolved.
+    pub inertia_removed: bool,
     /// Tolerances of the segmentation.
     pub segment: SegmentOptions,
 }
@@ -56,6 +59,7 @@ impl Default for IdentifyOptions {
             degrees: [4, 4],
             refine: true,
             estimate_hidden_mass: true,
+            inertia_removed: false,
             segment: SegmentOptions::default(),
         }
     }
@@ -245,8 +249,8 @@ fn two_steps(
         deformation = deform(&steady);
     }
     if deformation.is_err() {
-        let whole = means(&|_| 0.0, false);
-        steady = steady::fit(without_trend(whole, recordings, segments));
+        let whole = without_trend(means(&|_| 0.0, false), recordings, segments);
+        steady = steady::fit(if options.inertia_removed { with_transients(whole, recordings, segments) } else { whole });
     }
     if steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
@@ -259,6 +263,17 @@ fn two_steps(
         deformation = deform(&steady);
     }
     Ok((steady, deformation))
+}
+
+/// Blocks of all motion instead of the plateaus' means, down to a fiftieth of the fastest plateau.
+fn with_transients(plateaus: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
+    const BLOCK: f64 = 0.1;
+    let fastest = plateaus.iter().map(|m| m.velocity_m_s.abs()).fold(0.0, f64::max);
+    if fastest == 0.0 {
+        return plateaus;
+    }
+    let found = recordings.iter().zip(segments).enumerate();
+    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.passes, 0.02 * fastest, BLOCK)).collect()
 }
 
 fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
@@ -277,7 +292,7 @@ fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Seg
         let mut sorted = recording.force.clone();
         sorted.sort_by(f64::total_cmp);
         let swing = sorted[sorted.len() * 19 / 20] - sorted[sorted.len() / 20];
-        let own = segments[mean.recording].stretches.iter().filter(|s| s.pass == mean.pass);
+        let own = segments[mean.recording].stretches.iter().filter(|s| s.plateau == mean.plateau);
         let quarter = |s: &Stretch| ((s.end - s.start) / 4).max(1);
         let level = |from: usize, to: usize| recording.force[from..to].iter().sum::<f64>() / (to - from) as f64;
         own.map(|s| (level(s.end - quarter(s), s.end) - level(s.start, s.start + quarter(s))).abs())
@@ -356,5 +371,5 @@ fn candidate_of(
 
 /// Acceleration, m/s², over the window that the sampling and the encoder ask for.
 fn acceleration(recording: &Recording) -> Vec<f64> {
-    local_acceleration(recording, recording.inertia_window(1.0).min(0.02))
+    local_acceleration(recording, recording.acceleration_window())
 }

@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::estimate::{Estimate, LinearFit, t_p_value};
-use crate::recording::Recording;
+use crate::recording::{Recording, local_velocity};
 use crate::segment::{Direction, Pass, Stretch};
 
 /// Mean force and velocity of the steady sliding in one pass at one speed.
@@ -24,8 +24,8 @@ use crate::segment::{Direction, Pass, Stretch};
 pub struct PassMean {
     /// Index of the recording.
     pub recording: usize,
-    /// Index of the pass in the recording.
-    pub pass: usize,
+    /// Number of the plateau of velocity in the recording.
+    pub plateau: usize,
     /// Sense of the motion.
     pub direction: Direction,
     /// Mean velocity, m/s.
@@ -123,7 +123,7 @@ pub(super) fn sign(v: f64) -> f64 {
 
 /// Means over the steady part of each pass: samples of its stretches that lie `settled(|v|)` metres behind the reversal.
 ///
-/// Stretches of one pass whose speeds agree within 4 % are one datum.
+/// The stretches of one plateau are one datum.
 pub(super) fn pass_means(
     index: usize,
     recording: &Recording,
@@ -139,8 +139,7 @@ pub(super) fn pass_means(
             .find(|i| crate::segment::travel(recording, pass, *i) >= needed)
             .unwrap_or(stretch.end);
         let Some(mean) = mean_of(index, recording, stretch, start, pass.direction) else { continue };
-        let same = |m: &&mut PassMean| m.pass == mean.pass && (m.velocity_m_s / mean.velocity_m_s - 1.0).abs() < 0.04;
-        match means.iter_mut().rev().find(same) {
+        match means.iter_mut().rev().find(|m| m.plateau == mean.plateau) {
             Some(earlier) => *earlier = merged(earlier, &mean),
             None => means.push(mean),
         }
@@ -178,13 +177,49 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, start: usize, direc
     let velocity = (rec.position[end - 1] - rec.position[start]) / (rec.time[end - 1] - rec.time[start]);
     Some(PassMean {
         recording: index,
-        pass: stretch.pass,
+        plateau: stretch.plateau,
         direction,
         velocity_m_s: velocity,
         force_n: mean,
         standard_error_n: (variance / batches as f64).sqrt().max(1e-9),
         samples: n,
     })
+}
+
+/// Means over blocks of all sliding motion, for an axis without deformation whose inertia was taken out: there the
+/// transients between constant speeds follow (23) too.
+///
+/// A block is `duration` s of motion in one direction, faster than `slowest` m/s.
+pub(super) fn moving_means(
+    index: usize,
+    recording: &Recording,
+    passes: &[Pass],
+    slowest: f64,
+    duration: f64,
+) -> Vec<PassMean> {
+    let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
+    let mut means = Vec::new();
+    for (number, pass) in passes.iter().enumerate() {
+        let sign = pass.direction.sign();
+        let moving: Vec<usize> = (pass.start..pass.end).filter(|i| sign * velocity[*i] > slowest).collect();
+        let samples = ((duration / recording.quality.median_interval) as usize).max(5);
+        for block in moving.chunks_exact(samples) {
+            let n = samples as f64;
+            let mean = |of: &dyn Fn(usize) -> f64| block.iter().map(|i| of(*i)).sum::<f64>() / n;
+            let force = mean(&|i| recording.force[i]);
+            let scatter = mean(&|i| (recording.force[i] - force).powi(2));
+            means.push(PassMean {
+                recording: index,
+                plateau: number,
+                direction: pass.direction,
+                velocity_m_s: mean(&|i| velocity[i]),
+                force_n: force,
+                standard_error_n: (scatter / n).sqrt().max(1e-9),
+                samples,
+            });
+        }
+    }
+    means
 }
 
 /// Fits the steady-state law to the pass means.
