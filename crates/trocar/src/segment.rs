@@ -197,6 +197,9 @@ pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOption
     found
 }
 
+/// Relative difference from which two speeds of one motion count as two.
+const DISTINCT: f64 = 0.25;
+
 /// Speeds, m/s, at which a motion dwells, most time first.
 fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -> Vec<f64> {
     const MOST_SAMPLES: usize = 4000;
@@ -226,8 +229,8 @@ fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -
             break;
         }
         plateaus.push(speed);
-        // The flanks of a plateau are no plateau of their own.
-        speeds.retain(|v| (v / speed - 1.0).abs() > 6.0 * options.velocity_tolerance);
+        // Ripple about a plateau is no plateau of its own.
+        speeds.retain(|v| (v / speed - 1.0).abs() > DISTINCT);
     }
     plateaus
 }

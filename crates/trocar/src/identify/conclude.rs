@@ -118,7 +118,7 @@ fn refined(two: &TwoSteps, layout: &mut Layout) -> Result<Option<Outcome>, Ident
         return Ok(None);
     }
     let Some(mut found) = refine::refine(&training, &two.candidate, *layout) else { return Ok(None) };
-    if layout.hidden_mass && !hidden_mass_is_significant(&found, *layout) {
+    if layout.hidden_mass && !hidden_mass_is_plausible(&found, *layout, &training) {
         layout.hidden_mass = false;
         let without = Candidate { hidden_mass: 0.0, ..found.candidate.clone() };
         let Some(again) = refine::refine(&training, &without, *layout) else { return Ok(None) };
@@ -156,10 +156,12 @@ fn training(two: &TwoSteps) -> Result<Training, IdentifyError> {
     Ok(training)
 }
 
-fn hidden_mass_is_significant(found: &Refined, layout: Layout) -> bool {
+/// Significant, and a small part of the reading: what moves the force more than the seal does is no forgotten rod.
+fn hidden_mass_is_plausible(found: &Refined, layout: Layout, training: &Training) -> bool {
     let estimate = Replicates::Jackknife(found.jackknife(layout)).estimate(&found.candidate, "kg", &|c| c.hidden_mass);
     let error = estimate.half_width() / t_quantile(1e6);
-    estimate.value > HIDDEN_MASS_LEVEL * error
+    let small = estimate.value * training.rms_acceleration() < 0.1 * found.candidate.insertion.coulomb_force;
+    estimate.value > HIDDEN_MASS_LEVEL * error && small
 }
 
 fn residual_rms(two: &TwoSteps, model: &Candidate, element: &trocar_model::Element) -> f64 {

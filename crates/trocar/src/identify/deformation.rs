@@ -41,20 +41,22 @@ pub struct Limits {
     pub positive: f64,
     /// Limit in withdrawal, N, positive.
     pub negative: f64,
+    /// How far below the limit the sliding force fluctuates, N: there the switch is taken.
+    pub margin: f64,
 }
 
 impl Limits {
     fn of(&self, direction: Direction) -> f64 {
         match direction {
-            Direction::Positive => self.positive,
-            Direction::Negative => self.negative,
+            Direction::Positive => self.positive - self.margin,
+            Direction::Negative => self.negative - self.margin,
         }
     }
 
     fn against(&self, direction: Direction) -> f64 {
         match direction {
-            Direction::Positive => self.negative,
-            Direction::Negative => self.positive,
+            Direction::Positive => self.negative - self.margin,
+            Direction::Negative => self.positive - self.margin,
         }
     }
 

@@ -227,8 +227,9 @@ fn two_steps(
         };
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
+    let noise = recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     let deform = |steady: &SteadyFit| {
-        let limits = limits(steady);
+        let limits = limits(steady, noise);
         let found = recordings.iter().zip(segments).enumerate();
         let traverses = found.flat_map(|(i, (r, s))| deformation::traverses(i, r, &s.passes, &limits)).collect();
         let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
@@ -338,9 +339,16 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
     (steady.offset_n.value, friction, friction)
 }
 
-fn limits(steady: &SteadyFit) -> Limits {
+/// Levels at which the seal switches (12).
+///
+/// Where one speed leaves the level at rest open, it is the mean sliding force, from which the ripple of the sliding
+/// (its scatter beyond the sensor's noise) is taken off.
+fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
-    Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force }
+    let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
+    let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
+    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { ripple };
+    Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
 }
 
 /// Two-step candidate; with the deformation not resolved a stiff straight spring stands in for it (second value true).

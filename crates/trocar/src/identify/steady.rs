@@ -34,6 +34,8 @@ pub struct PassMean {
     pub force_n: f64,
     /// Standard error, N, of the mean within the pass.
     pub standard_error_n: f64,
+    /// Standard deviation, N, of the samples about the mean.
+    pub scatter_n: f64,
     /// Samples averaged.
     pub samples: usize,
 }
@@ -154,6 +156,7 @@ fn merged(a: &PassMean, b: &PassMean) -> PassMean {
         velocity_m_s: blend(a.velocity_m_s, b.velocity_m_s),
         force_n: blend(a.force_n, b.force_n),
         standard_error_n: (na * a.standard_error_n).hypot(nb * b.standard_error_n) / (na + nb),
+        scatter_n: blend(a.scatter_n.powi(2), b.scatter_n.powi(2)).sqrt(),
         samples: a.samples + b.samples,
         ..a.clone()
     }
@@ -182,6 +185,7 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, start: usize, direc
         velocity_m_s: velocity,
         force_n: mean,
         standard_error_n: (variance / batches as f64).sqrt().max(1e-9),
+        scatter_n: (force.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / n as f64).sqrt(),
         samples: n,
     })
 }
@@ -214,7 +218,9 @@ pub(super) fn moving_means(
                 direction: pass.direction,
                 velocity_m_s: mean(&|i| velocity[i]),
                 force_n: force,
-                standard_error_n: (scatter / n).sqrt().max(1e-9),
+                // Within a transient the force moves with the speed: no measure of error. All blocks weigh the same.
+                standard_error_n: (recording.quality.force_noise / n.sqrt()).max(1e-9),
+                scatter_n: scatter.sqrt(),
                 samples,
             });
         }

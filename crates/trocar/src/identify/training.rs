@@ -82,6 +82,13 @@ impl Training {
         }
     }
 
+    /// Root mean square acceleration, m/s².
+    pub(super) fn rms_acceleration(&self) -> f64 {
+        let steps = || self.runs.iter().flat_map(|r| &r.steps);
+        let samples: f64 = steps().map(|s| s.samples).sum();
+        (steps().map(|s| s.samples * s.acceleration.powi(2)).sum::<f64>() / samples.max(1.0)).sqrt()
+    }
+
     pub(super) fn clusters(&self) -> usize {
         self.weights.len()
     }
