@@ -81,10 +81,11 @@ impl Default for SegmentOptions {
     }
 }
 
-/// Smallest retreat of the position, m, that counts as a reversal: above the encoder's steps and noise.
+/// Smallest retreat of the position, m, that counts as a reversal: above the encoder's steps, its noise and the
+/// vibration of a drive (a hundredth of the stroke).
 pub fn reversal_threshold(recording: &Recording) -> f64 {
     let q = &recording.quality;
-    (8.0 * q.position_resolution).max(8.0 * q.position_noise).max(2e-5)
+    (8.0 * q.position_resolution).max(8.0 * q.position_noise).max(0.01 * q.stroke)
 }
 
 /// Cuts a recording into passes; `threshold` is the smallest retreat, m, that counts as a reversal.
