@@ -10,7 +10,7 @@ use kuva::render::color::Color;
 use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, TextSpan};
 
 use super::decimate;
-use super::document::{Figure, Kind, Mark, Panel, Series};
+use super::document::{Axis, Figure, Kind, Mark, Panel, Series};
 use super::number::{Ticks, text_width, ticks};
 use super::style::{self, BAND_OPACITY, Marker, Style};
 use super::view::{self, Entry, Limits};
@@ -25,6 +25,7 @@ const LABEL_SIZE: u32 = 12;
 const LEGEND_ROW: f64 = 17.0;
 const TITLE_ROW: f64 = 19.0;
 const SWATCH: f64 = 24.0;
+const LETTER: f64 = 24.0;
 const TICK_LENGTH: f64 = 4.0;
 const INK: &str = "#1a1a1a";
 const GRID: &str = "#e4e4e4";
@@ -91,6 +92,8 @@ struct Frame<'a> {
     /// Height of title row above the legend, 0 without.
     title: f64,
     legend: Vec<LegendRow<'a>>,
+    /// Room for the letter before the legend, 0 if the letter is in the title row.
+    legend_indent: f64,
     /// Ticks are numbered and the axis is named below this panel.
     names_x: bool,
     /// Row of each mark's label inside the upper edge.
@@ -135,21 +138,28 @@ impl<'a> Layout<'a> {
                 .map_or_else(Vec::new, |panel| legend_rows(panel, width - left - right));
         }
         let mut top = layout.legend.len() as f64 * LEGEND_ROW + if common { 2.0 } else { 0.0 };
-        let titled =
-            figure.panels.len() > 1 || figure.panels.iter().any(|panel| !panel.title.is_empty());
         for (row, panels) in figure.panels.chunks(columns).enumerate() {
-            let legends: Vec<_> = panels
-                .iter()
-                .map(|panel| {
-                    if common {
-                        Vec::new()
-                    } else {
-                        legend_rows(panel, inner)
-                    }
-                })
-                .collect();
+            // A letter alone needs no row of its own: it stands before the legend.
+            let titled = panels.iter().any(|panel| !panel.title.is_empty());
+            let indent = if figure.panels.len() > 1 && !titled {
+                LETTER
+            } else {
+                0.0
+            };
+            let legend = |panel| {
+                if common {
+                    Vec::new()
+                } else {
+                    legend_rows(panel, inner - indent)
+                }
+            };
+            let legends: Vec<_> = panels.iter().map(legend).collect();
             let legend_height = legends.iter().map(Vec::len).max().unwrap_or(0) as f64 * LEGEND_ROW;
-            let title = if titled { TITLE_ROW } else { 0.0 };
+            let title = if titled || (indent > 0.0 && legend_height == 0.0) {
+                TITLE_ROW
+            } else {
+                0.0
+            };
             let axes_top = top + title + legend_height + 5.0;
             let height = panels
                 .iter()
@@ -164,12 +174,8 @@ impl<'a> Layout<'a> {
                     height,
                 ];
                 let mut frame = Frame::new(panel, place, limits[row * columns + column]);
-                (
-                    frame.title,
-                    frame.legend,
-                    frame.names_x,
-                    frame.label_distance,
-                ) = (title, legend, names_x, left - 13.0);
+                (frame.title, frame.legend, frame.legend_indent) = (title, legend, indent);
+                (frame.names_x, frame.label_distance) = (names_x, left - 13.0);
                 layout.frames.push(frame);
             }
             top = axes_top + height + if names_x { 42.0 } else { 10.0 };
@@ -187,13 +193,14 @@ impl<'a> Frame<'a> {
             width,
             height,
             limits,
-            x_ticks: ticks(limits.x[0], limits.x[1], (width / 75.0) as usize),
+            x_ticks: ticks(limits.x[0], limits.x[1], (width / 62.0) as usize),
             y_ticks: Ticks {
                 at: Vec::new(),
                 labels: Vec::new(),
             },
             title: 0.0,
             legend: Vec::new(),
+            legend_indent: 0.0,
             names_x: true,
             label_rows: Vec::new(),
             label_distance: 0.0,
@@ -203,13 +210,13 @@ impl<'a> Frame<'a> {
         let headroom = rows as f64 * LEGEND_ROW;
         let [low, high] = limits.y;
         frame.limits.y[1] = high + (high - low) * headroom / (height - headroom).max(20.0);
-        frame.y_ticks = ticks(low, frame.limits.y[1], (height / 42.0) as usize);
+        frame.y_ticks = ticks(low, frame.limits.y[1], (height / 34.0) as usize);
         frame
     }
 }
 
 fn left_margin(y: [f64; 2]) -> f64 {
-    let labels = ticks(y[0], y[1], 6).labels;
+    let labels = ticks(y[0], y[1], 8).labels;
     let widest = labels
         .iter()
         .map(|label| text_width(label, f64::from(TICK_SIZE)))
@@ -221,7 +228,7 @@ fn left_margin(y: [f64; 2]) -> f64 {
 fn right_margin(panel: &Panel) -> f64 {
     let labels = panel.marks.iter().filter_map(|mark| match mark {
         Mark::Y { label, .. } | Mark::YRange { label, .. } => {
-            Some(text_width(label, f64::from(TICK_SIZE)) + 8.0)
+            Some(text_width(label, f64::from(TICK_SIZE)) + 10.0)
         }
         Mark::X { .. } | Mark::XRange { .. } => None,
     });
@@ -317,23 +324,25 @@ impl Sheet {
 
     fn head(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
         let top = frame.top - 5.0 - frame.legend.len() as f64 * LEGEND_ROW;
-        if frame.title > 0.0 {
-            let letter = letter.map(|letter| TextSpan {
-                bold: true,
-                ..TextSpan::plain(letter + " ")
-            });
-            let title = fitted(&panel.title, f64::from(LABEL_SIZE), frame.width - 30.0);
-            self.scene.add(Primitive::RichText {
-                x: frame.left,
-                y: top - 6.0,
-                spans: letter.into_iter().chain([TextSpan::plain(title)]).collect(),
-                size: LABEL_SIZE,
-                anchor: TextAnchor::Start,
-                color: None,
-            });
-        }
+        let baseline = if frame.title > 0.0 {
+            top - 6.0
+        } else {
+            top + LEGEND_ROW / 2.0 + 4.0
+        };
+        let letter = letter.map(|letter| bold(letter + " "));
+        let title = fitted(&panel.title, f64::from(LABEL_SIZE), frame.width - 30.0);
+        self.rich_text(
+            [frame.left, baseline],
+            letter.into_iter().chain([TextSpan::plain(title)]),
+            LABEL_SIZE,
+            TextAnchor::Start,
+        );
         for (at, row) in frame.legend.iter().enumerate() {
-            self.legend_row(row, frame.left, top + at as f64 * LEGEND_ROW);
+            self.legend_row(
+                row,
+                frame.left + frame.legend_indent,
+                top + at as f64 * LEGEND_ROW,
+            );
         }
     }
 
@@ -469,27 +478,19 @@ impl Sheet {
             self.line([from.0, from.1, to.0, to.1], INK, 0.8);
         }
         if frame.names_x {
-            let label = fitted(
-                &view::axis_label(&panel.x.label, &panel.x.unit),
-                f64::from(LABEL_SIZE),
-                frame.width,
-            );
-            self.text(
-                [frame.left + frame.width / 2.0, bottom + 33.0],
-                &label,
-                LABEL_SIZE,
-                TextAnchor::Middle,
-            );
+            let (label, size) = axis_title(&panel.x, frame.width + 70.0);
+            let middle = [frame.left + frame.width / 2.0, bottom + 33.0];
+            self.rich_text(middle, [bold(label)], size, TextAnchor::Middle);
         }
-        let label = view::axis_label(&panel.y.label, &panel.y.unit);
+        let (label, size) = axis_title(&panel.y, frame.height + 70.0);
         self.scene.add(Primitive::Text {
             x: frame.left - frame.label_distance,
             y: frame.top + frame.height / 2.0,
-            content: literal(&fitted(&label, f64::from(LABEL_SIZE), frame.height + 20.0)),
-            size: LABEL_SIZE,
+            content: literal(&label),
+            size,
             anchor: TextAnchor::Middle,
             rotate: Some(-90.0),
-            bold: false,
+            bold: true,
             color: None,
         });
     }
@@ -657,6 +658,24 @@ impl Sheet {
         });
     }
 
+    fn rich_text(
+        &mut self,
+        [x, y]: [f64; 2],
+        spans: impl IntoIterator<Item = TextSpan>,
+        size: u32,
+        anchor: TextAnchor,
+    ) {
+        let spans = spans.into_iter().collect();
+        self.scene.add(Primitive::RichText {
+            x,
+            y,
+            spans,
+            size,
+            anchor,
+            color: None,
+        });
+    }
+
     fn text(&mut self, [x, y]: [f64; 2], text: &str, size: u32, anchor: TextAnchor) {
         let content = literal(&view::printable(text));
         self.scene.add(Primitive::Text {
@@ -669,6 +688,32 @@ impl Sheet {
             bold: false,
             color: None,
         });
+    }
+}
+
+/// Label of an axis and the size at which it fits into `room`; the smallest size cuts the name, never the unit.
+///
+/// Axis labels are bold because kuva's rasteriser makes turned text bold, whether one wants it or not.
+fn axis_title(axis: &Axis, room: f64) -> (String, u32) {
+    const BOLD: f64 = 1.12;
+    let label = view::printable(&view::axis_label(&axis.label, &axis.unit));
+    let fits = |size: &u32| text_width(&label, f64::from(*size) * BOLD) <= room;
+    if let Some(size) = (9..=LABEL_SIZE).rev().find(fits) {
+        return (label, size);
+    }
+    let unit = view::printable(&view::axis_label("", &axis.unit));
+    let name = fitted(
+        &axis.label,
+        9.0 * BOLD,
+        room - text_width(&unit, 9.0 * BOLD),
+    );
+    (name + &unit, 9)
+}
+
+fn bold(text: String) -> TextSpan {
+    TextSpan {
+        bold: true,
+        ..TextSpan::plain(text)
     }
 }
 

@@ -9,16 +9,17 @@ pub(super) struct Ticks {
     pub(super) labels: Vec<String>,
 }
 
-/// Round ticks (1, 2 or 5 times a power of ten apart), about `target` of them, inside `[low, high]`.
+/// Round ticks (1, 2, 2.5 or 5 times a power of ten apart), about `target` of them, inside `[low, high]`.
 pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
     let raw = (high - low) / target.max(1) as f64;
     let magnitude = 10f64.powf(raw.log10().floor());
-    let factor = [1.0, 2.0, 5.0, 10.0]
+    let factor = [1.0, 2.0, 2.5, 5.0, 10.0]
         .into_iter()
         .find(|factor| factor * magnitude >= raw * 0.999)
         .unwrap_or(10.0);
     let step = factor * magnitude;
-    let exponent = step.log10().floor() as i32;
+    // A quarter needs one decimal more than its power of ten.
+    let exponent = step.log10().floor() as i32 - i32::from(factor == 2.5);
     let at: Vec<f64> = ((low / step).ceil() as i64..=(high / step).floor() as i64)
         .map(|i| i as f64 * step)
         .collect();

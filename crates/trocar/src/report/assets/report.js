@@ -93,8 +93,10 @@
 
     create() {
       const [x0, x1, y0, y1] = this.data.limits;
-      const labelled = this.data.marks.some((mark) => mark.axis === "x" && mark.label);
-      const top = labelled ? y1 + (y1 - y0) * 0.09 : y1;
+      const { width, height } = this.size();
+      const scale = (width - 80) / (x1 - x0);
+      const rows = labelRows(this.data.marks, (value) => (value - x0) * scale, width - 80, 1);
+      const top = y1 + (y1 - y0) * 16 * rows.count / Math.max(60, height - 60 - 16 * rows.count);
       this.full = { x: [x0, x1], y: [y0, top] };
       const axis = (text, size) => ({
         label: text, labelSize: 22, size, stroke: () => css("ink"), font: "12px system-ui, sans-serif",
@@ -108,7 +110,10 @@
           x: { time: false, range: (u, low, high) => [low, high] },
           y: { auto: false, range: (u, low, high) => (low == null || low === high ? this.full.y : [low, high]) },
         },
-        axes: [axis(named(this.data.x), 30), { ...axis(named(this.data.y), 48), space: 34 }],
+        axes: [
+          axis(named(this.data.x), 30),
+          { ...axis(named(this.data.y), (u, labels) => 14 + Math.max(20, ...(labels || []).map(textWidth))), space: 34 },
+        ],
         series: [{}, { paths: () => null, points: { show: false } }],
         cursor: {
           points: { show: false }, drag: { x: true, y: true, uni: 24, setScale: true },
@@ -184,14 +189,13 @@
       ctx.lineJoin = "round";
       ctx.strokeStyle = css("page");
       ctx.fillStyle = css("ink");
+      const write = (label, x, y) => { ctx.strokeText(label, x, y); ctx.fillText(label, x, y); };
+      const rows = labelRows(this.data.marks, (value) => u.valToPos(value, "x", true) - left, width, ratio);
+      for (const { label, centre, row } of rows.labels) write(label, left + centre, top + (14 + 16 * row) * ratio);
       for (const { axis, from, to, label } of this.data.marks) {
-        const at = u.valToPos((from + to) / 2, axis, true);
-        const half = ctx.measureText(label).width / 2 + 4 * ratio;
-        const x = axis === "x" ? Math.min(Math.max(at, left + half), left + width - half) : left + width - half;
-        const y = axis === "x" ? top + 14 * ratio : at - 5 * ratio;
-        if (axis === "x" && (at < left || at > left + width)) continue;
-        ctx.strokeText(label, x, y);
-        ctx.fillText(label, x, y);
+        if (axis === "x" || !label) continue;
+        const half = (textWidth(label) / 2 + 4) * ratio;
+        write(label, left + width - half, u.valToPos((from + to) / 2, "y", true) - 5 * ratio);
       }
     }
 
@@ -222,7 +226,7 @@
       const u = this.plot, step = (event.shiftKey ? 20 : 4);
       const width = u.over.clientWidth, height = u.over.clientHeight;
       let { left, top } = u.cursor;
-      if (!(left >= 0)) [left, top] = [width / 2, height / 2];
+      if (!(left >= 0 && left <= width)) [left, top] = [width / 2, height / 2];
       const moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] };
       if (event.target !== this.box || event.ctrlKey || event.metaKey || event.altKey) return;
       if (moves[event.key]) {
@@ -240,7 +244,7 @@
       if (!this.plot || !this.readout) return;
       const u = this.plot, { left, top } = u.cursor;
       for (const dot of u.over.querySelectorAll(".dot")) dot.remove();
-      if (!(left >= 0)) { this.readout.textContent = "\u00a0"; return; }
+      if (!(left >= 0 && left <= u.over.clientWidth)) { this.readout.textContent = "\u00a0"; return; }
       const at = u.posToVal(left, "x");
       this.readout.textContent = this.data.x[0] + " " + shown(at, this.span("x")) + unit(this.data.x);
       for (const series of this.series) {
@@ -269,12 +273,33 @@
     }
   }
 
+  const ruler = document.createElement("canvas").getContext("2d");
+  ruler.font = "12px system-ui, sans-serif";
+  const textWidth = (text) => ruler.measureText(text).width;
+
+  // Rows under the upper edge in which the labels of vertical marks fit without touching each other.
+  function labelRows(marks, position, width, ratio) {
+    const ends = [], labels = [];
+    for (const { axis, from, to, label } of marks) {
+      const at = position((from + to) / 2), half = (textWidth(label) / 2 + 4) * ratio;
+      if (axis !== "x" || !label || at < 0 || at > width) continue;
+      const centre = Math.max(half, Math.min(at, width - half));
+      let row = ends.findIndex((end) => end <= centre - half);
+      if (row < 0) row = ends.push(0) - 1;
+      ends[row] = centre + half;
+      labels.push({ label, centre, row });
+    }
+    return { labels, count: ends.length };
+  }
+
   const unit = ([, name]) => (name ? "\u00a0" + name : "");
 
   function tick(value, ticks) {
     const step = ticks.length > 1 ? Math.abs(ticks[1] - ticks[0]) : Math.abs(value) || 1;
     if (Math.abs(value) >= 1e6 || step < 1e-6) return value.toExponential(1).replace(/-/g, "\u2212");
-    const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    let decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    const scaled = step * 10 ** decimals;
+    if (Math.abs(scaled - Math.round(scaled)) > 1e-6) decimals++; // a step of a quarter
     return value.toFixed(decimals).replace("-", "\u2212");
   }
 
@@ -442,7 +467,10 @@
     }
 
     pointed(panel, at) {
-      this.others(panel, (other) => other.plot.setCursor({ left: other.plot.valToPos(at, "x"), top: other.plot.over.clientHeight / 2 }));
+      this.others(panel, ({ plot }) => {
+        const left = plot.valToPos(at, "x"), inside = left >= 0 && left <= plot.over.clientWidth;
+        plot.setCursor(inside ? { left, top: plot.over.clientHeight / 2 } : { left: -10, top: -10 });
+      });
     }
 
     svgText() {
