@@ -7,6 +7,7 @@ pub mod model_file;
 pub mod output;
 pub mod recording;
 pub mod replay;
+pub mod report;
 pub mod segment;
 pub mod simulate;
 pub mod validate;

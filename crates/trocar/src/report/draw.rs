@@ -1,0 +1,891 @@
+//! Composes a figure from kuva's primitives; kuva's own writers turn the scene into SVG and PNG.
+//!
+//! The axes are composed here rather than by kuva's plots because these figures need legends in rows above the axes (kuva
+//! offers columns beside or over the data), labelled intervals that keep clear of the data, axes aligned across stacked
+//! panels, and dashes that do not start anew at every point of a line in the bitmap.
+
+use std::fmt::Write as _;
+
+use kuva::render::color::Color;
+use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, TextSpan};
+
+use super::decimate;
+use super::document::{Axis, Figure, Kind, Mark, Panel, Series};
+use super::number::{Ticks, text_width, ticks};
+use super::style::{self, BAND_OPACITY, Marker, Style};
+use super::view::{self, Entry, Limits};
+
+/// Scene pixels per millimetre on paper.
+pub(super) const PIXELS_PER_MILLIMETRE: f64 = 4.0;
+
+/// The fallbacks share the metrics of the first font or are narrower, so nothing laid out here can collide.
+const FONT_FAMILY: &str = "'DejaVu Sans', Verdana, Arial, Helvetica, sans-serif";
+const TICK_SIZE: u32 = 11;
+const LABEL_SIZE: u32 = 12;
+const LEGEND_ROW: f64 = 17.0;
+const TITLE_ROW: f64 = 19.0;
+const SWATCH: f64 = 24.0;
+const LETTER: f64 = 24.0;
+const TICK_LENGTH: f64 = 4.0;
+const INK: &str = "#1a1a1a";
+const GRID: &str = "#e4e4e4";
+const RANGE: &str = "#9aa4ad";
+const MARK: &str = "#5c6670";
+
+/// Points per line in a printed figure; more cannot be told apart at 0.25 mm per pixel.
+const PRINTED_POINTS: usize = 2_400;
+
+/// Who will turn the scene into a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Medium {
+    /// SVG: dashes are an attribute of the line.
+    Vector,
+    /// PNG: kuva's rasteriser restarts a dash at every point, so lines are cut into dashes here.
+    Bitmap,
+}
+
+/// The whole figure as a scene of [`PIXELS_PER_MILLIMETRE`].
+pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
+    let layout = Layout::new(figure);
+    let mut scene = Scene::new(layout.width, layout.height);
+    scene.font_family = Some(FONT_FAMILY.to_owned());
+    scene.text_color = Some(INK.to_owned());
+    let mut sheet = Sheet { scene, medium };
+    for (at, row) in layout.legend.iter().enumerate() {
+        sheet.legend_row(
+            row,
+            layout.frames.first().map_or(0.0, |frame| frame.left),
+            at as f64 * LEGEND_ROW,
+        );
+    }
+    for (index, frame) in layout.frames.iter().enumerate() {
+        sheet.panel(
+            &figure.panels[index],
+            frame,
+            (figure.panels.len() > 1).then(|| view::letter(index)),
+        );
+    }
+    sheet.scene
+}
+
+/// Rows of legend entries with their distance from the left edge of the axes.
+type LegendRow<'a> = Vec<(f64, Entry<'a>)>;
+
+/// Where everything goes, in scene pixels.
+struct Layout<'a> {
+    width: f64,
+    height: f64,
+    /// Legend common to all panels, at the top of the sheet.
+    legend: Vec<LegendRow<'a>>,
+    frames: Vec<Frame<'a>>,
+}
+
+/// One panel's axes.
+struct Frame<'a> {
+    left: f64,
+    top: f64,
+    width: f64,
+    height: f64,
+    limits: Limits,
+    x_ticks: Ticks,
+    y_ticks: Ticks,
+    /// Height of title row above the legend, 0 without.
+    title: f64,
+    legend: Vec<LegendRow<'a>>,
+    /// Room for the letter before the legend, 0 if the letter is in the title row.
+    legend_indent: f64,
+    /// Ticks are numbered and the axis is named below this panel.
+    names_x: bool,
+    /// Row of each mark's label inside the upper edge.
+    label_rows: Vec<usize>,
+    /// Distance of the y axis label from the axis.
+    label_distance: f64,
+}
+
+impl Frame<'_> {
+    fn x(&self, value: f64) -> f64 {
+        self.left + (value - self.limits.x[0]) / (self.limits.x[1] - self.limits.x[0]) * self.width
+    }
+
+    fn y(&self, value: f64) -> f64 {
+        self.top + (self.limits.y[1] - value) / (self.limits.y[1] - self.limits.y[0]) * self.height
+    }
+}
+
+impl<'a> Layout<'a> {
+    fn new(figure: &'a Figure) -> Self {
+        let width = figure.width.millimetres() * PIXELS_PER_MILLIMETRE;
+        let columns = figure.columns.clamp(1, figure.panels.len().max(1));
+        let cell = (width - 14.0 * (columns as f64 - 1.0)) / columns as f64;
+        let limits = view::limits(figure);
+        let left = limits
+            .iter()
+            .map(|limits| left_margin(limits.y))
+            .fold(0.0, f64::max);
+        let right = figure.panels.iter().map(right_margin).fold(0.0, f64::max);
+        let inner = cell - left - right;
+        let mut layout = Self {
+            width,
+            height: 0.0,
+            legend: Vec::new(),
+            frames: Vec::new(),
+        };
+        let common = common_legend(figure);
+        if common {
+            layout.legend = figure
+                .panels
+                .first()
+                .map_or_else(Vec::new, |panel| legend_rows(panel, width - left - right));
+        }
+        let mut top = layout.legend.len() as f64 * LEGEND_ROW + if common { 2.0 } else { 0.0 };
+        for (row, panels) in figure.panels.chunks(columns).enumerate() {
+            // A letter alone needs no row of its own: it stands before the legend.
+            let titled = panels.iter().any(|panel| !panel.title.is_empty());
+            let indent = if figure.panels.len() > 1 && !titled {
+                LETTER
+            } else {
+                0.0
+            };
+            let legend = |panel| {
+                if common {
+                    Vec::new()
+                } else {
+                    legend_rows(panel, inner - indent)
+                }
+            };
+            let legends: Vec<_> = panels.iter().map(legend).collect();
+            let legend_height = legends.iter().map(Vec::len).max().unwrap_or(0) as f64 * LEGEND_ROW;
+            let title = if titled || (indent > 0.0 && legend_height == 0.0) {
+                TITLE_ROW
+            } else {
+                0.0
+            };
+            let axes_top = top + title + legend_height + 5.0;
+            let height = panels
+                .iter()
+                .map(|panel| panel.aspect * inner)
+                .fold(60.0, f64::max);
+            let names_x = !(figure.linked_x && columns == 1) || row + 1 == figure.panels.len();
+            for (column, (panel, legend)) in panels.iter().zip(legends).enumerate() {
+                let place = [
+                    column as f64 * (cell + 14.0) + left,
+                    axes_top,
+                    inner,
+                    height,
+                ];
+                let mut frame = Frame::new(panel, place, limits[row * columns + column]);
+                (frame.title, frame.legend, frame.legend_indent) = (title, legend, indent);
+                (frame.names_x, frame.label_distance) = (names_x, left - 13.0);
+                layout.frames.push(frame);
+            }
+            top = axes_top + height + if names_x { 42.0 } else { 10.0 };
+        }
+        layout.height = top.ceil();
+        layout
+    }
+}
+
+impl<'a> Frame<'a> {
+    fn new(panel: &Panel, [left, top, width, height]: [f64; 4], limits: Limits) -> Self {
+        let mut frame = Self {
+            left,
+            top,
+            width,
+            height,
+            limits,
+            x_ticks: ticks(limits.x[0], limits.x[1], (width / 62.0) as usize),
+            y_ticks: Ticks {
+                at: Vec::new(),
+                labels: Vec::new(),
+            },
+            title: 0.0,
+            legend: Vec::new(),
+            legend_indent: 0.0,
+            names_x: true,
+            label_rows: Vec::new(),
+            label_distance: 0.0,
+        };
+        frame.label_rows = label_rows(panel, &frame);
+        let rows = frame.label_rows.iter().max().map_or(0, |row| row + 1);
+        let headroom = rows as f64 * LEGEND_ROW;
+        let [low, high] = limits.y;
+        frame.limits.y[1] = high + (high - low) * headroom / (height - headroom).max(20.0);
+        frame.y_ticks = ticks(low, frame.limits.y[1], (height / 34.0) as usize);
+        frame
+    }
+}
+
+fn left_margin(y: [f64; 2]) -> f64 {
+    let labels = ticks(y[0], y[1], 8).labels;
+    let widest = labels
+        .iter()
+        .map(|label| text_width(label, f64::from(TICK_SIZE)))
+        .fold(12.0, f64::max);
+    widest + 30.0
+}
+
+/// Labels of horizontal marks stand outside the axes, at the right.
+fn right_margin(panel: &Panel) -> f64 {
+    let labels = panel.marks.iter().filter_map(|mark| match mark {
+        Mark::Y { label, .. } | Mark::YRange { label, .. } => {
+            Some(text_width(label, f64::from(TICK_SIZE)) + 10.0)
+        }
+        Mark::X { .. } | Mark::XRange { .. } => None,
+    });
+    labels.fold(14.0, f64::max)
+}
+
+/// All panels have the same legend, so it is drawn once.
+fn common_legend(figure: &Figure) -> bool {
+    figure.panels.len() > 1
+        && figure
+            .panels
+            .windows(2)
+            .all(|pair| view::legend(&pair[0]) == view::legend(&pair[1]))
+        && figure
+            .panels
+            .first()
+            .is_some_and(|panel| !view::legend(panel).is_empty())
+}
+
+fn legend_rows(panel: &Panel, width: f64) -> Vec<LegendRow<'_>> {
+    let mut rows: Vec<LegendRow<'_>> = Vec::new();
+    let mut x = f64::INFINITY;
+    for entry in view::legend(panel) {
+        let wide = SWATCH + 6.0 + text_width(entry.name, f64::from(TICK_SIZE));
+        if x + wide > width {
+            rows.push(Vec::new());
+            x = 0.0;
+        }
+        if let Some(row) = rows.last_mut() {
+            row.push((x, entry));
+        }
+        x += wide + 16.0;
+    }
+    rows
+}
+
+/// The row below the upper edge in which the label of each vertical mark fits, in the order of the marks that have one.
+fn label_rows(panel: &Panel, frame: &Frame<'_>) -> Vec<usize> {
+    let mut ends: Vec<f64> = Vec::new();
+    let labelled = panel.marks.iter().filter_map(|mark| x_label(mark, frame));
+    labelled
+        .map(|(label, centre)| {
+            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 3.0;
+            let row = ends
+                .iter()
+                .position(|&end| end <= centre - half)
+                .unwrap_or(ends.len());
+            if row == ends.len() {
+                ends.push(0.0);
+            }
+            ends[row] = centre + half;
+            row
+        })
+        .collect()
+}
+
+/// Label of a vertical mark and its centre, kept inside the axes.
+fn x_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(&'m str, f64)> {
+    let (label, at) = match mark {
+        Mark::X { at, label } => (label, *at),
+        Mark::XRange { from, to, label } => (label, (from + to) / 2.0),
+        Mark::Y { .. } | Mark::YRange { .. } => return None,
+    };
+    let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 4.0;
+    let centre = frame
+        .x(at)
+        .min(frame.left + frame.width - half)
+        .max(frame.left + half);
+    (!label.is_empty() && at.is_finite()).then_some((label, centre))
+}
+
+struct Sheet {
+    scene: Scene,
+    medium: Medium,
+}
+
+impl Sheet {
+    fn panel(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
+        self.head(panel, frame, letter);
+        self.ranges(panel, frame);
+        self.grid(frame);
+        let is_band = |series: &&Series| matches!(series.kind, Kind::Band { .. });
+        for series in panel.series.iter().filter(is_band) {
+            self.series(series, frame);
+        }
+        self.mark_lines(panel, frame);
+        for series in panel.series.iter().filter(|series| !is_band(series)) {
+            self.series(series, frame);
+        }
+        self.axes(panel, frame);
+        self.mark_labels(panel, frame);
+    }
+
+    fn head(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
+        let top = frame.top - 5.0 - frame.legend.len() as f64 * LEGEND_ROW;
+        let baseline = if frame.title > 0.0 {
+            top - 6.0
+        } else {
+            top + LEGEND_ROW / 2.0 + 4.0
+        };
+        let letter = letter.map(|letter| bold(letter + " "));
+        let title = fitted(&panel.title, f64::from(LABEL_SIZE), frame.width - 30.0);
+        self.rich_text(
+            [frame.left, baseline],
+            letter.into_iter().chain([TextSpan::plain(title)]),
+            LABEL_SIZE,
+            TextAnchor::Start,
+        );
+        for (at, row) in frame.legend.iter().enumerate() {
+            self.legend_row(
+                row,
+                frame.left + frame.legend_indent,
+                top + at as f64 * LEGEND_ROW,
+            );
+        }
+    }
+
+    fn legend_row(&mut self, row: &LegendRow<'_>, left: f64, top: f64) {
+        let middle = top + LEGEND_ROW / 2.0;
+        for (offset, entry) in row {
+            let (style, x) = (style::of(entry.role), left + offset);
+            if entry.band {
+                self.rectangle(
+                    [x, middle - 5.0, SWATCH, 10.0],
+                    style.light,
+                    BAND_OPACITY * 1.6,
+                );
+            }
+            if entry.line {
+                self.polyline(
+                    &[(x, middle), (x + SWATCH, middle)],
+                    style.light,
+                    style.width,
+                    style.dash,
+                );
+            }
+            if entry.marker {
+                self.markers(&[(x + SWATCH / 2.0, middle)], style, 2.8);
+            }
+            let room = self.scene.width - x - SWATCH - 6.0;
+            let name = fitted(entry.name, f64::from(TICK_SIZE), room);
+            self.text(
+                [x + SWATCH + 6.0, middle + 4.0],
+                &name,
+                TICK_SIZE,
+                TextAnchor::Start,
+            );
+        }
+    }
+
+    fn ranges(&mut self, panel: &Panel, frame: &Frame<'_>) {
+        for mark in &panel.marks {
+            match *mark {
+                Mark::XRange { from, to, .. } if from.is_finite() && to.is_finite() => {
+                    let (a, b) = (frame.x(from.min(to)), frame.x(from.max(to)));
+                    self.rectangle([a, frame.top, b - a, frame.height], RANGE, 0.2);
+                }
+                Mark::YRange { from, to, .. } if from.is_finite() && to.is_finite() => {
+                    let (a, b) = (frame.y(from.max(to)), frame.y(from.min(to)));
+                    self.rectangle([frame.left, a, frame.width, b - a], RANGE, 0.2);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn grid(&mut self, frame: &Frame<'_>) {
+        let (right, bottom) = (frame.left + frame.width, frame.top + frame.height);
+        for &at in &frame.x_ticks.at {
+            self.line([frame.x(at), frame.top, frame.x(at), bottom], GRID, 0.6);
+        }
+        for &at in &frame.y_ticks.at {
+            self.line([frame.left, frame.y(at), right, frame.y(at)], GRID, 0.6);
+        }
+    }
+
+    fn mark_lines(&mut self, panel: &Panel, frame: &Frame<'_>) {
+        for mark in &panel.marks {
+            let ends = match *mark {
+                Mark::X { at, .. } if at.is_finite() => [
+                    (frame.x(at), frame.top),
+                    (frame.x(at), frame.top + frame.height),
+                ],
+                Mark::Y { at, .. } if at.is_finite() => [
+                    (frame.left, frame.y(at)),
+                    (frame.left + frame.width, frame.y(at)),
+                ],
+                _ => continue,
+            };
+            self.polyline(&ends, MARK, 1.0, &[4.0, 3.0]);
+        }
+    }
+
+    fn mark_labels(&mut self, panel: &Panel, frame: &Frame<'_>) {
+        let labelled = panel.marks.iter().filter_map(|mark| x_label(mark, frame));
+        for ((label, centre), row) in labelled.zip(&frame.label_rows) {
+            let y = frame.top + 13.0 + *row as f64 * LEGEND_ROW;
+            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 2.0;
+            self.rectangle([centre - half, y - 10.0, 2.0 * half, 13.0], "#ffffff", 0.75);
+            self.text([centre, y], label, TICK_SIZE, TextAnchor::Middle);
+        }
+        let mut sides: Vec<(f64, &str)> = panel
+            .marks
+            .iter()
+            .filter_map(|mark| y_label(mark, frame))
+            .collect();
+        sides.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut next = f64::NEG_INFINITY;
+        for (y, label) in sides {
+            let y = y.max(next);
+            self.text(
+                [frame.left + frame.width + 5.0, y + 4.0],
+                label,
+                TICK_SIZE,
+                TextAnchor::Start,
+            );
+            next = y + 12.0;
+        }
+    }
+
+    fn axes(&mut self, panel: &Panel, frame: &Frame<'_>) {
+        let (right, bottom) = (frame.left + frame.width, frame.top + frame.height);
+        for (at, label) in frame.x_ticks.at.iter().zip(&frame.x_ticks.labels) {
+            let x = frame.x(*at);
+            self.line([x, bottom, x, bottom - TICK_LENGTH], INK, 0.8);
+            if frame.names_x {
+                self.text([x, bottom + 15.0], label, TICK_SIZE, TextAnchor::Middle);
+            }
+        }
+        for (at, label) in frame.y_ticks.at.iter().zip(&frame.y_ticks.labels) {
+            let y = frame.y(*at);
+            self.line([frame.left, y, frame.left + TICK_LENGTH, y], INK, 0.8);
+            self.text(
+                [frame.left - 6.0, y + 4.0],
+                label,
+                TICK_SIZE,
+                TextAnchor::End,
+            );
+        }
+        let corners = [
+            (frame.left, frame.top),
+            (right, frame.top),
+            (right, bottom),
+            (frame.left, bottom),
+        ];
+        for (from, to) in corners.into_iter().zip(corners.into_iter().cycle().skip(1)) {
+            self.line([from.0, from.1, to.0, to.1], INK, 0.8);
+        }
+        if frame.names_x {
+            let (label, size) = axis_title(&panel.x, frame.width + 70.0);
+            let middle = [frame.left + frame.width / 2.0, bottom + 33.0];
+            self.rich_text(middle, [bold(label)], size, TextAnchor::Middle);
+        }
+        let (label, size) = axis_title(&panel.y, frame.height + 70.0);
+        self.scene.add(Primitive::Text {
+            x: frame.left - frame.label_distance,
+            y: frame.top + frame.height / 2.0,
+            content: literal(&label),
+            size,
+            anchor: TextAnchor::Middle,
+            rotate: Some(-90.0),
+            bold: true,
+            color: None,
+        });
+    }
+
+    fn series(&mut self, series: &Series, frame: &Frame<'_>) {
+        let style = style::of(series.role);
+        let place = |i: usize, y: &[f64]| (frame.x(series.x[i]), frame.y(y[i]));
+        let columns = frame.width as usize;
+        let [low, high] = frame.limits.x;
+        match &series.kind {
+            Kind::Line => {
+                let kept = decimate::path(&series.x, &series.y, low, high, columns, PRINTED_POINTS);
+                for run in runs(kept.iter().map(|&i| place(i, &series.y))) {
+                    self.polyline(&run, style.light, style.width, style.dash);
+                }
+            }
+            Kind::Band {
+                low: lower,
+                high: upper,
+            } => {
+                let kept = band_points(series, lower, upper, [low, high], columns);
+                let edges = kept.iter().map(|&i| (place(i, lower), place(i, upper)));
+                for run in runs(edges.map(|(lower, upper)| (lower.0, lower.1, upper.1))) {
+                    self.area(&run, style.light);
+                }
+            }
+            Kind::Points => {
+                let cells = [columns, frame.height as usize];
+                let kept = decimate::markers(
+                    &series.x,
+                    &series.y,
+                    frame.limits.flat(),
+                    cells,
+                    PRINTED_POINTS,
+                );
+                let places: Vec<_> = kept.iter().map(|&i| place(i, &series.y)).collect();
+                self.markers(&places, style, style::marker_radius(places.len()));
+            }
+            Kind::ErrorBars { low, high } => self.error_bars(series, low, high, frame),
+        }
+    }
+
+    fn error_bars(&mut self, series: &Series, low: &[f64], high: &[f64], frame: &Frame<'_>) {
+        let style = style::of(series.role);
+        let length = [series.x.len(), series.y.len(), low.len(), high.len()]
+            .into_iter()
+            .min()
+            .unwrap_or(0);
+        let visible = |&i: &usize| series.x[i].is_finite() && series.y[i].is_finite();
+        let shown: Vec<usize> = (0..length).filter(visible).collect();
+        for &i in shown
+            .iter()
+            .filter(|&&i| low[i].is_finite() && high[i].is_finite())
+        {
+            let (x, bottom, top) = (frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i]));
+            self.line([x, bottom, x, top], style.light, 1.0);
+            for y in [bottom, top] {
+                self.line([x - 3.0, y, x + 3.0, y], style.light, 1.0);
+            }
+        }
+        let places: Vec<_> = shown
+            .iter()
+            .map(|&i| (frame.x(series.x[i]), frame.y(series.y[i])))
+            .collect();
+        self.markers(&places, style, style::marker_radius(places.len()));
+    }
+
+    fn markers(&mut self, places: &[(f64, f64)], style: Style, radius: f64) {
+        if style.marker == Marker::Circle {
+            self.scene.add(Primitive::CircleBatch {
+                cx: places.iter().map(|place| place.0).collect(),
+                cy: places.iter().map(|place| place.1).collect(),
+                r: radius,
+                fill: Color::from(style.light),
+                fill_opacity: None,
+                stroke: None,
+                stroke_width: None,
+            });
+            return;
+        }
+        let mut outline = String::new();
+        for &(x, y) in places {
+            let corners = corners(style.marker, radius);
+            for (at, (dx, dy)) in corners.iter().enumerate() {
+                let command = if at == 0 { 'M' } else { 'L' };
+                write_point(&mut outline, command, (x + dx, y + dy));
+            }
+            outline.push('Z');
+        }
+        self.fill(outline, style.light, 1.0);
+    }
+
+    fn area(&mut self, run: &[(f64, f64, f64)], colour: &str) {
+        let lower = run.iter().map(|&(x, lower, _)| (x, lower));
+        let upper = run.iter().rev().map(|&(x, _, upper)| (x, upper));
+        let mut outline = String::new();
+        for (at, point) in lower.chain(upper).enumerate() {
+            write_point(&mut outline, if at == 0 { 'M' } else { 'L' }, point);
+        }
+        outline.push('Z');
+        self.fill(outline, colour, BAND_OPACITY);
+    }
+
+    fn fill(&mut self, outline: String, colour: &str, opacity: f64) {
+        self.scene.add(Primitive::Path(Box::new(PathData {
+            d: outline,
+            fill: Some(Color::from(colour)),
+            stroke: Color::None,
+            stroke_width: 0.0,
+            opacity: (opacity < 1.0).then_some(opacity),
+            stroke_dasharray: None,
+        })));
+    }
+
+    fn polyline(&mut self, points: &[(f64, f64)], colour: &str, width: f64, dash: &[f64]) {
+        if dash.is_empty() || self.medium == Medium::Vector {
+            let lengths: Vec<String> = dash.iter().map(f64::to_string).collect();
+            self.stroke(
+                points.to_vec(),
+                colour,
+                width,
+                (!dash.is_empty()).then(|| lengths.join(" ")),
+            );
+        } else {
+            for piece in dashes(points, dash) {
+                self.stroke(piece, colour, width, None);
+            }
+        }
+    }
+
+    fn stroke(&mut self, points: Vec<(f64, f64)>, colour: &str, width: f64, dash: Option<String>) {
+        let stroke = Color::from(colour);
+        self.scene.add(Primitive::PolyLine {
+            points,
+            stroke,
+            stroke_width: width,
+            stroke_dasharray: dash,
+        });
+    }
+
+    fn line(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64) {
+        let stroke = Color::from(colour);
+        self.scene.add(Primitive::Line {
+            x1,
+            y1,
+            x2,
+            y2,
+            stroke,
+            stroke_width: width,
+            stroke_dasharray: None,
+        });
+    }
+
+    fn rectangle(&mut self, [x, y, width, height]: [f64; 4], colour: &str, opacity: f64) {
+        let (fill, opacity) = (Color::from(colour), Some(opacity));
+        self.scene.add(Primitive::Rect {
+            x,
+            y,
+            width,
+            height,
+            fill,
+            stroke: None,
+            stroke_width: None,
+            opacity,
+        });
+    }
+
+    fn rich_text(
+        &mut self,
+        [x, y]: [f64; 2],
+        spans: impl IntoIterator<Item = TextSpan>,
+        size: u32,
+        anchor: TextAnchor,
+    ) {
+        let spans = spans.into_iter().collect();
+        self.scene.add(Primitive::RichText {
+            x,
+            y,
+            spans,
+            size,
+            anchor,
+            color: None,
+        });
+    }
+
+    fn text(&mut self, [x, y]: [f64; 2], text: &str, size: u32, anchor: TextAnchor) {
+        let content = literal(&view::printable(text));
+        self.scene.add(Primitive::Text {
+            x,
+            y,
+            content,
+            size,
+            anchor,
+            rotate: None,
+            bold: false,
+            color: None,
+        });
+    }
+}
+
+/// Label of an axis and the size at which it fits into `room`; the smallest size cuts the name, never the unit.
+///
+/// Axis labels are bold because kuva's rasteriser makes turned text bold, whether one wants it or not.
+fn axis_title(axis: &Axis, room: f64) -> (String, u32) {
+    const BOLD: f64 = 1.12;
+    let label = view::printable(&view::axis_label(&axis.label, &axis.unit));
+    let fits = |size: &u32| text_width(&label, f64::from(*size) * BOLD) <= room;
+    if let Some(size) = (9..=LABEL_SIZE).rev().find(fits) {
+        return (label, size);
+    }
+    let unit = view::printable(&view::axis_label("", &axis.unit));
+    let name = fitted(
+        &axis.label,
+        9.0 * BOLD,
+        room - text_width(&unit, 9.0 * BOLD),
+    );
+    (name + &unit, 9)
+}
+
+fn bold(text: String) -> TextSpan {
+    TextSpan {
+        bold: true,
+        ..TextSpan::plain(text)
+    }
+}
+
+/// Label of a horizontal mark and its height.
+fn y_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(f64, &'m str)> {
+    let (label, at) = match mark {
+        Mark::Y { at, label } => (label, *at),
+        Mark::YRange { from, to, label } => (label, (from + to) / 2.0),
+        Mark::X { .. } | Mark::XRange { .. } => return None,
+    };
+    (!label.is_empty() && at.is_finite()).then(|| (frame.y(at), label.as_str()))
+}
+
+fn band_points(
+    series: &Series,
+    lower: &[f64],
+    upper: &[f64],
+    x: [f64; 2],
+    columns: usize,
+) -> Vec<usize> {
+    let edge = |edge| decimate::path(&series.x, edge, x[0], x[1], columns, PRINTED_POINTS / 2);
+    let mut kept = edge(lower);
+    kept.extend(edge(upper));
+    kept.sort_unstable();
+    kept.dedup();
+    kept.retain(|&i| i < lower.len() && i < upper.len());
+    kept
+}
+
+/// A point of a line or of a band's edges; drawn only where every coordinate is finite.
+trait Drawable {
+    fn is_drawable(&self) -> bool;
+}
+
+impl Drawable for (f64, f64) {
+    fn is_drawable(&self) -> bool {
+        self.0.is_finite() && self.1.is_finite()
+    }
+}
+
+impl Drawable for (f64, f64, f64) {
+    fn is_drawable(&self) -> bool {
+        self.0.is_finite() && self.1.is_finite() && self.2.is_finite()
+    }
+}
+
+/// The stretches between gaps, at least two points long.
+fn runs<P: Drawable>(points: impl Iterator<Item = P>) -> Vec<Vec<P>> {
+    let mut runs = vec![Vec::new()];
+    for point in points {
+        if !point.is_drawable() {
+            runs.push(Vec::new());
+        } else if let Some(run) = runs.last_mut() {
+            run.push(point);
+        }
+    }
+    runs.retain(|run| run.len() > 1);
+    runs
+}
+
+/// The drawn pieces of a dashed polyline, the pattern running on through its corners.
+fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
+    let (mut pieces, mut index, mut left) = (Vec::new(), 0, pattern[0]);
+    let mut piece: Vec<(f64, f64)> = points.first().copied().into_iter().collect();
+    for pair in points.windows(2) {
+        let (from, to) = (pair[0], pair[1]);
+        let length = (to.0 - from.0).hypot(to.1 - from.1);
+        let mut done = 0.0;
+        while length - done > left {
+            done += left;
+            let at = (
+                from.0 + (to.0 - from.0) * done / length,
+                from.1 + (to.1 - from.1) * done / length,
+            );
+            piece.push(at);
+            if index % 2 == 0 {
+                pieces.push(std::mem::take(&mut piece));
+            }
+            piece = vec![at];
+            index += 1;
+            left = pattern[index % pattern.len()];
+        }
+        left -= length - done;
+        piece.push(to);
+    }
+    if index % 2 == 0 {
+        pieces.push(piece);
+    }
+    pieces
+}
+
+/// Corners of a filled marker around the origin, of about the same area as a circle of `radius`.
+fn corners(marker: Marker, radius: f64) -> Vec<(f64, f64)> {
+    let r = radius;
+    match marker {
+        Marker::Circle => Vec::new(),
+        Marker::Square => vec![
+            (-0.9 * r, -0.9 * r),
+            (0.9 * r, -0.9 * r),
+            (0.9 * r, 0.9 * r),
+            (-0.9 * r, 0.9 * r),
+        ],
+        Marker::Triangle => vec![(0.0, -1.3 * r), (1.2 * r, 0.9 * r), (-1.2 * r, 0.9 * r)],
+        Marker::Diamond => vec![
+            (0.0, -1.4 * r),
+            (1.2 * r, 0.0),
+            (0.0, 1.4 * r),
+            (-1.2 * r, 0.0),
+        ],
+    }
+}
+
+fn write_point(outline: &mut String, command: char, (x, y): (f64, f64)) {
+    // Writing to a String cannot fail.
+    let _ = write!(outline, "{command}{x:.2} {y:.2}");
+}
+
+/// `text`, shortened with an ellipsis until it is at most `room` pixels wide.
+fn fitted(text: &str, size: f64, room: f64) -> String {
+    let text = view::printable(text);
+    if text_width(&text, size) <= room {
+        return text;
+    }
+    let mut short: String = text;
+    while !short.is_empty() && text_width(&short, size) + size > room {
+        short.pop();
+    }
+    short + "…"
+}
+
+/// kuva reads `$...$` as mathematics; a file name may contain dollars that mean nothing.
+fn literal(text: &str) -> String {
+    text.replace('$', "\\$")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dashes_run_on_through_corners() {
+        // A straight line given by many points must be dashed like the same line given by its ends.
+        let dense: Vec<(f64, f64)> = (0..=1_000).map(|i| (f64::from(i) * 0.1, 0.0)).collect();
+        let ends = dashes(&[(0.0, 0.0), (100.0, 0.0)], &[6.0, 3.0]);
+        let fine = dashes(&dense, &[6.0, 3.0]);
+        assert_eq!(ends.len(), fine.len());
+        for (a, b) in ends.iter().zip(&fine) {
+            assert!((a[0].0 - b[0].0).abs() < 1e-9);
+        }
+        let drawn: f64 = ends
+            .iter()
+            .map(|piece| piece[piece.len() - 1].0 - piece[0].0)
+            .sum();
+        assert!(
+            (drawn - 67.0).abs() < 1e-9,
+            "11 dashes of 6 and a last one of 1, got {drawn}"
+        );
+    }
+
+    #[test]
+    fn gaps_split_a_line() {
+        let nan = f64::NAN;
+        let split = runs(
+            [
+                (0.0, 1.0),
+                (1.0, 1.0),
+                (nan, nan),
+                (2.0, 0.0),
+                (3.0, f64::INFINITY),
+            ]
+            .into_iter(),
+        );
+        assert_eq!(split, [vec![(0.0, 1.0), (1.0, 1.0)]]);
+    }
+}

@@ -1,0 +1,230 @@
+//! Reports: figures as data, drawn as SVG, PNG and interactive charts, in one self-contained HTML file.
+//!
+//! ```text
+//! Document -> report.html            one file, no external request, works without JavaScript and on paper
+//!          -> figures/<id>.svg .png  the same figures for a paper (305 dpi at 160 mm)
+//! ```
+//! **Invariant:** this module draws what it is given; it estimates, simulates and converts nothing.
+
+mod chart;
+mod decimate;
+mod document;
+mod draw;
+mod html;
+mod number;
+mod style;
+mod svg;
+mod view;
+
+use std::collections::HashSet;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use kuva::backend::png::PngBackend;
+use rayon::prelude::*;
+
+pub use document::{
+    Axis, Cell, DEFAULT_ASPECT, Document, Figure, Kind, Mark, Panel, Parameter, Role, Section,
+    Series, Table, Tile, Width,
+};
+
+/// PNG pixels per scene pixel: 1920 pixels across 160 mm, 305 dpi.
+const PNG_SCALE: f32 = 3.0;
+
+/// Figures drawn at a time; each holds a bitmap of about 8 MB while it is encoded.
+const FIGURES_AT_A_TIME: usize = 4;
+
+/// Why a report was not written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// A figure's id is not a file stem made of lower-case letters, digits and hyphens.
+    #[error("figure id {id:?} must consist of a-z, 0-9 and hyphens")]
+    InvalidId {
+        /// The id as given.
+        id: String,
+    },
+    /// Two figures would be written to the same file.
+    #[error("figure id {id:?} occurs twice in one document")]
+    DuplicateId {
+        /// The id as given.
+        id: String,
+    },
+    /// The columns of a series do not belong together.
+    #[error(
+        "figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x"
+    )]
+    UnequalLengths {
+        /// Id of the figure.
+        figure: String,
+        /// Name of the series.
+        series: String,
+        /// The column that differs: "y", "low" or "high".
+        column: &'static str,
+        /// Its number of values.
+        found: usize,
+        /// Number of values in x.
+        expected: usize,
+    },
+    /// A row of a table has more or fewer cells than the table has columns.
+    #[error("table {table:?}, row {row}: {found} cells, expected {expected}")]
+    RaggedTable {
+        /// Caption of the table.
+        table: String,
+        /// Number of the row, from 1.
+        row: usize,
+        /// Cells in that row.
+        found: usize,
+        /// Columns of the table.
+        expected: usize,
+    },
+    /// A figure could not be drawn.
+    #[error("figure {figure:?} cannot be drawn: {reason}")]
+    Drawing {
+        /// Id of the figure.
+        figure: String,
+        /// What the drawing library said.
+        reason: String,
+    },
+    /// A file could not be written; a file of that name from an earlier run is as it was.
+    #[error("{path}: cannot write")]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// The reason.
+        source: std::io::Error,
+    },
+}
+
+/// Writes `report.html`, `figures/<id>.svg` and `figures/<id>.png` into `folder`, which is created if need be.
+///
+/// Files are replaced whole or not at all. Equal documents give equal bytes.
+///
+/// # Errors
+/// A malformed document is refused before anything is written; a file that cannot be written ends the run.
+pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportError> {
+    check(document)?;
+    let pictures = folder.join("figures");
+    std::fs::create_dir_all(&pictures).map_err(|source| ReportError::Write {
+        path: pictures.clone(),
+        source,
+    })?;
+    let figures: Vec<&Figure> = figures(document).collect();
+    let mut drawn = Vec::with_capacity(figures.len());
+    for some in figures.chunks(FIGURES_AT_A_TIME) {
+        let finished: Result<Vec<_>, _> = some
+            .par_iter()
+            .map(|figure| draw_figure(&pictures, figure))
+            .collect();
+        drawn.extend(finished?);
+    }
+    let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
+    write_file(
+        &folder.join("report.html"),
+        html::page(document, &drawn, &styles).as_bytes(),
+    )
+}
+
+fn figures(document: &Document) -> impl Iterator<Item = &Figure> {
+    document
+        .sections
+        .iter()
+        .flat_map(|section| &section.figures)
+}
+
+fn draw_figure(folder: &Path, figure: &Figure) -> Result<html::Drawn, ReportError> {
+    let vector = svg::Drawing::new(&draw::scene(figure, draw::Medium::Vector))
+        .ok_or_else(|| drawing_error(&figure.id, "the SVG has no opening tag"))?;
+    write_file(
+        &folder.join(format!("{}.svg", figure.id)),
+        vector.file(figure).as_bytes(),
+    )?;
+    let bitmap = PngBackend::new()
+        .with_scale(PNG_SCALE)
+        .render_scene(&draw::scene(figure, draw::Medium::Bitmap))
+        .map_err(|reason| drawing_error(&figure.id, reason))?;
+    write_file(&folder.join(format!("{}.png", figure.id)), &bitmap)?;
+    let json = chart::figure_json(figure).map_err(|error| drawing_error(&figure.id, error))?;
+    Ok(html::Drawn {
+        svg: vector.inline(figure),
+        json,
+    })
+}
+
+fn drawing_error(figure: &str, reason: impl ToString) -> ReportError {
+    ReportError::Drawing {
+        figure: figure.to_owned(),
+        reason: reason.to_string(),
+    }
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
+    let write = || {
+        let mut file = tempfile::NamedTempFile::new_in(path.parent().unwrap_or(Path::new(".")))?;
+        file.write_all(bytes)?;
+        file.persist(path).map_err(|error| error.error)?;
+        Ok(())
+    };
+    write().map_err(|source| ReportError::Write {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+fn check(document: &Document) -> Result<(), ReportError> {
+    let mut ids = HashSet::new();
+    for figure in figures(document) {
+        let id = figure.id.clone();
+        let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
+        if id.is_empty() || !id.bytes().all(allowed) {
+            return Err(ReportError::InvalidId { id });
+        }
+        if !ids.insert(figure.id.as_str()) {
+            return Err(ReportError::DuplicateId { id });
+        }
+        for series in figure.panels.iter().flat_map(|panel| &panel.series) {
+            check_series(figure, series)?;
+        }
+    }
+    document
+        .sections
+        .iter()
+        .flat_map(|section| &section.tables)
+        .try_for_each(check_table)
+}
+
+fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
+    let expected = series.x.len();
+    let y = ("y", series.y.len());
+    let columns = match &series.kind {
+        Kind::Line | Kind::Points => vec![y],
+        Kind::Band { low, high } => vec![("low", low.len()), ("high", high.len())],
+        Kind::ErrorBars { low, high } => vec![y, ("low", low.len()), ("high", high.len())],
+    };
+    match columns.into_iter().find(|(_, found)| *found != expected) {
+        None => Ok(()),
+        Some((column, found)) => {
+            let (figure, series) = (figure.id.clone(), series.name.clone());
+            Err(ReportError::UnequalLengths {
+                figure,
+                series,
+                column,
+                found,
+                expected,
+            })
+        }
+    }
+}
+
+fn check_table(table: &Table) -> Result<(), ReportError> {
+    let expected = table.columns.len();
+    match table.rows.iter().position(|row| row.len() != expected) {
+        None => Ok(()),
+        Some(at) => Err(ReportError::RaggedTable {
+            table: table.caption.clone(),
+            row: at + 1,
+            found: table.rows[at].len(),
+            expected,
+        }),
+    }
+}

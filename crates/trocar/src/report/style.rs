@@ -1,0 +1,227 @@
+//! One look for every figure: colours that survive colour blindness and a grey printer, in light and in dark.
+
+use super::document::Role;
+
+/// How a role is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Style {
+    /// Name of the CSS custom property (`--<class>`), shared with the script.
+    pub(super) class: &'static str,
+    /// Colour on white, at least 3:1.
+    pub(super) light: &'static str,
+    /// Colour on the dark background, at least 3:1.
+    pub(super) dark: &'static str,
+    /// Line width in pixels (1 px = 0.25 mm on paper).
+    pub(super) width: f64,
+    /// Dash and gap lengths in pixels; empty for a solid line.
+    pub(super) dash: &'static [f64],
+    /// Marker of points.
+    pub(super) marker: Marker,
+}
+
+/// Marker shapes, told apart without colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Marker {
+    Circle,
+    Square,
+    Triangle,
+    Diamond,
+}
+
+impl Marker {
+    /// Name used by the script.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Marker::Circle => "circle",
+            Marker::Square => "square",
+            Marker::Triangle => "triangle",
+            Marker::Diamond => "diamond",
+        }
+    }
+}
+
+const fn style(
+    class: &'static str,
+    [light, dark]: [&'static str; 2],
+    width: f64,
+    dash: &'static [f64],
+    marker: Marker,
+) -> Style {
+    Style {
+        class,
+        light,
+        dark,
+        width,
+        dash,
+        marker,
+    }
+}
+
+// Okabe and Ito's hues, darkened (brightened) until they contrast 3:1 with white (the dark page). Lightness differs between
+// roles that meet in one panel; dashes and markers differ where it cannot.
+const STYLES: [Style; 16] = [
+    style("measured", ["#4a4a4a", "#bdbdbd"], 1.0, &[], Marker::Circle),
+    style("model", ["#0064b0", "#5db3ff"], 1.8, &[], Marker::Square),
+    style("fit", ["#c8420a", "#ff9a66"], 1.8, &[], Marker::Diamond),
+    style(
+        "alternative",
+        ["#00785a", "#4fd1a5"],
+        1.5,
+        &[6.0, 3.0],
+        Marker::Triangle,
+    ),
+    style(
+        "lower",
+        ["#0064b0", "#5db3ff"],
+        1.3,
+        &[6.0, 3.0],
+        Marker::Triangle,
+    ),
+    style(
+        "upper",
+        ["#202020", "#e6e6e6"],
+        1.3,
+        &[2.0, 2.0],
+        Marker::Diamond,
+    ),
+    style(
+        "deflection",
+        ["#8e3a80", "#e08fd2"],
+        1.6,
+        &[],
+        Marker::Triangle,
+    ),
+    style("residual", ["#4a4a4a", "#bdbdbd"], 0.8, &[], Marker::Circle),
+    style(
+        "reference",
+        ["#202020", "#e6e6e6"],
+        1.5,
+        &[8.0, 3.0, 2.0, 3.0],
+        Marker::Diamond,
+    ),
+    style(
+        "neutral",
+        ["#707070", "#9c9c9c"],
+        1.0,
+        &[3.0, 3.0],
+        Marker::Circle,
+    ),
+    style(
+        "category-0",
+        ["#0072b2", "#56b4e9"],
+        1.5,
+        &[],
+        Marker::Circle,
+    ),
+    style(
+        "category-1",
+        ["#c8500a", "#ff9955"],
+        1.5,
+        &[6.0, 3.0],
+        Marker::Square,
+    ),
+    style(
+        "category-2",
+        ["#007a5a", "#3fd1a0"],
+        1.5,
+        &[2.0, 2.0],
+        Marker::Triangle,
+    ),
+    style(
+        "category-3",
+        ["#a6467e", "#e79ac6"],
+        1.5,
+        &[8.0, 3.0, 2.0, 3.0],
+        Marker::Diamond,
+    ),
+    style(
+        "category-4",
+        ["#806600", "#e6c84b"],
+        1.5,
+        &[12.0, 3.0],
+        Marker::Square,
+    ),
+    style(
+        "category-5",
+        ["#303030", "#dddddd"],
+        1.5,
+        &[4.0, 2.0],
+        Marker::Triangle,
+    ),
+];
+
+/// Every style, for the style sheet.
+pub(super) const fn all() -> &'static [Style] {
+    &STYLES
+}
+
+/// The style of a role.
+pub(super) fn of(role: Role) -> Style {
+    let index = match role {
+        Role::Measured => 0,
+        Role::Model => 1,
+        Role::Fit => 2,
+        Role::Alternative => 3,
+        Role::Lower => 4,
+        Role::Upper => 5,
+        Role::Deflection => 6,
+        Role::Residual => 7,
+        Role::Reference => 8,
+        Role::Neutral => 9,
+        Role::Category(n) => 10 + usize::from(n) % 6,
+    };
+    STYLES[index]
+}
+
+/// Opacity of a filled band.
+pub(super) const BAND_OPACITY: f64 = 0.18;
+
+/// Radius of a marker in pixels: smaller where there are many.
+pub(super) const fn marker_radius(count: usize) -> f64 {
+    match count {
+        0..=80 => 2.6,
+        81..=400 => 1.9,
+        _ => 1.2,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Relative luminance (WCAG 2.2).
+    fn luminance(colour: &str) -> f64 {
+        let channel = |at: usize| {
+            let value =
+                f64::from(u8::from_str_radix(&colour[at..at + 2], 16).expect("hexadecimal"))
+                    / 255.0;
+            if value <= 0.04045 {
+                value / 12.92
+            } else {
+                ((value + 0.055) / 1.055).powf(2.4)
+            }
+        };
+        0.2126 * channel(1) + 0.7152 * channel(3) + 0.0722 * channel(5)
+    }
+
+    fn contrast(a: &str, b: &str) -> f64 {
+        let (a, b) = (luminance(a), luminance(b));
+        (a.max(b) + 0.05) / (a.min(b) + 0.05)
+    }
+
+    #[test]
+    fn every_role_contrasts_with_both_pages() {
+        for style in all() {
+            assert!(
+                contrast(style.light, "#ffffff") >= 4.5,
+                "{} on white",
+                style.class
+            );
+            assert!(
+                contrast(style.dark, "#16191d") >= 4.5,
+                "{} on the dark page",
+                style.class
+            );
+        }
+    }
+}

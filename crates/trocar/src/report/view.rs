@@ -1,0 +1,173 @@
+//! What both the printed and the interactive picture of a panel agree on: limits of the axes and the legend.
+
+use super::document::{Figure, Kind, Mark, Panel, Role, Series};
+
+/// Limits of a panel's axes, finite and of positive width, with a margin around the data.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Limits {
+    /// Lower and upper end of x.
+    pub(super) x: [f64; 2],
+    /// Lower and upper end of y.
+    pub(super) y: [f64; 2],
+}
+
+impl Limits {
+    /// In the order x low, x high, y low, y high.
+    pub(super) const fn flat(self) -> [f64; 4] {
+        [self.x[0], self.x[1], self.y[0], self.y[1]]
+    }
+}
+
+/// The limits of every panel of `figure`; with linked x axes, all have the same x.
+pub(super) fn limits(figure: &Figure) -> Vec<Limits> {
+    let mut x: Vec<Span> = figure.panels.iter().map(x_span).collect();
+    if figure.linked_x {
+        let all = x
+            .iter()
+            .fold(Span::EMPTY, |all, span| all.with(span.low).with(span.high));
+        x.fill(all);
+    }
+    let y = figure.panels.iter().map(y_span);
+    x.iter()
+        .zip(y)
+        .map(|(x, y)| Limits {
+            x: x.padded(0.02),
+            y: y.padded(0.05),
+        })
+        .collect()
+}
+
+fn x_span(panel: &Panel) -> Span {
+    let data = panel
+        .series
+        .iter()
+        .flat_map(|series| series.x.iter().copied());
+    let marks = panel.marks.iter().flat_map(|mark| match *mark {
+        Mark::X { at, .. } => [at, at],
+        Mark::XRange { from, to, .. } => [from, to],
+        Mark::Y { .. } | Mark::YRange { .. } => [f64::NAN; 2],
+    });
+    let zero = if panel.x.include_zero { 0.0 } else { f64::NAN };
+    data.chain(marks)
+        .chain([zero])
+        .fold(Span::EMPTY, Span::with)
+}
+
+fn y_span(panel: &Panel) -> Span {
+    let data = panel.series.iter().flat_map(ordinates).copied();
+    let marks = panel.marks.iter().flat_map(|mark| match *mark {
+        Mark::Y { at, .. } => [at, at],
+        Mark::YRange { from, to, .. } => [from, to],
+        Mark::X { .. } | Mark::XRange { .. } => [f64::NAN; 2],
+    });
+    let zero = if panel.y.include_zero { 0.0 } else { f64::NAN };
+    data.chain(marks)
+        .chain([zero])
+        .fold(Span::EMPTY, Span::with)
+}
+
+fn ordinates(series: &Series) -> impl Iterator<Item = &f64> {
+    let edges: [&[f64]; 2] = match &series.kind {
+        Kind::Band { low, high } | Kind::ErrorBars { low, high } => [low, high],
+        Kind::Line | Kind::Points => [&[], &[]],
+    };
+    series.y.iter().chain(edges[0]).chain(edges[1])
+}
+
+#[derive(Clone, Copy)]
+struct Span {
+    low: f64,
+    high: f64,
+}
+
+impl Span {
+    const EMPTY: Self = Self {
+        low: f64::INFINITY,
+        high: f64::NEG_INFINITY,
+    };
+
+    fn with(self, value: f64) -> Self {
+        if !value.is_finite() {
+            return self;
+        }
+        Self {
+            low: self.low.min(value),
+            high: self.high.max(value),
+        }
+    }
+
+    /// The span with `share` of its width added at both ends; a place to stand on when there is no data or no width.
+    fn padded(self, share: f64) -> [f64; 2] {
+        if self.low > self.high {
+            return [0.0, 1.0];
+        }
+        let width = self.high - self.low;
+        if width <= 1e-12 * self.low.abs().max(self.high.abs()) || width == 0.0 {
+            let half = if self.low == 0.0 {
+                0.5
+            } else {
+                0.1 * self.low.abs()
+            };
+            return [self.low - half, self.high + half];
+        }
+        [self.low - share * width, self.high + share * width]
+    }
+}
+
+/// One line of a legend: all series of one name and role.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Entry<'a> {
+    pub(super) name: &'a str,
+    pub(super) role: Role,
+    pub(super) line: bool,
+    pub(super) marker: bool,
+    pub(super) band: bool,
+}
+
+/// The legend of a panel, in order of appearance; series without a name have no entry.
+pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
+    let mut entries: Vec<Entry<'_>> = Vec::new();
+    for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
+        let same = |entry: &Entry<'_>| entry.name == series.name && entry.role == series.role;
+        let at = entries.iter().position(same).unwrap_or_else(|| {
+            let (name, role) = (series.name.as_str(), series.role);
+            entries.push(Entry {
+                name,
+                role,
+                line: false,
+                marker: false,
+                band: false,
+            });
+            entries.len() - 1
+        });
+        match series.kind {
+            Kind::Line => entries[at].line = true,
+            Kind::Points | Kind::ErrorBars { .. } => entries[at].marker = true,
+            Kind::Band { .. } => entries[at].band = true,
+        }
+    }
+    entries
+}
+
+/// The letter of panel `index`: (a), (b), ...
+pub(super) fn letter(index: usize) -> String {
+    let letter = char::from(b'a' + (index % 26) as u8);
+    format!("({letter})")
+}
+
+/// "deflection z (mm)", or the label alone for a number without unit.
+pub(super) fn axis_label(label: &str, unit: &str) -> String {
+    if unit.is_empty() {
+        label.to_owned()
+    } else {
+        format!("{label} ({unit})")
+    }
+}
+
+/// `text` without characters that XML forbids (control characters in a file name, for instance).
+pub(super) fn printable(text: &str) -> String {
+    let forbidden = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.chars()
+        .map(|c| if forbidden(c) { '\u{fffd}' } else { c })
+        .collect()
+}
