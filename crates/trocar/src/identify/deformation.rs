@@ -26,7 +26,7 @@ const FEWEST_SAMPLES: usize = 5;
 /// Fewest traverses from which a half width is taken.
 const FEWEST_TRAVERSES: usize = 3;
 /// Largest relative spread of c over traverses for which a deformation is called resolved.
-const LARGEST_SPREAD: f64 = 0.35;
+const LARGEST_SPREAD: f64 = 0.45;
 /// Deflections, as z/c, at which the influence of the velocity is tested (figure 7 uses one).
 const LEVELS: [f64; 7] = [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75];
 /// A damping force below this, N, at the fastest deformation is no influence in practice (equivalence bound).

@@ -342,12 +342,12 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
 /// Levels at which the seal switches (12).
 ///
 /// Where one speed leaves the level at rest open, it is the mean sliding force, from which the ripple of the sliding
-/// (its scatter beyond the sensor's noise) is taken off.
+/// (one and a half times its scatter beyond the sensor's noise) is taken off.
 fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { ripple };
+    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { 1.5 * ripple };
     Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
 }
 
