@@ -252,19 +252,20 @@ impl Element {
     /// The general step in parts of at most c/8 of travel, so that the order of yielding and turning over is kept.
     ///
     /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the work is bounded.
-    #[inline(never)]
     fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {
         let stride = LONGEST_PART * self.params.deformation.half_width();
-        let strides = velocity.abs() * duration / stride;
+        let travel = velocity.abs() * duration;
+        if travel <= stride {
+            return self.advance_general(state, velocity, duration);
+        }
+        let strides = travel / stride;
         let mut state = *state;
         let mut advance = |count: u32, time: f64| {
             for _ in 0..count {
                 state = self.advance_general(&state, velocity, time / f64::from(count));
             }
         };
-        if strides <= 1.0 {
-            advance(1, duration);
-        } else if strides <= f64::from(EVEN_PARTS) {
+        if strides <= f64::from(EVEN_PARTS) {
             advance(libm::ceil(strides) as u32, duration);
         } else {
             let first = duration * f64::from(EVEN_PARTS) / strides;
@@ -308,27 +309,38 @@ impl Element {
         let c = self.params.deformation.half_width();
         let mut z = state.deflection;
         let mut q = state.yield_force;
-        if z.abs() > c {
-            let side = Side::of(z);
-            let (next, left) = self.slide_on_end(side, side.sign() * z - c, velocity, time);
+        // Each side is a branch of its own: a choice by data would put the exponential between one step and the next.
+        if z > c {
+            let (next, left) = self.slide_on_end(Side::Insertion, z - c, velocity, time);
             if left <= 0.0 {
                 return next;
             }
-            (z, q, time) = (side.sign() * c, 0.0, left);
+            (z, q, time) = (c, 0.0, left);
+        } else if z < -c {
+            let (next, left) = self.slide_on_end(Side::Withdrawal, -z - c, velocity, time);
+            if left <= 0.0 {
+                return next;
+            }
+            (z, q, time) = (-c, 0.0, left);
         }
         let target = z + velocity * time;
-        if target.abs() <= c {
-            let (force, yield_force) = self.params.deformation.reach(z, q, target);
-            return State {
-                deflection: target,
-                yield_force,
-                force,
-                slip_velocity: 0.0,
-            };
+        if target > c {
+            return self
+                .slide_on_end(Side::Insertion, 0.0, velocity, (target - c) / velocity)
+                .0;
         }
-        let side = Side::of(target);
-        self.slide_on_end(side, 0.0, velocity, (target.abs() - c) / velocity.abs())
-            .0
+        if target < -c {
+            return self
+                .slide_on_end(Side::Withdrawal, 0.0, velocity, (target + c) / velocity)
+                .0;
+        }
+        let (force, yield_force) = self.params.deformation.reach(z, q, target);
+        State {
+            deflection: target,
+            yield_force,
+            force,
+            slip_velocity: 0.0,
+        }
     }
 
     /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the time left.

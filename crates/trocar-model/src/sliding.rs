@@ -66,26 +66,36 @@ impl SlidingFriction {
         if self.is_constant() {
             return (self.coulomb_force, 0.0);
         }
-        let x = u / self.stribeck_velocity;
+        let (power, growth) = self.exponent(u);
+        let fall = (self.static_force - self.coulomb_force) * decay(power);
+        (self.coulomb_force + fall, slope_of(fall, growth)) // EMS (11)
+    }
+
+    /// dg/du at u >= 0 where g(u) = `level` is already known: saves the exponential.
+    pub(crate) fn slope_at_level(&self, u: f64, level: f64) -> f64 {
+        if self.is_constant() {
+            0.0
+        } else {
+            slope_of(level - self.coulomb_force, self.exponent(u).1)
+        }
+    }
+
+    /// (u/v_s)^δ and its derivative by u; the two usual shapes avoid a power.
+    fn exponent(&self, u: f64) -> (f64, f64) {
+        // The reciprocal does not wait for u: a division here would lengthen every step.
+        let inverse = 1.0 / self.stribeck_velocity;
+        let x = u * inverse;
         let delta = self.stribeck_exponent;
-        // x^δ and δ·x^(δ-1); the two usual shapes avoid a power.
-        let (power, slope) = if delta == 2.0 {
-            (x * x, 2.0 * x)
+        if delta == 2.0 {
+            (x * x, 2.0 * x * inverse)
         } else if delta == 1.0 {
-            (x, 1.0)
+            (x, inverse)
         } else if x > 0.0 {
             let power = libm::pow(x, delta);
-            (power, delta * power / x)
+            (power, delta * power / u)
         } else {
             (0.0, if delta > 1.0 { 0.0 } else { f64::INFINITY })
-        };
-        let fall = (self.static_force - self.coulomb_force) * decay(power);
-        let slope = if fall > 0.0 {
-            -fall * slope / self.stribeck_velocity
-        } else {
-            0.0
-        };
-        (self.coulomb_force + fall, slope) // EMS (11)
+        }
     }
 
     /// Speed at which g falls fastest; 0 for δ <= 1.
@@ -120,6 +130,11 @@ impl SlidingFriction {
         positive("stribeck_exponent", self.stribeck_exponent, "")?;
         Ok(())
     }
+}
+
+/// d/du of fall = (F_s - F_c)·exp(-p(u)) with dp/du = `growth`.
+fn slope_of(fall: f64, growth: f64) -> f64 {
+    if fall > 0.0 { -fall * growth } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -28,6 +28,10 @@ const EVEN_STRIDES: usize = 100;
 /// A residual below this fraction of the static force gets one last Newton correction, which squares it.
 const RESIDUAL: f64 = 1e-8;
 
+/// Change of force, as a fraction of the static force, up to which the slip speed at the start of a step follows to first
+/// order. It only weighs in with 1 - θ < 1/2 and a factor K·dt.
+const SMALL_SURPLUS: f64 = 1e-3;
+
 /// March stride as a fraction of the Stribeck speed: a tenth of the narrowest feature of g.
 const STRIBECK_STRIDE: f64 = 0.1;
 
@@ -67,25 +71,21 @@ struct Search {
 
 impl Element {
     /// One step of the general law; `state` is at most c/8 of travel away from the result, or in a long slide.
+    #[inline(always)]
     pub(crate) fn advance_general(&self, state: &State, velocity: f64, time: f64) -> State {
         let motion = Motion { velocity, time };
         if state.slip_velocity == 0.0 {
             return self.leave_stick(state, motion);
         }
+        self.keep_sliding(state, motion)
+    }
+
+    /// From a slide; the velocity may have changed since, so that it sticks at once.
+    fn keep_sliding(&self, state: &State, motion: Motion) -> State {
         let side = Side::of(state.slip_velocity);
         let (z, q) = (state.deflection, state.yield_force);
         let local = self.params.deformation.local(z);
-        let guess = state.slip_velocity.abs();
-        let (speed, drag) = if self.params.damping.is_zero() {
-            // Then the slip speed does not depend on v_d: it is still the one at the end of the last step.
-            let sliding = self.sliding(side);
-            (
-                guess,
-                sliding.viscous_damping + sliding.level_and_slope(guess).1,
-            )
-        } else {
-            self.slip_at(side, local.mid + q, velocity, guess)
-        };
+        let (speed, drag) = self.slip_after(state, side, local.mid + q, motion.velocity);
         if speed == 0.0 {
             return self.leave_stick(state, motion);
         }
@@ -102,24 +102,35 @@ impl Element {
         )
     }
 
-    /// From stick: bends with the instrument, EMS (10), up to the yield point (12) if it lies in the step.
+    /// From stick: bends with the instrument, EMS (10).
+    #[inline(always)]
     fn leave_stick(&self, state: &State, motion: Motion) -> State {
         let (z, q) = (state.deflection, state.yield_force);
         let damping = self.params.damping.force(motion.velocity);
         let target = z + motion.velocity * motion.time;
         let (elastic, yield_force) = self.params.deformation.reach(z, q, target);
-        let trial = elastic + damping;
-        let side = Side::of(trial);
-        let s = side.sign();
-        let limit = self.sliding(side).static_force;
-        if s * trial <= limit {
+        let force = elastic + damping;
+        let sticks = force <= self.params.insertion.static_force
+            && -force <= self.params.withdrawal.static_force;
+        if sticks {
             return State {
                 deflection: target,
                 yield_force,
-                force: trial,
+                force,
                 slip_velocity: 0.0,
             };
         }
+        self.yield_within(state, motion, force)
+    }
+
+    /// Bends up to the yield point within the step, (12), and slides from there; `trial` is the force without slip.
+    #[inline(never)]
+    fn yield_within(&self, state: &State, motion: Motion, trial: f64) -> State {
+        let (z, q) = (state.deflection, state.yield_force);
+        let damping = self.params.damping.force(motion.velocity);
+        let side = Side::of(trial);
+        let s = side.sign();
+        let limit = self.sliding(side).static_force;
         let force_at = |part: f64| {
             s * (self
                 .params
@@ -149,6 +160,30 @@ impl Element {
                 ..motion
             },
         )
+    }
+
+    /// Slip speed and drag in a running slide when the velocity becomes `velocity`.
+    ///
+    /// The last force is the sliding force at the last slip speed, (13): it tells g without an exponential. A small
+    /// change of damping force is answered to first order.
+    fn slip_after(&self, state: &State, side: Side, elastic: f64, velocity: f64) -> (f64, f64) {
+        let s = side.sign();
+        let last = state.slip_velocity.abs();
+        if self.is_free(side) {
+            return (last, 0.0);
+        }
+        let sliding = self.sliding(side);
+        let beta = sliding.viscous_damping;
+        let deformation_velocity = velocity - s * last; // EMS (8)
+        let fall = sliding.slope_at_level(last, s * state.force - beta * last);
+        let drag = beta + fall + self.params.damping.slope(deformation_velocity);
+        let surplus = s * (elastic + self.params.damping.force(deformation_velocity) - state.force);
+        let speed = last + surplus / drag;
+        if surplus.abs() < SMALL_SURPLUS * sliding.static_force && drag > 0.0 && speed > 0.0 {
+            (speed, drag)
+        } else {
+            self.slip_at(side, elastic, velocity, last)
+        }
     }
 
     /// Slip speed at a given elastic force, and the drag β + g' + D' there. With neither β nor σ the speed is free: 0.

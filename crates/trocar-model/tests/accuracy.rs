@@ -62,8 +62,8 @@ fn check(name: &str, params: ElementParams, tolerance: f64, parts: usize) {
     for (motion, displacements) in motions() {
         let coarse = forces(&element, &displacements, 1);
         let fine = forces(&element, &displacements, 64);
-        if motion.contains("15") {
-            // The slow stroke is long, and the brute force says nothing new there.
+        if motion.contains("15") || motion.contains("100") {
+            // The brute force is slow, and says nothing new there.
             assert!(worst(&coarse, &fine) < tolerance, "{name}, {motion}");
             continue;
         }
