@@ -73,11 +73,7 @@ impl SlidingFriction {
 
     /// dg/du at u >= 0 where g(u) = `level` is already known: saves the exponential.
     pub(crate) fn slope_at_level(&self, u: f64, level: f64) -> f64 {
-        if self.is_constant() {
-            0.0
-        } else {
-            slope_of(level - self.coulomb_force, self.exponent(u).1)
-        }
+        if self.is_constant() { 0.0 } else { slope_of(level - self.coulomb_force, self.exponent(u).1) }
     }
 
     /// (u/v_s)^δ and its derivative by u; the two usual shapes avoid a power.
@@ -109,11 +105,7 @@ impl SlidingFriction {
 
     /// max |g'|, N·s/m; infinite for δ < 1.
     pub(crate) fn steepest_fall(&self) -> f64 {
-        if self.is_constant() {
-            0.0
-        } else {
-            -self.level_and_slope(self.steepest_speed()).1
-        }
+        if self.is_constant() { 0.0 } else { -self.level_and_slope(self.steepest_speed()).1 }
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
@@ -158,12 +150,7 @@ mod tests {
     #[test]
     fn steepest_fall_is_the_known_constant_of_each_shape() {
         // δ((δ-1)/δ)^((δ-1)/δ)·e^(-(δ-1)/δ), found by numerical minimisation elsewhere.
-        for (exponent, constant) in [
-            (1.0, 1.0),
-            (1.5, 0.745_223),
-            (2.0, 0.857_764),
-            (3.0, 1.175_432),
-        ] {
+        for (exponent, constant) in [(1.0, 1.0), (1.5, 0.745_223), (2.0, 0.857_764), (3.0, 1.175_432)] {
             let sliding = SlidingFriction {
                 coulomb_force: 2.0,
                 static_force: 3.0,
@@ -171,31 +158,15 @@ mod tests {
                 stribeck_exponent: exponent,
                 viscous_damping: 0.0,
             };
-            assert!(
-                (sliding.steepest_fall() * 0.02 - constant).abs() < 1e-6,
-                "{exponent}"
-            );
+            assert!((sliding.steepest_fall() * 0.02 - constant).abs() < 1e-6, "{exponent}");
         }
     }
 
     #[test]
     fn bad_values_are_named() {
         let bad = SlidingFriction::coulomb(-0.3, 5.0).check();
-        assert_eq!(
-            bad,
-            Err(ParamError::NotPositive {
-                name: "coulomb_force",
-                value: -0.3,
-                unit: "N"
-            })
-        );
+        assert_eq!(bad, Err(ParamError::NotPositive { name: "coulomb_force", value: -0.3, unit: "N" }));
         let nan = SlidingFriction::coulomb(1.0, f64::NAN).check();
-        assert!(matches!(
-            nan,
-            Err(ParamError::NotFinite {
-                name: "viscous_damping",
-                ..
-            })
-        ));
+        assert!(matches!(nan, Err(ParamError::NotFinite { name: "viscous_damping", .. })));
     }
 }
