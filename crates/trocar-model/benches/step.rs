@@ -27,21 +27,11 @@ fn motion() -> Vec<f64> {
         } else {
             0.0
         };
-        let sub_movement = if t > 20.0 {
-            5e-3 * (1.0 - (5.0 * t).cos())
-        } else {
-            0.0
-        };
-        let tremor = if t > 20.0 {
-            2e-4 * (56.5 * t).sin()
-        } else {
-            0.0
-        };
+        let sub_movement = if t > 20.0 { 5e-3 * (1.0 - (5.0 * t).cos()) } else { 0.0 };
+        let tremor = if t > 20.0 { 2e-4 * (56.5 * t).sin() } else { 0.0 };
         stroke + sub_movement + tremor
     };
-    (1..SAMPLES)
-        .map(|k| position(k) - position(k - 1))
-        .collect()
+    (1..SAMPLES).map(|k| position(k) - position(k - 1)).collect()
 }
 
 fn nanoseconds_per_sample(element: &Element, displacements: &[f64]) -> (f64, f64) {
@@ -68,40 +58,17 @@ fn main() -> Result<(), ParamError> {
         stribeck_exponent: 2.0,
         viscous_damping: 5.0,
     };
-    let folded = ElementParams {
-        insertion: stribeck,
-        withdrawal: stribeck,
-        ..constant
-    };
-    let gentle = SlidingFriction {
-        stribeck_velocity: 0.15,
-        ..stribeck
-    };
-    let unique = ElementParams {
-        insertion: gentle,
-        withdrawal: gentle,
-        ..constant
-    };
+    let folded = ElementParams { insertion: stribeck, withdrawal: stribeck, ..constant };
+    let gentle = SlidingFriction { stribeck_velocity: 0.15, ..stribeck };
+    let unique = ElementParams { insertion: gentle, withdrawal: gentle, ..constant };
     let damping = SealDamping::constant(1.0);
     let cases = [
         ("constant friction, sigma = 0", constant),
-        (
-            "constant friction, sigma > 0",
-            ElementParams {
-                damping,
-                ..constant
-            },
-        ),
+        ("constant friction, sigma > 0", ElementParams { damping, ..constant }),
         ("Stribeck, unique, sigma = 0", unique),
-        (
-            "Stribeck, unique, sigma > 0",
-            ElementParams { damping, ..unique },
-        ),
+        ("Stribeck, unique, sigma > 0", ElementParams { damping, ..unique }),
         ("Stribeck, folded, sigma = 0", folded),
-        (
-            "Stribeck, folded, sigma > 0",
-            ElementParams { damping, ..folded },
-        ),
+        ("Stribeck, folded, sigma > 0", ElementParams { damping, ..folded }),
     ];
     for (name, params) in cases {
         let element = Element::new(params)?;

@@ -10,11 +10,7 @@ fn main() -> Result<(), ParamError> {
         let velocity = if (k / 800) % 2 == 0 { 0.05 } else { -0.05 };
         let force = element.step_velocity(&mut state, velocity, 1e-3);
         if k % 40 == 39 {
-            println!(
-                "{:.3},{:.6},{force:.4}",
-                f64::from(k + 1) * 1e-3,
-                state.deflection()
-            );
+            println!("{:.3},{:.6},{force:.4}", f64::from(k + 1) * 1e-3, state.deflection());
         }
     }
     Ok(())

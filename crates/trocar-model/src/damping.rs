@@ -23,15 +23,11 @@ pub struct SealDamping {
 
 impl SealDamping {
     /// No damping, as EMS section IV finds for its trocar.
-    pub const ZERO: Self = Self {
-        coefficients: [0.0; 3],
-    };
+    pub const ZERO: Self = Self { coefficients: [0.0; 3] };
 
     /// Constant damping `seal_damping` = σ, N·s/m.
     pub const fn constant(seal_damping: f64) -> Self {
-        Self {
-            coefficients: [seal_damping, 0.0, 0.0],
-        }
+        Self { coefficients: [seal_damping, 0.0, 0.0] }
     }
 
     /// Whether there is no damping at all.
@@ -75,11 +71,7 @@ impl SealDamping {
             finite("seal_damping", value)?;
         }
         let slope = self.least_slope();
-        if slope < 0.0 {
-            Err(ParamError::DampingForceFalls { slope })
-        } else {
-            Ok(())
-        }
+        if slope < 0.0 { Err(ParamError::DampingForceFalls { slope }) } else { Ok(()) }
     }
 }
 
@@ -89,41 +81,15 @@ mod tests {
 
     #[test]
     fn force_is_odd() {
-        let damping = SealDamping {
-            coefficients: [1.0, 2.0, 3.0],
-        };
+        let damping = SealDamping { coefficients: [1.0, 2.0, 3.0] };
         assert_eq!(damping.force(-0.2), -damping.force(0.2));
     }
 
     #[test]
     fn falling_damping_force_is_refused() {
-        assert!(
-            SealDamping {
-                coefficients: [1.0, -1.0, 0.0]
-            }
-            .check()
-            .is_err()
-        );
-        assert!(
-            SealDamping {
-                coefficients: [1.0, -2.0, 1.0]
-            }
-            .check()
-            .is_err()
-        );
-        assert!(
-            SealDamping {
-                coefficients: [1.0, -1.7, 1.0]
-            }
-            .check()
-            .is_ok()
-        );
-        assert!(
-            SealDamping {
-                coefficients: [-1.0, 0.0, 0.0]
-            }
-            .check()
-            .is_err()
-        );
+        assert!(SealDamping { coefficients: [1.0, -1.0, 0.0] }.check().is_err());
+        assert!(SealDamping { coefficients: [1.0, -2.0, 1.0] }.check().is_err());
+        assert!(SealDamping { coefficients: [1.0, -1.7, 1.0] }.check().is_ok());
+        assert!(SealDamping { coefficients: [-1.0, 0.0, 0.0] }.check().is_err());
     }
 }

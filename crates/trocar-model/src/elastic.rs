@@ -79,13 +79,7 @@ impl Piece {
         for (slot, &value) in own.iter_mut().zip(legendre) {
             *slot = finite("legendre coefficient", value)?;
         }
-        Ok(Self {
-            from,
-            to,
-            count,
-            legendre: own,
-            power: legendre_to_power(&own),
-        })
+        Ok(Self { from, to, count, legendre: own, power: legendre_to_power(&own) })
     }
 
     /// The polynomial Σ θ_i·z^i with the coefficients of EMS (25), θ_i in N/m^i, on [`from`, `to`] (m).
@@ -166,18 +160,11 @@ impl Branch {
     pub fn new(left: Piece, right: Piece) -> Result<Self, ParamError> {
         let width = right.to - left.from;
         if (left.to - right.from).abs() > END_TOLERANCE * width {
-            return Err(ParamError::PiecesApart {
-                left_ends: left.to,
-                right_starts: right.from,
-            });
+            return Err(ParamError::PiecesApart { left_ends: left.to, right_starts: right.from });
         }
         let half_width = right.to;
         if (left.from + right.to).abs() > END_TOLERANCE * width {
-            return Err(ParamError::IntervalNotCentred {
-                from: left.from,
-                to: right.to,
-                half_width,
-            });
+            return Err(ParamError::IntervalNotCentred { from: left.from, to: right.to, half_width });
         }
         let (at_left, at_right) = (left.force(left.from), right.force(right.to));
         if at_right <= at_left || !(at_right - at_left).is_finite() {
@@ -185,11 +172,7 @@ impl Branch {
         }
         let (before, after) = (left.force(left.to), right.force(right.from));
         if (before - after).abs() > JOIN_TOLERANCE * (at_right - at_left) {
-            return Err(ParamError::ForceJump {
-                join: left.to,
-                left: before,
-                right: after,
-            });
+            return Err(ParamError::ForceJump { join: left.to, left: before, right: after });
         }
         Ok(Self { left, right })
     }
@@ -239,11 +222,7 @@ impl Branch {
     }
 
     fn piece(&self, z: f64) -> &Piece {
-        if z < self.left.to {
-            &self.left
-        } else {
-            &self.right
-        } // EMS (25): "if z < a ... else"
+        if z < self.left.to { &self.left } else { &self.right } // EMS (25): "if z < a ... else"
     }
 
     fn slope_floor(&self) -> f64 {
@@ -298,32 +277,17 @@ impl DeformationForce {
     ///
     /// # Errors
     /// The branches span different intervals, or κ is below the steepest slope of h.
-    pub fn new(
-        rising: Branch,
-        falling: Branch,
-        yield_stiffness: Option<f64>,
-    ) -> Result<Self, ParamError> {
+    pub fn new(rising: Branch, falling: Branch, yield_stiffness: Option<f64>) -> Result<Self, ParamError> {
         let half_width = rising.half_width();
         let (from, to) = (falling.left.from, falling.right.to);
         if (to - half_width).abs() > END_TOLERANCE * half_width {
-            return Err(ParamError::IntervalNotCentred {
-                from,
-                to,
-                half_width,
-            });
+            return Err(ParamError::IntervalNotCentred { from, to, half_width });
         }
-        let joins = [
-            rising.join().min(falling.join()),
-            rising.join().max(falling.join()),
-        ];
+        let joins = [rising.join().min(falling.join()), rising.join().max(falling.join())];
         let bounds = [-half_width, joins[0], joins[1], half_width];
-        let stretch =
-            |k: usize, left: f64, right: f64| Stretch::new(&rising, &falling, left, right, k);
-        let stretches = [
-            stretch(0, bounds[0], bounds[1]),
-            stretch(1, bounds[1], bounds[2]),
-            stretch(2, bounds[2], bounds[3]),
-        ];
+        let stretch = |k: usize, left: f64, right: f64| Stretch::new(&rising, &falling, left, right, k);
+        let stretches =
+            [stretch(0, bounds[0], bounds[1]), stretch(1, bounds[1], bounds[2]), stretch(2, bounds[2], bounds[3])];
         let mean = |z: f64| 0.5 * (rising.force(z) + falling.force(z));
         let mut this = Self {
             rising,
@@ -334,10 +298,7 @@ impl DeformationForce {
             stretches,
             end_force: [mean(-half_width), mean(half_width)],
             end_stiffness: [
-                falling
-                    .left
-                    .stiffness(-half_width)
-                    .max(falling.slope_floor()),
+                falling.left.stiffness(-half_width).max(falling.slope_floor()),
                 rising.right.stiffness(half_width).max(rising.slope_floor()),
             ],
         };
@@ -431,16 +392,10 @@ impl DeformationForce {
     #[inline(always)]
     pub(crate) fn mid_and_gap(&self, z: f64) -> (f64, f64) {
         if z > self.half_width {
-            return (
-                self.end_force[1] + self.end_stiffness[1] * (z - self.half_width),
-                0.0,
-            );
+            return (self.end_force[1] + self.end_stiffness[1] * (z - self.half_width), 0.0);
         }
         if z < -self.half_width {
-            return (
-                self.end_force[0] + self.end_stiffness[0] * (z + self.half_width),
-                0.0,
-            );
+            return (self.end_force[0] + self.end_stiffness[0] * (z + self.half_width), 0.0);
         }
         let stretch = self.stretch(z);
         let [mid, gap] = estrin(&stretch.force, stretch.local(z));
@@ -450,27 +405,13 @@ impl DeformationForce {
     pub(crate) fn local(&self, z: f64) -> Local {
         let (mid, gap) = self.mid_and_gap(z);
         if z > self.half_width || z < -self.half_width {
-            let mid_slope = if z > 0.0 {
-                self.end_stiffness[1]
-            } else {
-                self.end_stiffness[0]
-            };
-            return Local {
-                mid,
-                gap,
-                mid_slope,
-                gap_slope: 0.0,
-            };
+            let mid_slope = if z > 0.0 { self.end_stiffness[1] } else { self.end_stiffness[0] };
+            return Local { mid, gap, mid_slope, gap_slope: 0.0 };
         }
         let stretch = self.stretch(z);
         let [mid_slope, gap_slope] = estrin(&stretch.slope, stretch.local(z));
         // Where h is clipped it stays at zero.
-        Local {
-            mid,
-            gap,
-            mid_slope,
-            gap_slope: if gap > 0.0 { gap_slope } else { 0.0 },
-        }
+        Local { mid, gap, mid_slope, gap_slope: if gap > 0.0 { gap_slope } else { 0.0 } }
     }
 
     fn stretch(&self, z: f64) -> &Stretch {
@@ -492,16 +433,8 @@ impl DeformationForce {
         let grid = |k: usize| (-self.half_width + step * k as f64).min(self.half_width);
         let first = (0..=4 * SAMPLES).find(|&k| softens(grid(k)))?;
         let last = (0..=4 * SAMPLES).rev().find(|&k| softens(grid(k)))?;
-        let from = if first == 0 {
-            grid(0)
-        } else {
-            edge(softens, grid(first), grid(first - 1))
-        };
-        let to = if last == 4 * SAMPLES {
-            grid(last)
-        } else {
-            edge(softens, grid(last), grid(last + 1))
-        };
+        let from = if first == 0 { grid(0) } else { edge(softens, grid(first), grid(first - 1)) };
+        let to = if last == 4 * SAMPLES { grid(last) } else { edge(softens, grid(last), grid(last + 1)) };
         Some((from, to))
     }
 
@@ -520,9 +453,7 @@ impl DeformationForce {
         self.sample(|local| {
             extremes.highest_force = extremes.highest_force.max(local.mid + local.gap);
             extremes.lowest_force = extremes.lowest_force.min(local.mid - local.gap);
-            extremes.least_slope = extremes
-                .least_slope
-                .min(local.mid_slope - local.gap_slope.abs());
+            extremes.least_slope = extremes.least_slope.min(local.mid_slope - local.gap_slope.abs());
         });
         extremes
     }
@@ -535,28 +466,15 @@ impl DeformationForce {
         };
         finite("yield_stiffness", given)?;
         if given < steepest {
-            return Err(ParamError::YieldStiffnessTooLow {
-                given,
-                minimum: steepest,
-            });
+            return Err(ParamError::YieldStiffnessTooLow { given, minimum: steepest });
         }
         Ok(given)
     }
 
     /// Calls `see` on a grid over each stretch, its two ends included.
     fn sample(&self, mut see: impl FnMut(Local)) {
-        let bounds = [
-            -self.half_width,
-            self.joins[0],
-            self.joins[1],
-            self.half_width,
-        ];
-        for ((stretch, &from), &to) in self
-            .stretches
-            .iter()
-            .zip(&bounds)
-            .zip(bounds.iter().skip(1))
-        {
+        let bounds = [-self.half_width, self.joins[0], self.joins[1], self.half_width];
+        for ((stretch, &from), &to) in self.stretches.iter().zip(&bounds).zip(bounds.iter().skip(1)) {
             if to <= from {
                 continue;
             }
@@ -565,12 +483,7 @@ impl DeformationForce {
                 let [mid, gap] = estrin(&stretch.force, t);
                 let [mid_slope, gap_slope] = estrin(&stretch.slope, t);
                 let gap_slope = if gap > 0.0 { gap_slope } else { 0.0 };
-                see(Local {
-                    mid,
-                    gap: gap.max(0.0),
-                    mid_slope,
-                    gap_slope,
-                });
+                see(Local { mid, gap: gap.max(0.0), mid_slope, gap_slope });
             }
         }
     }
@@ -591,12 +504,7 @@ impl Stretch {
         let mid = 0.5 * (left + right);
         if half <= 0.0 || !(1.0 / half).is_finite() {
             let none = [[0.0; 2]; COUNT];
-            return Self {
-                mid,
-                inverse_half: 0.0,
-                force: none,
-                slope: none,
-            };
+            return Self { mid, inverse_half: 0.0, force: none, slope: none };
         }
         let up = restrict(piece_over(rising, mid, index), mid, half);
         let down = restrict(piece_over(falling, mid, index), mid, half);
@@ -609,12 +517,7 @@ impl Stretch {
             let factor = (k + 1) as f64 / half;
             *to = [from[0] * factor, from[1] * factor];
         }
-        Self {
-            mid,
-            inverse_half: 1.0 / half,
-            force,
-            slope,
-        }
+        Self { mid, inverse_half: 1.0 / half, force, slope }
     }
 
     #[inline(always)]
@@ -634,11 +537,7 @@ fn piece_over(branch: &Branch, mid: f64, index: usize) -> &Piece {
 
 /// `piece` as a power series of t in [-1, 1] over [mid - half, mid + half].
 fn restrict(piece: &Piece, mid: f64, half: f64) -> [f64; COUNT] {
-    compose(
-        &piece.power,
-        2.0 * half / (piece.to - piece.from),
-        piece.local(mid),
-    )
+    compose(&piece.power, 2.0 * half / (piece.to - piece.from), piece.local(mid))
 }
 
 /// Coefficients of p(scale·t + shift).
@@ -703,9 +602,7 @@ fn power_to_legendre(power: &[f64; COUNT]) -> [f64; COUNT] {
 
 /// Value and derivative of a power series.
 fn horner(power: &[f64; COUNT], t: f64) -> (f64, f64) {
-    power.iter().rev().fold((0.0, 0.0), |(value, slope), &a| {
-        (value * t + a, slope * t + value)
-    })
+    power.iter().rev().fold((0.0, 0.0), |(value, slope), &a| (value * t + a, slope * t + value))
 }
 
 /// Two power series at once by Estrin's scheme: a short dependency chain, so faster than Horner without fused

@@ -77,11 +77,7 @@ impl State {
 
     /// Whether the seal bends or slides.
     pub fn mode(&self) -> Mode {
-        if self.slip_velocity == 0.0 {
-            Mode::Deforming
-        } else {
-            Mode::Sliding
-        }
+        if self.slip_velocity == 0.0 { Mode::Deforming } else { Mode::Sliding }
     }
 }
 
@@ -137,11 +133,7 @@ pub(crate) enum Side {
 
 impl Side {
     pub(crate) fn of(value: f64) -> Self {
-        if value < 0.0 {
-            Self::Withdrawal
-        } else {
-            Self::Insertion
-        }
+        if value < 0.0 { Self::Withdrawal } else { Self::Insertion }
     }
 
     pub(crate) fn sign(self) -> f64 {
@@ -209,26 +201,10 @@ impl Element {
 
     /// State at rest at `deflection` (m) with `yield_force` (N), the latter clamped to ±h. What is not finite counts as 0.
     pub fn state(&self, deflection: f64, yield_force: f64) -> State {
-        let deflection = if deflection.is_finite() {
-            deflection
-        } else {
-            0.0
-        };
-        let yield_force = if yield_force.is_finite() {
-            yield_force
-        } else {
-            0.0
-        };
-        let (force, yield_force) =
-            self.params
-                .deformation
-                .reach(deflection, yield_force, deflection);
-        State {
-            deflection,
-            yield_force,
-            force,
-            slip_velocity: 0.0,
-        }
+        let deflection = if deflection.is_finite() { deflection } else { 0.0 };
+        let yield_force = if yield_force.is_finite() { yield_force } else { 0.0 };
+        let (force, yield_force) = self.params.deformation.reach(deflection, yield_force, deflection);
+        State { deflection, yield_force, force, slip_velocity: 0.0 }
     }
 
     /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
@@ -252,19 +228,20 @@ impl Element {
     /// The general step in parts of at most c/8 of travel, so that the order of yielding and turning over is kept.
     ///
     /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the work is bounded.
-    #[inline(never)]
     fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {
         let stride = LONGEST_PART * self.params.deformation.half_width();
-        let strides = velocity.abs() * duration / stride;
+        let travel = velocity.abs() * duration;
+        if travel <= stride {
+            return self.advance_general(state, velocity, duration);
+        }
+        let strides = travel / stride;
         let mut state = *state;
         let mut advance = |count: u32, time: f64| {
             for _ in 0..count {
                 state = self.advance_general(&state, velocity, time / f64::from(count));
             }
         };
-        if strides <= 1.0 {
-            advance(1, duration);
-        } else if strides <= f64::from(EVEN_PARTS) {
+        if strides <= f64::from(EVEN_PARTS) {
             advance(libm::ceil(strides) as u32, duration);
         } else {
             let first = duration * f64::from(EVEN_PARTS) / strides;
@@ -308,51 +285,43 @@ impl Element {
         let c = self.params.deformation.half_width();
         let mut z = state.deflection;
         let mut q = state.yield_force;
-        if z.abs() > c {
-            let side = Side::of(z);
-            let (next, left) = self.slide_on_end(side, side.sign() * z - c, velocity, time);
+        // Each side is a branch of its own: a choice by data would put the exponential between one step and the next.
+        if z > c {
+            let (next, left) = self.slide_on_end(Side::Insertion, z - c, velocity, time);
             if left <= 0.0 {
                 return next;
             }
-            (z, q, time) = (side.sign() * c, 0.0, left);
+            (z, q, time) = (c, 0.0, left);
+        } else if z < -c {
+            let (next, left) = self.slide_on_end(Side::Withdrawal, -z - c, velocity, time);
+            if left <= 0.0 {
+                return next;
+            }
+            (z, q, time) = (-c, 0.0, left);
         }
         let target = z + velocity * time;
-        if target.abs() <= c {
-            let (force, yield_force) = self.params.deformation.reach(z, q, target);
-            return State {
-                deflection: target,
-                yield_force,
-                force,
-                slip_velocity: 0.0,
-            };
+        if target > c {
+            return self.slide_on_end(Side::Insertion, 0.0, velocity, (target - c) / velocity).0;
         }
-        let side = Side::of(target);
-        self.slide_on_end(side, 0.0, velocity, (target.abs() - c) / velocity.abs())
-            .0
+        if target < -c {
+            return self.slide_on_end(Side::Withdrawal, 0.0, velocity, (target + c) / velocity).0;
+        }
+        let (force, yield_force) = self.params.deformation.reach(z, q, target);
+        State { deflection: target, yield_force, force, slip_velocity: 0.0 }
     }
 
     /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the time left.
     #[inline(always)]
     fn slide_on_end(&self, side: Side, excess: f64, velocity: f64, time: f64) -> (State, f64) {
         let deformation = &self.params.deformation;
-        let Contact {
-            end_force,
-            end_stiffness,
-            rate,
-            lag,
-            ..
-        } = *self.contact(side);
+        let Contact { end_force, end_stiffness, rate, lag, .. } = *self.contact(side);
         let s = side.sign();
         // (20) on a straight spring: the excess relaxes towards β·v_d/K with the rate K/β.
         let settled = lag * s * velocity;
         let end = settled + (excess - settled) * decay(rate * time);
         let mut left = 0.0;
         if end < 0.0 || (end <= 0.0 && s * velocity < 0.0) {
-            let reached = if settled < 0.0 {
-                lag * libm::log1p(-excess / settled)
-            } else {
-                0.0
-            };
+            let reached = if settled < 0.0 { lag * libm::log1p(-excess / settled) } else { 0.0 };
             left = time - reached;
         }
         let end = end.max(0.0);
@@ -370,19 +339,12 @@ impl Element {
 /// Both branches must end where sliding begins: (-c, -F_s) and (+c, +F_s).
 fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
     let c = params.deformation.half_width();
-    let ends = [
-        (-c, -params.withdrawal.static_force),
-        (c, params.insertion.static_force),
-    ];
+    let ends = [(-c, -params.withdrawal.static_force), (c, params.insertion.static_force)];
     for (deflection, expected) in ends {
         for branch in [params.deformation.rising(), params.deformation.falling()] {
             let force = branch.force(deflection);
             if (force - expected).abs() > PIN_TOLERANCE * expected.abs() {
-                return Err(ParamError::NotPinned {
-                    deflection,
-                    force,
-                    expected,
-                });
+                return Err(ParamError::NotPinned { deflection, force, expected });
             }
         }
     }
@@ -408,11 +370,7 @@ impl Contact {
             end_force: side.sign() * end_force,
             end_stiffness,
             rate,
-            lag: if rate.is_finite() {
-                sliding.viscous_damping / end_stiffness
-            } else {
-                0.0
-            },
+            lag: if rate.is_finite() { sliding.viscous_damping / end_stiffness } else { 0.0 },
         })
     }
 }
@@ -425,16 +383,9 @@ fn folding(sliding: &SlidingFriction, least_damping: f64) -> Folding {
     }
     let steepest = sliding.steepest_speed();
     let falls = |u: f64| sliding.level_and_slope(u).1 + b < 0.0;
-    let from = if steepest > 0.0 {
-        boundary(falls, steepest, 0.0)
-    } else {
-        0.0
-    };
+    let from = if steepest > 0.0 { boundary(falls, steepest, 0.0) } else { 0.0 };
     if b == 0.0 {
-        return Folding::Folded {
-            from,
-            to: f64::INFINITY,
-        };
+        return Folding::Folded { from, to: f64::INFINITY };
     }
     let mut beyond = steepest + sliding.stribeck_velocity;
     for _ in 0..1000 {
@@ -443,10 +394,7 @@ fn folding(sliding: &SlidingFriction, least_damping: f64) -> Folding {
         }
         beyond *= 2.0;
     }
-    Folding::Folded {
-        from,
-        to: boundary(falls, steepest, beyond),
-    }
+    Folding::Folded { from, to: boundary(falls, steepest, beyond) }
 }
 
 /// Where `holds` changes between `yes` and `no`, by bisection.

@@ -117,81 +117,44 @@ impl fmt::Display for ParamError {
         match *self {
             Self::NotFinite { name, value } => write!(f, "{name} must be finite, got {value}"),
             Self::NotPositive { name, value, unit } => {
-                write!(
-                    f,
-                    "{name} must be positive, got {value}{}{unit}",
-                    space(unit)
-                )
+                write!(f, "{name} must be positive, got {value}{}{unit}", space(unit))
             }
             Self::Negative { name, value, unit } => {
-                write!(
-                    f,
-                    "{name} must not be negative, got {value}{}{unit}",
-                    space(unit)
-                )
+                write!(f, "{name} must not be negative, got {value}{}{unit}", space(unit))
             }
-            Self::StaticBelowCoulomb {
-                static_force,
-                coulomb_force,
-            } => write!(
-                f,
-                "static_force must be at least coulomb_force = {coulomb_force} N, got {static_force} N"
-            ),
-            Self::DampingForceFalls { slope } => write!(
-                f,
-                "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m"
-            ),
-            Self::CoefficientCount { count } => write!(
-                f,
-                "a piece needs 1 to {} Legendre coefficients, got {count}",
-                crate::MAX_DEGREE + 1
-            ),
+            Self::StaticBelowCoulomb { static_force, coulomb_force } => {
+                write!(f, "static_force must be at least coulomb_force = {coulomb_force} N, got {static_force} N")
+            }
+            Self::DampingForceFalls { slope } => {
+                write!(f, "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m")
+            }
+            Self::CoefficientCount { count } => {
+                write!(f, "a piece needs 1 to {} Legendre coefficients, got {count}", crate::MAX_DEGREE + 1)
+            }
             Self::EmptyInterval { from, to } => {
-                write!(
-                    f,
-                    "a piece must end right of its start, got [{from}, {to}] m"
-                )
+                write!(f, "a piece must end right of its start, got [{from}, {to}] m")
             }
-            Self::PiecesApart {
-                left_ends,
-                right_starts,
-            } => write!(
+            Self::PiecesApart { left_ends, right_starts } => write!(
                 f,
                 "the pieces of a branch must meet, left ends at {left_ends} m, right starts at {right_starts} m"
             ),
-            Self::ForceJump { join, left, right } => write!(
-                f,
-                "a branch must be continuous at its join {join} m, got {left} N and {right} N"
-            ),
-            Self::IntervalNotCentred {
-                from,
-                to,
-                half_width,
-            } => write!(
-                f,
-                "a branch must span [{}, {half_width}] m, got [{from}, {to}] m",
-                -half_width
-            ),
-            Self::EndForcesNotRising { at_left, at_right } => write!(
-                f,
-                "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N"
-            ),
-            Self::NotPinned {
-                deflection,
-                force,
-                expected,
-            } => write!(
-                f,
-                "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N"
-            ),
+            Self::ForceJump { join, left, right } => {
+                write!(f, "a branch must be continuous at its join {join} m, got {left} N and {right} N")
+            }
+            Self::IntervalNotCentred { from, to, half_width } => {
+                write!(f, "a branch must span [{}, {half_width}] m, got [{from}, {to}] m", -half_width)
+            }
+            Self::EndForcesNotRising { at_left, at_right } => {
+                write!(f, "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N")
+            }
+            Self::NotPinned { deflection, force, expected } => {
+                write!(f, "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N")
+            }
             Self::YieldStiffnessTooLow { given, minimum } => write!(
                 f,
                 "yield_stiffness must be at least {minimum} N/m, the steepest slope of the half gap, got {given} N/m"
             ),
-            Self::UndampedBreakaway {
-                static_force,
-                coulomb_force,
-            } => write!(
+            Self::UndampedBreakaway { static_force, coulomb_force } => write!(
                 f,
                 "static_force {static_force} N above coulomb_force {coulomb_force} N needs viscous_damping or seal damping above zero"
             ),
@@ -206,35 +169,15 @@ fn space(unit: &str) -> &'static str {
 }
 
 pub(crate) fn finite(name: &'static str, value: f64) -> Result<f64, ParamError> {
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(ParamError::NotFinite { name, value })
-    }
+    if value.is_finite() { Ok(value) } else { Err(ParamError::NotFinite { name, value }) }
 }
 
-pub(crate) fn positive(
-    name: &'static str,
-    value: f64,
-    unit: &'static str,
-) -> Result<f64, ParamError> {
+pub(crate) fn positive(name: &'static str, value: f64, unit: &'static str) -> Result<f64, ParamError> {
     finite(name, value)?;
-    if value > 0.0 {
-        Ok(value)
-    } else {
-        Err(ParamError::NotPositive { name, value, unit })
-    }
+    if value > 0.0 { Ok(value) } else { Err(ParamError::NotPositive { name, value, unit }) }
 }
 
-pub(crate) fn not_negative(
-    name: &'static str,
-    value: f64,
-    unit: &'static str,
-) -> Result<f64, ParamError> {
+pub(crate) fn not_negative(name: &'static str, value: f64, unit: &'static str) -> Result<f64, ParamError> {
     finite(name, value)?;
-    if value >= 0.0 {
-        Ok(value)
-    } else {
-        Err(ParamError::Negative { name, value, unit })
-    }
+    if value >= 0.0 { Ok(value) } else { Err(ParamError::Negative { name, value, unit }) }
 }

@@ -59,10 +59,7 @@ mod tests {
         for k in 0..70_000 {
             let x = f64::from(k) * 0.01 + 1e-7 * f64::from(k % 7);
             let truth = libm::exp(-x);
-            assert!(
-                (decay(x) - truth).abs() <= 4.5e-16 * truth || x > LAST,
-                "{x}"
-            );
+            assert!((decay(x) - truth).abs() <= 4.5e-16 * truth || x > LAST, "{x}");
         }
     }
 

@@ -59,12 +59,7 @@ pub struct LiteralState {
 impl LiteralState {
     /// Deforming at `deflection` (m) with zero force until the first step, as if the last motion had been an insertion.
     pub fn new(deflection: f64) -> Self {
-        Self {
-            deflection,
-            force: 0.0,
-            mode: Mode::Deforming,
-            direction: Side::Insertion,
-        }
+        Self { deflection, force: 0.0, mode: Mode::Deforming, direction: Side::Insertion }
     }
 
     /// z, m.
@@ -121,11 +116,7 @@ impl PaperLiteral {
 
     /// Mode, branch and force at the start of a stretch with this velocity.
     fn enter(&self, mut state: LiteralState, velocity: f64) -> LiteralState {
-        let direction = if velocity == 0.0 {
-            state.direction
-        } else {
-            Side::of(velocity)
-        };
+        let direction = if velocity == 0.0 { state.direction } else { Side::of(velocity) };
         if velocity == 0.0 || direction != state.direction {
             state.mode = Mode::Deforming; // section III-B, after (14)
         }
@@ -150,8 +141,7 @@ impl PaperLiteral {
                 state.deflection = self.extrapolate(&state, velocity, duration / f64::from(PARTS));
             }
         }
-        if velocity != 0.0 && state.mode == Mode::Deforming && self.excess(&state, velocity) >= 0.0
-        {
+        if velocity != 0.0 && state.mode == Mode::Deforming && self.excess(&state, velocity) >= 0.0 {
             state.mode = Mode::Sliding;
         }
         state.force = self.output(&state, velocity);
@@ -167,10 +157,7 @@ impl PaperLiteral {
     /// First time in [0, duration] at which (12) holds; `duration` if it never does.
     fn switching_time(&self, state: &LiteralState, velocity: f64, duration: f64) -> f64 {
         let excess = |time: f64| {
-            let moved = LiteralState {
-                deflection: state.deflection + velocity * time,
-                ..*state
-            };
+            let moved = LiteralState { deflection: state.deflection + velocity * time, ..*state };
             self.excess(&moved, velocity)
         };
         let grid = |k: u32| duration * f64::from(k) / f64::from(SWITCH_STEPS);
@@ -217,18 +204,12 @@ impl PaperLiteral {
         if sliding.viscous_damping == 0.0 && damping.is_zero() {
             return (0.0, 0.0);
         }
-        let residual = |u: f64| {
-            s * (elastic + damping.force(velocity - s * u))
-                - sliding.level(u)
-                - sliding.viscous_damping * u
-        };
+        let residual =
+            |u: f64| s * (elastic + damping.force(velocity - s * u)) - sliding.level(u) - sliding.viscous_damping * u;
         let u = falling_root(residual, velocity.abs());
         let deformation_velocity = velocity - s * u; // (8)
         let drag = sliding.viscous_damping + damping.slope(deformation_velocity);
-        (
-            deformation_velocity,
-            if drag > 0.0 { -stiffness / drag } else { 0.0 },
-        )
+        (deformation_velocity, if drag > 0.0 { -stiffness / drag } else { 0.0 })
     }
 
     /// z after sliding for `duration`: linearly implicit Euler with 1, 2, 3... sub-steps, extrapolated to none.
@@ -267,11 +248,7 @@ fn falling_root(residual: impl Fn(f64) -> f64, scale: f64) -> f64 {
     for k in 0..HALVINGS {
         // A chord first: it hits at once when the residual is straight. Bisection every other time.
         let chord = (low * at_high - high * at_low) / (at_high - at_low);
-        let u = if k % 2 == 0 && chord > low && chord < high {
-            chord
-        } else {
-            0.5 * (low + high)
-        };
+        let u = if k % 2 == 0 && chord > low && chord < high { chord } else { 0.5 * (low + high) };
         let r = residual(u);
         if r == 0.0 || u == low || u == high {
             return u;

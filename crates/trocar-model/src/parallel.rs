@@ -5,17 +5,8 @@ use crate::ems::{Element, State};
 /// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of the forces (N).
 ///
 /// Elements and states are taken in pairs; surplus ones on either side are left alone.
-pub fn step_parallel(
-    elements: &[Element],
-    states: &mut [State],
-    displacement: f64,
-    duration: f64,
-) -> f64 {
-    elements
-        .iter()
-        .zip(states)
-        .map(|(element, state)| element.step(state, displacement, duration))
-        .sum()
+pub fn step_parallel(elements: &[Element], states: &mut [State], displacement: f64, duration: f64) -> f64 {
+    elements.iter().zip(states).map(|(element, state)| element.step(state, displacement, duration)).sum()
 }
 
 /// Elements and their states under one motion: the force is the sum, EMS section III.

@@ -35,10 +35,8 @@ impl ElementParams {
     /// # Errors
     /// None in practice: the values are constants, and a test builds them.
     pub fn plausible_10_5_mm() -> Result<Self, ParamError> {
-        let rising = Branch::new(
-            Piece::new(-HALF_WIDTH, JOIN, &RISING_LEFT)?,
-            Piece::new(JOIN, HALF_WIDTH, &RISING_RIGHT)?,
-        )?;
+        let rising =
+            Branch::new(Piece::new(-HALF_WIDTH, JOIN, &RISING_LEFT)?, Piece::new(JOIN, HALF_WIDTH, &RISING_RIGHT)?)?;
         let falling = Branch::new(
             Piece::new(-HALF_WIDTH, -JOIN, &turned(RISING_RIGHT))?,
             Piece::new(-JOIN, HALF_WIDTH, &turned(RISING_LEFT))?,

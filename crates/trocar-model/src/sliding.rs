@@ -66,26 +66,32 @@ impl SlidingFriction {
         if self.is_constant() {
             return (self.coulomb_force, 0.0);
         }
-        let x = u / self.stribeck_velocity;
+        let (power, growth) = self.exponent(u);
+        let fall = (self.static_force - self.coulomb_force) * decay(power);
+        (self.coulomb_force + fall, slope_of(fall, growth)) // EMS (11)
+    }
+
+    /// dg/du at u >= 0 where g(u) = `level` is already known: saves the exponential.
+    pub(crate) fn slope_at_level(&self, u: f64, level: f64) -> f64 {
+        if self.is_constant() { 0.0 } else { slope_of(level - self.coulomb_force, self.exponent(u).1) }
+    }
+
+    /// (u/v_s)^δ and its derivative by u; the two usual shapes avoid a power.
+    fn exponent(&self, u: f64) -> (f64, f64) {
+        // The reciprocal does not wait for u: a division here would lengthen every step.
+        let inverse = 1.0 / self.stribeck_velocity;
+        let x = u * inverse;
         let delta = self.stribeck_exponent;
-        // x^δ and δ·x^(δ-1); the two usual shapes avoid a power.
-        let (power, slope) = if delta == 2.0 {
-            (x * x, 2.0 * x)
+        if delta == 2.0 {
+            (x * x, 2.0 * x * inverse)
         } else if delta == 1.0 {
-            (x, 1.0)
+            (x, inverse)
         } else if x > 0.0 {
             let power = libm::pow(x, delta);
-            (power, delta * power / x)
+            (power, delta * power / u)
         } else {
             (0.0, if delta > 1.0 { 0.0 } else { f64::INFINITY })
-        };
-        let fall = (self.static_force - self.coulomb_force) * decay(power);
-        let slope = if fall > 0.0 {
-            -fall * slope / self.stribeck_velocity
-        } else {
-            0.0
-        };
-        (self.coulomb_force + fall, slope) // EMS (11)
+        }
     }
 
     /// Speed at which g falls fastest; 0 for δ <= 1.
@@ -99,11 +105,7 @@ impl SlidingFriction {
 
     /// max |g'|, N·s/m; infinite for δ < 1.
     pub(crate) fn steepest_fall(&self) -> f64 {
-        if self.is_constant() {
-            0.0
-        } else {
-            -self.level_and_slope(self.steepest_speed()).1
-        }
+        if self.is_constant() { 0.0 } else { -self.level_and_slope(self.steepest_speed()).1 }
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
@@ -120,6 +122,11 @@ impl SlidingFriction {
         positive("stribeck_exponent", self.stribeck_exponent, "")?;
         Ok(())
     }
+}
+
+/// d/du of fall = (F_s - F_c)·exp(-p(u)) with dp/du = `growth`.
+fn slope_of(fall: f64, growth: f64) -> f64 {
+    if fall > 0.0 { -fall * growth } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -143,12 +150,7 @@ mod tests {
     #[test]
     fn steepest_fall_is_the_known_constant_of_each_shape() {
         // δ((δ-1)/δ)^((δ-1)/δ)·e^(-(δ-1)/δ), found by numerical minimisation elsewhere.
-        for (exponent, constant) in [
-            (1.0, 1.0),
-            (1.5, 0.745_223),
-            (2.0, 0.857_764),
-            (3.0, 1.175_432),
-        ] {
+        for (exponent, constant) in [(1.0, 1.0), (1.5, 0.745_223), (2.0, 0.857_764), (3.0, 1.175_432)] {
             let sliding = SlidingFriction {
                 coulomb_force: 2.0,
                 static_force: 3.0,
@@ -156,31 +158,15 @@ mod tests {
                 stribeck_exponent: exponent,
                 viscous_damping: 0.0,
             };
-            assert!(
-                (sliding.steepest_fall() * 0.02 - constant).abs() < 1e-6,
-                "{exponent}"
-            );
+            assert!((sliding.steepest_fall() * 0.02 - constant).abs() < 1e-6, "{exponent}");
         }
     }
 
     #[test]
     fn bad_values_are_named() {
         let bad = SlidingFriction::coulomb(-0.3, 5.0).check();
-        assert_eq!(
-            bad,
-            Err(ParamError::NotPositive {
-                name: "coulomb_force",
-                value: -0.3,
-                unit: "N"
-            })
-        );
+        assert_eq!(bad, Err(ParamError::NotPositive { name: "coulomb_force", value: -0.3, unit: "N" }));
         let nan = SlidingFriction::coulomb(1.0, f64::NAN).check();
-        assert!(matches!(
-            nan,
-            Err(ParamError::NotFinite {
-                name: "viscous_damping",
-                ..
-            })
-        ));
+        assert!(matches!(nan, Err(ParamError::NotFinite { name: "viscous_damping", .. })));
     }
 }

@@ -28,6 +28,10 @@ const EVEN_STRIDES: usize = 100;
 /// A residual below this fraction of the static force gets one last Newton correction, which squares it.
 const RESIDUAL: f64 = 1e-8;
 
+/// Change of force, as a fraction of the static force, up to which the slip speed at the start of a step follows to first
+/// order. It only weighs in with 1 - θ < 1/2 and a factor K·dt.
+const SMALL_SURPLUS: f64 = 1e-3;
+
 /// March stride as a fraction of the Stribeck speed: a tenth of the narrowest feature of g.
 const STRIBECK_STRIDE: f64 = 0.1;
 
@@ -67,88 +71,84 @@ struct Search {
 
 impl Element {
     /// One step of the general law; `state` is at most c/8 of travel away from the result, or in a long slide.
+    #[inline(always)]
     pub(crate) fn advance_general(&self, state: &State, velocity: f64, time: f64) -> State {
         let motion = Motion { velocity, time };
         if state.slip_velocity == 0.0 {
             return self.leave_stick(state, motion);
         }
+        self.keep_sliding(state, motion)
+    }
+
+    /// From a slide; the velocity may have changed since, so that it sticks at once.
+    fn keep_sliding(&self, state: &State, motion: Motion) -> State {
         let side = Side::of(state.slip_velocity);
         let (z, q) = (state.deflection, state.yield_force);
         let local = self.params.deformation.local(z);
-        let guess = state.slip_velocity.abs();
-        let (speed, drag) = if self.params.damping.is_zero() {
-            // Then the slip speed does not depend on v_d: it is still the one at the end of the last step.
-            let sliding = self.sliding(side);
-            (
-                guess,
-                sliding.viscous_damping + sliding.level_and_slope(guess).1,
-            )
-        } else {
-            self.slip_at(side, local.mid + q, velocity, guess)
-        };
+        let (speed, drag) = self.slip_after(state, side, local.mid + q, motion.velocity);
         if speed == 0.0 {
             return self.leave_stick(state, motion);
         }
-        self.slide(
-            Onset {
-                z,
-                q,
-                local,
-                side,
-                speed,
-                drag,
-            },
-            motion,
-        )
+        self.slide(Onset { z, q, local, side, speed, drag }, motion)
     }
 
-    /// From stick: bends with the instrument, EMS (10), up to the yield point (12) if it lies in the step.
+    /// From stick: bends with the instrument, EMS (10).
+    #[inline(always)]
     fn leave_stick(&self, state: &State, motion: Motion) -> State {
         let (z, q) = (state.deflection, state.yield_force);
         let damping = self.params.damping.force(motion.velocity);
         let target = z + motion.velocity * motion.time;
         let (elastic, yield_force) = self.params.deformation.reach(z, q, target);
-        let trial = elastic + damping;
+        let force = elastic + damping;
+        let sticks = force <= self.params.insertion.static_force && -force <= self.params.withdrawal.static_force;
+        if sticks {
+            return State { deflection: target, yield_force, force, slip_velocity: 0.0 };
+        }
+        self.yield_within(state, motion, force)
+    }
+
+    /// Bends up to the yield point within the step, (12), and slides from there; `trial` is the force without slip.
+    #[inline(never)]
+    fn yield_within(&self, state: &State, motion: Motion, trial: f64) -> State {
+        let (z, q) = (state.deflection, state.yield_force);
+        let damping = self.params.damping.force(motion.velocity);
         let side = Side::of(trial);
         let s = side.sign();
         let limit = self.sliding(side).static_force;
-        if s * trial <= limit {
-            return State {
-                deflection: target,
-                yield_force,
-                force: trial,
-                slip_velocity: 0.0,
-            };
-        }
         let force_at = |part: f64| {
-            s * (self
-                .params
-                .deformation
-                .reach(z, q, z + part * motion.velocity * motion.time)
-                .0
-                + damping)
-                - limit
+            s * (self.params.deformation.reach(z, q, z + part * motion.velocity * motion.time).0 + damping) - limit
         };
         let part = yield_fraction(force_at, s * trial - limit);
         let reached = z + part * motion.velocity * motion.time;
         let yield_force = self.params.deformation.reach(z, q, reached).1;
         let local = self.params.deformation.local(reached);
         let (speed, drag) = self.slip_at(side, local.mid + yield_force, motion.velocity, 0.0);
-        let onset = Onset {
-            z: reached,
-            q: yield_force,
-            local,
-            side,
-            speed,
-            drag,
-        };
-        self.slide(
-            onset,
-            Motion {
-                time: (1.0 - part) * motion.time,
-                ..motion
-            },
-        )
+        let onset = Onset { z: reached, q: yield_force, local, side, speed, drag };
+        self.slide(onset, Motion { time: (1.0 - part) * motion.time, ..motion })
+    }
+
+    /// Slip speed and drag in a running slide when the velocity becomes `velocity`.
+    ///
+    /// The last force is the sliding force at the last slip speed, (13): it tells g without an exponential. A small
+    /// change of damping force is answered to first order.
+    fn slip_after(&self, state: &State, side: Side, elastic: f64, velocity: f64) -> (f64, f64) {
+        let s = side.sign();
+        let last = state.slip_velocity.abs();
+        if self.is_free(side) {
+            return (last, 0.0);
+        }
+        let sliding = self.sliding(side);
+        let beta = sliding.viscous_damping;
+        let deformation_velocity = velocity - s * last; // EMS (8)
+        let fall = sliding.slope_at_level(last, s * state.force - beta * last);
+        let drag = beta + fall + self.params.damping.slope(deformation_velocity);
+        let surplus = s * (elastic + self.params.damping.force(deformation_velocity) - state.force);
+        let speed = last + surplus / drag;
+        if surplus.abs() < SMALL_SURPLUS * sliding.static_force && drag > 0.0 && speed > 0.0 {
+            (speed, drag)
+        } else {
+            self.slip_at(side, elastic, velocity, last)
+        }
     }
 
     /// Slip speed at a given elastic force, and the drag β + g' + D' there. With neither β nor σ the speed is free: 0.
@@ -166,19 +166,8 @@ impl Element {
         if self.is_free(side) {
             return (guess, 0.0);
         }
-        let stride = if self.folds(side) {
-            STRIBECK_STRIDE * sliding.stribeck_velocity
-        } else {
-            f64::INFINITY
-        };
-        let (speed, slope) = find_root(
-            residual,
-            Search {
-                guess,
-                stride,
-                residual: RESIDUAL * sliding.static_force,
-            },
-        );
+        let stride = if self.folds(side) { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+        let (speed, slope) = find_root(residual, Search { guess, stride, residual: RESIDUAL * sliding.static_force });
         (speed, -slope)
     }
 
@@ -187,52 +176,35 @@ impl Element {
         let (theta, guess) = self.predict(onset, motion);
         let next = self.slide_with(onset, motion, theta, guess);
         let across = onset.side.opposite();
-        if next.slip_velocity == 0.0
-            && across.sign() * next.force > self.sliding(across).static_force
-        {
+        if next.slip_velocity == 0.0 && across.sign() * next.force > self.sliding(across).static_force {
             // It stuck and then yielded the other way within the step.
-            let onset = Onset {
-                side: across,
-                speed: 0.0,
-                ..onset
-            };
+            let onset = Onset { side: across, speed: 0.0, ..onset };
             return self.slide_with(onset, motion, 1.0, 0.0);
         }
         next
     }
 
     fn slide_with(&self, onset: Onset, motion: Motion, theta: f64, guess: f64) -> State {
-        let Onset {
-            z, q, side, speed, ..
-        } = onset;
+        let Onset { z, q, side, speed, .. } = onset;
         let s = side.sign();
         let sliding = self.sliding(side);
         let (deformation, damping) = (&self.params.deformation, &self.params.damping);
         let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
         let implicit = theta * motion.time;
         let residual = |u: f64| {
-            let (elastic, stiffness) =
-                deformation.reach_with_slope(z, q, target - s * implicit * u);
+            let (elastic, stiffness) = deformation.reach_with_slope(z, q, target - s * implicit * u);
             let deformation_velocity = motion.velocity - s * u; // EMS (8)
             let (level, fall) = sliding.level_and_slope(u);
             let drive = s * (elastic + damping.force(deformation_velocity));
             let drag = sliding.viscous_damping + fall + damping.slope(deformation_velocity);
-            (
-                drive - level - sliding.viscous_damping * u,
-                -drag - implicit * stiffness,
-            ) // EMS (13)
+            (drive - level - sliding.viscous_damping * u, -drag - implicit * stiffness) // EMS (13)
         };
         let search = self.search(onset, implicit, guess);
         let u = find_root(residual, search).0;
         let deflection = target - s * implicit * u;
         let (elastic, yield_force) = deformation.reach(z, q, deflection);
         let force = elastic + damping.force(motion.velocity - s * u); // EMS (14)
-        State {
-            deflection,
-            yield_force,
-            force,
-            slip_velocity: s * u,
-        }
+        State { deflection, yield_force, force, slip_velocity: s * u }
     }
 
     /// Where the slip speed at the end of the step is sought.
@@ -246,35 +218,13 @@ impl Element {
         let folds = self.folds(onset.side);
         let softens = self.least_stiffness * implicit + self.least_drag(onset.side) <= 0.0;
         if !folds && !softens {
-            return Search {
-                guess,
-                stride: f64::INFINITY,
-                residual,
-            };
+            return Search { guess, stride: f64::INFINITY, residual };
         }
-        let in_speed = if folds {
-            STRIBECK_STRIDE * sliding.stribeck_velocity
-        } else {
-            f64::INFINITY
-        };
+        let in_speed = if folds { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
         let c = self.params.deformation.half_width();
-        let in_deflection = if self.least_stiffness <= 0.0 {
-            DEFLECTION_STRIDE * c / implicit
-        } else {
-            f64::INFINITY
-        };
-        let guess = if folds {
-            guess
-                .min(onset.speed + in_speed)
-                .max(onset.speed - in_speed)
-        } else {
-            0.0
-        };
-        Search {
-            guess,
-            stride: in_speed.min(in_deflection),
-            residual,
-        }
+        let in_deflection = if self.least_stiffness <= 0.0 { DEFLECTION_STRIDE * c / implicit } else { f64::INFINITY };
+        let guess = if folds { guess.min(onset.speed + in_speed).max(onset.speed - in_speed) } else { 0.0 };
+        Search { guess, stride: in_speed.min(in_deflection), residual }
     }
 
     /// θ of the module documentation, from the rate K/(β + g' + D') at the start, and the slip speed at the end if
@@ -326,11 +276,7 @@ fn yield_fraction(force_at: impl Fn(f64) -> f64, end: f64) -> f64 {
     }
     let chord = -start / (end - start);
     let there = force_at(chord);
-    if there > 0.0 {
-        chord - chord * there / (there - start)
-    } else {
-        chord + (1.0 - chord) * -there / (end - there)
-    }
+    if there > 0.0 { chord - chord * there / (there - start) } else { chord + (1.0 - chord) * -there / (end - there) }
 }
 
 /// A root u >= 0 of a residual that is positive left of it, and the slope there; 0 when the residual is not positive at 0.
@@ -338,11 +284,7 @@ fn yield_fraction(force_at: impl Fn(f64) -> f64, end: f64) -> f64 {
 /// Newton steps inside a bracket. Until there is a bracket the search marches from the guess towards the root, never
 /// further at once than the stride, so that it stops at the nearest root.
 fn find_root(residual: impl Fn(f64) -> (f64, f64), search: Search) -> (f64, f64) {
-    let Search {
-        guess: mut u,
-        mut stride,
-        residual: small,
-    } = search;
+    let Search { guess: mut u, mut stride, residual: small } = search;
     let (mut below, mut above): (Option<f64>, Option<f64>) = (None, None);
     let (mut r, mut slope) = residual(u);
     for evaluations in 0..MAX_EVALUATIONS {

@@ -10,25 +10,23 @@ const PERIOD: f64 = 1e-3;
 /// Demanded with constant friction and no damping, N.
 const CONSTANT_FRICTION_TOLERANCE: f64 = 0.3e-3;
 
-/// Demanded with Stribeck friction or damping, N.
-const GENERAL_TOLERANCE: f64 = 40e-3;
+/// Demanded with Stribeck friction or damping, N: a twentieth of what a first-order step would give.
+const GENERAL_TOLERANCE: f64 = 2e-3;
+
+/// Demanded where the seal snaps, N: the instant of snapping is not located within the step.
+const SNAPPING_TOLERANCE: f64 = 40e-3;
 
 /// Trapezoids of 15 to 100 mm/s over 40 mm and a sine of 20 mm at 0.5 Hz, as displacements per sample.
 fn motions() -> Vec<(String, Vec<f64>)> {
     let sampled = |position: &dyn Fn(f64) -> f64, time: f64| -> Vec<f64> {
         let count = (time / PERIOD) as usize;
-        (1..count)
-            .map(|k| position(k as f64 * PERIOD) - position((k - 1) as f64 * PERIOD))
-            .collect()
+        (1..count).map(|k| position(k as f64 * PERIOD) - position((k - 1) as f64 * PERIOD)).collect()
     };
     let mut motions: Vec<_> = [0.015, 0.08, 0.1]
         .into_iter()
         .map(|speed| {
             let time = 3.0 * (0.04 / speed + speed / 2.0);
-            (
-                format!("trapezoid {} mm/s", speed * 1e3),
-                sampled(&|t| trapezoid(speed, 2.0, 0.04, t), time),
-            )
+            (format!("trapezoid {} mm/s", speed * 1e3), sampled(&|t| trapezoid(speed, 2.0, 0.04, t), time))
         })
         .collect();
     let sine = |t: f64| 0.02 * (std::f64::consts::PI * t).sin();
@@ -42,18 +40,13 @@ fn forces(element: &Element, displacements: &[f64], parts: u32) -> Vec<f64> {
         .iter()
         .map(|displacement| {
             let part = displacement / f64::from(parts);
-            (0..parts).fold(0.0, |_, _| {
-                element.step(&mut state, part, PERIOD / f64::from(parts))
-            })
+            (0..parts).fold(0.0, |_, _| element.step(&mut state, part, PERIOD / f64::from(parts)))
         })
         .collect()
 }
 
 fn worst(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(x, y)| (x - y).abs())
-        .fold(0.0, f64::max)
+    a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
 }
 
 /// Largest error over all motions of the step at 1 kHz and at a 64th of it, against the brute-force integrator.
@@ -62,8 +55,8 @@ fn check(name: &str, params: ElementParams, tolerance: f64, parts: usize) {
     for (motion, displacements) in motions() {
         let coarse = forces(&element, &displacements, 1);
         let fine = forces(&element, &displacements, 64);
-        if motion.contains("15") {
-            // The slow stroke is long, and the brute force says nothing new there.
+        if motion.contains("15") || motion.contains("100") {
+            // The brute force is slow, and says nothing new there.
             assert!(worst(&coarse, &fine) < tolerance, "{name}, {motion}");
             continue;
         }
@@ -75,10 +68,7 @@ fn check(name: &str, params: ElementParams, tolerance: f64, parts: usize) {
             independent * 1e3
         );
         assert!(converged < tolerance, "{name}, {motion}: {converged} N");
-        assert!(
-            independent < 0.2 * tolerance + 5e-4,
-            "{name}, {motion}: {independent} N"
-        );
+        assert!(independent < 0.2 * tolerance + 5e-4, "{name}, {motion}: {independent} N");
     }
 }
 
@@ -87,23 +77,14 @@ fn plausible() -> ElementParams {
 }
 
 fn with_friction(sliding: SlidingFriction) -> ElementParams {
-    ElementParams {
-        insertion: sliding,
-        withdrawal: sliding,
-        ..plausible()
-    }
+    ElementParams { insertion: sliding, withdrawal: sliding, ..plausible() }
 }
 
 #[test]
 fn constant_friction() {
     for beta in [20.0, 5.0, 1.0] {
         let params = with_friction(SlidingFriction::coulomb(3.0, beta));
-        check(
-            &format!("constant friction, beta {beta}"),
-            params,
-            CONSTANT_FRICTION_TOLERANCE,
-            400,
-        );
+        check(&format!("constant friction, beta {beta}"), params, CONSTANT_FRICTION_TOLERANCE, 400);
     }
 }
 
@@ -113,10 +94,7 @@ fn stiff_constant_friction_is_exact() {
     for beta in [0.1, 1e-3, 1e-9, 0.0] {
         let element = Element::new(with_friction(SlidingFriction::coulomb(3.0, beta))).unwrap();
         for (motion, displacements) in motions() {
-            let difference = worst(
-                &forces(&element, &displacements, 1),
-                &forces(&element, &displacements, 64),
-            );
+            let difference = worst(&forces(&element, &displacements, 1), &forces(&element, &displacements, 64));
             assert!(difference < 1e-10, "beta {beta}, {motion}: {difference} N");
         }
     }
@@ -127,12 +105,7 @@ fn branches_that_pass_the_sliding_force() {
     // The same seal with its hump above F_c: pinned by F_s at the ends, but with a softer contact it would slide early.
     for beta in [20.0, 5.0] {
         let params = common::humped(beta);
-        check(
-            &format!("hump above F_c, beta {beta}"),
-            params,
-            GENERAL_TOLERANCE,
-            400,
-        );
+        check(&format!("hump above F_c, beta {beta}"), params, SNAPPING_TOLERANCE, 400);
     }
 }
 
@@ -150,26 +123,15 @@ fn stribeck_and_damping() {
         if sigma > 0.0 {
             check(
                 &format!("constant friction, sigma {sigma}"),
-                ElementParams {
-                    damping,
-                    ..plausible()
-                },
+                ElementParams { damping, ..plausible() },
                 GENERAL_TOLERANCE,
                 100,
             );
         }
         // A Stribeck speed above 103 mm/s does not fold at β = 5 N·s/m.
         for speed in [0.11, 0.15] {
-            let params = ElementParams {
-                damping,
-                ..with_friction(stribeck(speed))
-            };
-            check(
-                &format!("Stribeck {speed} m/s, sigma {sigma}"),
-                params,
-                GENERAL_TOLERANCE,
-                100,
-            );
+            let params = ElementParams { damping, ..with_friction(stribeck(speed)) };
+            check(&format!("Stribeck {speed} m/s, sigma {sigma}"), params, GENERAL_TOLERANCE, 100);
         }
     }
 }

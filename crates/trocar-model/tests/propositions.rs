@@ -5,8 +5,8 @@ mod common;
 use common::{Seal, general_elements, seals};
 use proptest::prelude::*;
 use trocar_model::{
-    DeformationForce, Element, ElementParams, Folding, Mode, ParamError, SealDamping,
-    SlidingFriction, State, step_parallel,
+    DeformationForce, Element, ElementParams, Folding, Mode, ParamError, SealDamping, SlidingFriction, State,
+    step_parallel,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -15,24 +15,16 @@ const PERIOD: f64 = 1e-3;
 fn full_slide(element: &Element, state: &mut State, sign: f64) {
     let params = element.params();
     let (low, high) = params.deformation.end_stiffness();
-    let lag =
-        (params.insertion.viscous_damping / high).max(params.withdrawal.viscous_damping / low);
+    let lag = (params.insertion.viscous_damping / high).max(params.withdrawal.viscous_damping / low);
     let duration = 1.0 + 90.0 * lag;
     for _ in 0..1000 {
-        element.step(
-            state,
-            sign * 4e-3 * params.deformation.half_width(),
-            1e-3 * duration,
-        );
+        element.step(state, sign * 4e-3 * params.deformation.half_width(), 1e-3 * duration);
     }
 }
 
 /// Work done on the seal over `steps` with the force at the end of each step: the discrete form of ∫F·v_d dt.
 fn work(element: &Element, state: &mut State, steps: &[f64], period: f64) -> f64 {
-    steps
-        .iter()
-        .map(|&dx| element.step(state, dx, period) * dx)
-        .sum()
+    steps.iter().map(|&dx| element.step(state, dx, period) * dx).sum()
 }
 
 /// A closed motion: there and back through random turning points, in small steps.
@@ -280,12 +272,9 @@ fn symmetric_seal_has_an_odd_force() {
     let element = Element::new(plausible()).unwrap();
     let (mut up, mut down) = (element.rest_state(0.0), element.rest_state(0.0));
     for k in 0..20_000 {
-        let displacement =
-            4e-5 * (f64::from(k) * 0.01).sin() + 1e-5 * (f64::from(k) * 0.0037).cos();
-        let (one, other) = (
-            element.step(&mut up, displacement, PERIOD),
-            element.step(&mut down, -displacement, PERIOD),
-        );
+        let displacement = 4e-5 * (f64::from(k) * 0.01).sin() + 1e-5 * (f64::from(k) * 0.0037).cos();
+        let (one, other) =
+            (element.step(&mut up, displacement, PERIOD), element.step(&mut down, -displacement, PERIOD));
         assert!((one + other).abs() < 1e-11);
     }
 }
@@ -316,11 +305,7 @@ fn hold_after_a_slide_relaxes_to_the_coulomb_force() {
 #[test]
 fn huge_step_ends_in_the_settled_slide() {
     for sigma in [0.0, 1.0] {
-        let element = Element::new(ElementParams {
-            damping: SealDamping::constant(sigma),
-            ..plausible()
-        })
-        .unwrap();
+        let element = Element::new(ElementParams { damping: SealDamping::constant(sigma), ..plausible() }).unwrap();
         let mut state = element.rest_state(0.0);
         let force = element.step(&mut state, 1e3, 1e4);
         assert!((force - 3.5).abs() < 1e-6, "{force}");
@@ -348,35 +333,20 @@ fn folded_friction_sticks_and_slips() {
         withdrawal: folding_friction(),
     };
     let element = Element::new(params).unwrap();
-    let Folding::Folded { from, to } = element.folded().0 else {
-        panic!("must fold")
-    };
-    assert!(
-        from > 0.0 && from < 2e-3 && to > 0.03 && to < 0.06,
-        "{from} {to}"
-    );
+    let Folding::Folded { from, to } = element.folded().0 else { panic!("must fold") };
+    assert!(from > 0.0 && from < 2e-3 && to > 0.03 && to < 0.06, "{from} {to}");
     for (speed, swing) in [(0.015, Some((2.2171, 3.0024))), (0.06, None)] {
         let dt = 2e-5;
         let mut state = element.rest_state(0.0);
-        let forces: Vec<f64> = (0..200_000)
-            .map(|_| element.step_velocity(&mut state, speed, dt))
-            .collect();
+        let forces: Vec<f64> = (0..200_000).map(|_| element.step_velocity(&mut state, speed, dt)).collect();
         let tail = &forces[150_000..];
-        let (low, high) = tail
-            .iter()
-            .fold((f64::MAX, f64::MIN), |(l, h), &f| (l.min(f), h.max(f)));
+        let (low, high) = tail.iter().fold((f64::MAX, f64::MIN), |(l, h), &f| (l.min(f), h.max(f)));
         match swing {
             // The two turning points are those of another implementation of the same law.
             Some((expected_low, expected_high)) => {
-                assert!(
-                    (low - expected_low).abs() < 5e-3 && (high - expected_high).abs() < 5e-3,
-                    "{low} {high}"
-                );
+                assert!((low - expected_low).abs() < 5e-3 && (high - expected_high).abs() < 5e-3, "{low} {high}");
             }
-            None => assert!(
-                (low - 2.3001).abs() < 1e-3 && high - low < 1e-6,
-                "{low} {high}"
-            ),
+            None => assert!((low - 2.3001).abs() < 1e-3 && high - low < 1e-6, "{low} {high}"),
         }
     }
 }
@@ -398,12 +368,7 @@ fn hump_above_the_sliding_force_is_bistable() {
     };
     let (slow, fast) = (settle(0.02), settle(0.3));
     assert!((slow.force() - 1.1).abs() < 1e-6 && (fast.force() - 1.1).abs() < 1e-6);
-    assert!(
-        fast.deflection() - slow.deflection() > 5e-3,
-        "{} {}",
-        slow.deflection(),
-        fast.deflection()
-    );
+    assert!(fast.deflection() - slow.deflection() > 5e-3, "{} {}", slow.deflection(), fast.deflection());
 }
 
 #[test]
@@ -411,13 +376,7 @@ fn snapping_back_does_not_depend_on_the_step() {
     let element = Element::new(common::humped(0.1)).unwrap();
     let settle = |dt: f64| {
         let mut state = element.state(-8e-3, 0.0);
-        for (speed, time) in [
-            (0.02, 1.0),
-            (0.1, 0.2),
-            (0.0, 0.2),
-            (-0.05, 0.5),
-            (0.0, 1.0),
-        ] {
+        for (speed, time) in [(0.02, 1.0), (0.1, 0.2), (0.0, 0.2), (-0.05, 0.5), (0.0, 1.0)] {
             for _ in 0..(time / dt).round() as usize {
                 element.step_velocity(&mut state, speed, dt);
             }
@@ -446,17 +405,10 @@ fn impossible_parameters_are_refused_with_reasons() {
     let mut params = plausible();
     params.insertion.coulomb_force = 2.0;
     params.insertion.viscous_damping = 0.0;
-    assert!(matches!(
-        Element::new(params),
-        Err(ParamError::UndampedBreakaway { .. })
-    ));
+    assert!(matches!(Element::new(params), Err(ParamError::UndampedBreakaway { .. })));
     let mut params = plausible();
     params.insertion = SlidingFriction::coulomb(2.5, 5.0);
     let refused = Element::new(params).unwrap_err();
     assert!(matches!(refused, ParamError::NotPinned { .. }));
-    assert!(
-        refused
-            .to_string()
-            .starts_with("both branches must pass 2.5 N (the static force) at 0.008 m")
-    );
+    assert!(refused.to_string().starts_with("both branches must pass 2.5 N (the static force) at 0.008 m"));
 }

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece,
-    SealDamping, SlidingFriction,
+    Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece, SealDamping,
+    SlidingFriction,
 };
 
 /// Agreement demanded of the literal reading, N: the reference integrates to about 1e-10 N.
@@ -21,9 +21,7 @@ struct Row {
 
 /// The rows of a shared trajectory, or `None` with the reason printed when the folder is not there.
 fn rows(name: &str) -> Option<Vec<Row>> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../../../shared/vectors")
-        .join(name);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/vectors").join(name);
     let text = match std::fs::read_to_string(&path) {
         Ok(text) => text,
         Err(error) => {
@@ -35,12 +33,7 @@ fn rows(name: &str) -> Option<Vec<Row>> {
     };
     let row = |line: &str| {
         let numbers: Vec<f64> = line.split(',').map(|word| word.parse().unwrap()).collect();
-        Row {
-            position: numbers[1],
-            deflection: numbers[2],
-            sliding: numbers[3] != 0.0,
-            force: numbers[4],
-        }
+        Row { position: numbers[1], deflection: numbers[2], sliding: numbers[3] != 0.0, force: numbers[4] }
     };
     Some(text.lines().skip(1).map(row).collect())
 }
@@ -48,14 +41,7 @@ fn rows(name: &str) -> Option<Vec<Row>> {
 /// f = A·(z^5/5 - (65/12)·z^3 + 49·z), z in mm, A = 0.0131 N, on both branches.
 fn params(sigma: f64, half_width: f64) -> ElementParams {
     let a = 0.0131;
-    let monomial = [
-        0.0,
-        a * 49.0 * 1e3,
-        0.0,
-        -a * 65.0 / 12.0 * 1e9,
-        0.0,
-        a / 5.0 * 1e15,
-    ];
+    let monomial = [0.0, a * 49.0 * 1e3, 0.0, -a * 65.0 / 12.0 * 1e9, 0.0, a / 5.0 * 1e15];
     let left = Piece::from_monomial(-half_width, 0.0, &monomial).unwrap();
     let right = Piece::from_monomial(0.0, half_width, &monomial).unwrap();
     let branch = Branch::new(left, right).unwrap();
@@ -80,16 +66,9 @@ fn literal_reading_matches(name: &str, sigma: f64) {
         element.step_velocity(&mut state, velocity, PERIOD);
         worst = worst.max((force - pair[0].force).abs());
         modes_apart += usize::from((state.mode() == Mode::Sliding) != pair[1].sliding);
-        assert!(
-            (state.deflection() - pair[1].deflection).abs() < 1e-9,
-            "z at {}",
-            pair[1].position
-        );
+        assert!((state.deflection() - pair[1].deflection).abs() < 1e-9, "z at {}", pair[1].position);
     }
-    println!(
-        "{name}: worst {worst:e} N over {} rows, {modes_apart} rows in another mode",
-        rows.len()
-    );
+    println!("{name}: worst {worst:e} N over {} rows, {modes_apart} rows in another mode", rows.len());
     assert!(worst < LITERAL_TOLERANCE, "{worst}");
 }
 
@@ -141,11 +120,7 @@ fn natural_law_agrees_where_the_readings_must() {
         let force = element.step(&mut state, displacement, PERIOD);
         let difference = (force - pair[1].force).abs();
         has_slid |= pair[1].sliding;
-        slid_rows = if pair[0].sliding && pair[1].sliding {
-            slid_rows + 1
-        } else {
-            0
-        };
+        slid_rows = if pair[0].sliding && pair[1].sliding { slid_rows + 1 } else { 0 };
         if !has_slid {
             first_bend = first_bend.max(difference);
         } else if slid_rows > 40 {
@@ -155,9 +130,7 @@ fn natural_law_agrees_where_the_readings_must() {
         }
         apart = apart.max(difference);
     }
-    println!(
-        "first bend {first_bend:e} N, settled {settled:e} N over {settled_rows} rows, anywhere {apart:.3} N"
-    );
+    println!("first bend {first_bend:e} N, settled {settled:e} N over {settled_rows} rows, anywhere {apart:.3} N");
     assert!(settled_rows > 1000);
     assert!(first_bend < 1e-9);
     assert!(settled < 1e-6);

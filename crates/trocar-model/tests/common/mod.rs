@@ -3,9 +3,7 @@
 #![allow(dead_code)] // every test binary uses its own part
 
 use proptest::prelude::*;
-use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, Piece, SealDamping, SlidingFriction,
-};
+use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, SealDamping, SlidingFriction};
 
 /// Legendre coefficients of a cubic on its own interval through `from` and `to` at the ends with bends `b`, `d`.
 fn cubic(from: f64, to: f64, b: f64, d: f64) -> [f64; 4] {
@@ -66,42 +64,33 @@ pub(crate) fn seals() -> impl Strategy<Value = Seal> {
         0.0..0.5_f64,
         [0.0..0.35_f64, 0.0..0.35_f64, 0.0..0.35_f64, 0.0..0.35_f64],
     )
-        .prop_map(
-            |(half_width, force, ratio, viscous, join, level, gap, bends)| Seal {
-                half_width,
-                insertion_force: force,
-                withdrawal_force: force * ratio,
-                viscous,
-                join,
-                level,
-                gap,
-                bends,
-            },
-        )
+        .prop_map(|(half_width, force, ratio, viscous, join, level, gap, bends)| Seal {
+            half_width,
+            insertion_force: force,
+            withdrawal_force: force * ratio,
+            viscous,
+            join,
+            level,
+            gap,
+            bends,
+        })
 }
 
 /// With Stribeck friction that does not fold, or folds, and seal damping.
 pub(crate) fn general_elements() -> impl Strategy<Value = Element> {
-    (
-        seals(),
-        0.6..1.0_f64,
-        1e-3..0.1_f64,
-        0.7..2.5_f64,
-        0.0..3.0_f64,
+    (seals(), 0.6..1.0_f64, 1e-3..0.1_f64, 0.7..2.5_f64, 0.0..3.0_f64).prop_map(
+        |(seal, ratio, stribeck_velocity, stribeck_exponent, sigma)| {
+            let mut params = seal.params();
+            for sliding in [&mut params.insertion, &mut params.withdrawal] {
+                sliding.coulomb_force *= ratio;
+                sliding.stribeck_velocity = stribeck_velocity;
+                sliding.stribeck_exponent = stribeck_exponent;
+                sliding.viscous_damping += 0.01;
+            }
+            params.damping = SealDamping::constant(sigma);
+            Element::new(params).unwrap()
+        },
     )
-        .prop_map(
-            |(seal, ratio, stribeck_velocity, stribeck_exponent, sigma)| {
-                let mut params = seal.params();
-                for sliding in [&mut params.insertion, &mut params.withdrawal] {
-                    sliding.coulomb_force *= ratio;
-                    sliding.stribeck_velocity = stribeck_velocity;
-                    sliding.stribeck_exponent = stribeck_exponent;
-                    sliding.viscous_damping += 0.01;
-                }
-                params.damping = SealDamping::constant(sigma);
-                Element::new(params).unwrap()
-            },
-        )
 }
 
 /// Position at time t of a trapezoidal stroke: `speed` and `acceleration` up and down over `stroke`, repeated.
@@ -117,11 +106,7 @@ pub(crate) fn trapezoid(speed: f64, acceleration: f64, stroke: f64, t: f64) -> f
     } else {
         stroke - 0.5 * acceleration * (half - r) * (half - r)
     };
-    if (phase as i64) % 2 == 0 {
-        travelled
-    } else {
-        stroke - travelled
-    }
+    if (phase as i64) % 2 == 0 { travelled } else { stroke - travelled }
 }
 
 /// Forces at the samples from an explicit integration of the natural law
@@ -129,12 +114,7 @@ pub(crate) fn trapezoid(speed: f64, acceleration: f64, stroke: f64, t: f64) -> f
 ///
 /// Forward Euler in z with the slip speed found by bisection over H: first order, so the caller extrapolates or takes
 /// `parts` large. Knows nothing of return maps, θ or brackets.
-pub(crate) fn brute_force(
-    params: &ElementParams,
-    displacements: &[f64],
-    period: f64,
-    parts: usize,
-) -> Vec<f64> {
+pub(crate) fn brute_force(params: &ElementParams, displacements: &[f64], period: f64, parts: usize) -> Vec<f64> {
     let deformation = &params.deformation;
     let kappa = deformation.yield_stiffness();
     let (mut z, mut q) = (0.0_f64, 0.0_f64);
@@ -151,10 +131,7 @@ pub(crate) fn brute_force(
             q = (q + kappa * dz).clamp(-gap, gap);
         }
         let elastic = deformation.mid(z) + q;
-        force += elastic
-            + params
-                .damping
-                .force(deformation_velocity(params, elastic, v));
+        force += elastic + params.damping.force(deformation_velocity(params, elastic, v));
         forces.push(force);
     }
     forces
@@ -163,11 +140,7 @@ pub(crate) fn brute_force(
 /// v - v_sl for which elastic + D(v - v_sl) lies on the sliding curve, or v in stick.
 fn deformation_velocity(params: &ElementParams, elastic: f64, v: f64) -> f64 {
     let trial = elastic + params.damping.force(v);
-    let (s, sliding) = if trial < 0.0 {
-        (-1.0, &params.withdrawal)
-    } else {
-        (1.0, &params.insertion)
-    };
+    let (s, sliding) = if trial < 0.0 { (-1.0, &params.withdrawal) } else { (1.0, &params.insertion) };
     if s * trial <= sliding.static_force {
         return v;
     }
@@ -179,11 +152,7 @@ fn deformation_velocity(params: &ElementParams, elastic: f64, v: f64) -> f64 {
     let mut low = 0.0;
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if excess(middle) > 0.0 {
-            low = middle
-        } else {
-            high = middle
-        }
+        if excess(middle) > 0.0 { low = middle } else { high = middle }
     }
     v - s * 0.5 * (low + high)
 }
