@@ -89,7 +89,7 @@ fn a_clean_file_gives_its_numbers_and_no_warning() {
     assert_eq!(recording.time[1999], 1.999);
     assert!((recording.quality.median_interval - 1e-3).abs() < 1e-12);
     assert_eq!(recording.quality.warnings, []);
-    assert_eq!(recording.stretches().collect::<Vec<_>>(), [0..2000]);
+    assert!(recording.stretches().eq(std::iter::once(0..2000)));
 }
 
 #[test]
@@ -391,9 +391,9 @@ fn a_sine_gives_its_acceleration_within_the_bandwidth() {
     let recording = moving(uneven(5000), |t| 0.05 * (omega * t).sin());
     let acceleration = local_acceleration(&recording, 20e-3);
     let amplitude = 0.05 * omega * omega;
-    for k in 20..recording.len() - 20 {
+    for (k, found) in acceleration.iter().enumerate().skip(20).take(recording.len() - 40) {
         let expected = -amplitude * (omega * recording.time[k]).sin();
-        assert!((acceleration[k] - expected).abs() < 0.01 * amplitude, "{k}");
+        assert!((found - expected).abs() < 0.01 * amplitude, "{k}");
     }
 }
 

@@ -9,6 +9,12 @@ pub(crate) struct Line {
     digits: zmij::Buffer,
 }
 
+/// Where the decimal point goes: sign and ten digits before it.
+const POINT: usize = 12;
+
+/// Bytes copied of a short decimal, at least its longest form.
+const WIDTH: usize = 24;
+
 impl Line {
     /// Bytes collected before they are handed on.
     const PIECE: usize = 1 << 16;
@@ -31,28 +37,31 @@ impl Line {
         if !exact || (units == 0 && value.is_sign_negative()) {
             return false;
         }
-        let mut digits = [b'0'; 24];
-        let mut rest = units.unsigned_abs();
-        let mut at = digits.len();
-        // Six decimals, the point, and at least one digit before it.
-        for place in 0.. {
-            if place > 6 && rest == 0 {
-                break;
-            }
+        let size = units.unsigned_abs();
+        // The digits end at `POINT + 7`; what follows lets the copy below have a fixed length.
+        let mut digits = [b'0'; POINT + 7 + WIDTH];
+        digits[POINT] = b'.';
+        let mut decimals = (size % 1_000_000) as u32;
+        for digit in digits[POINT + 1..POINT + 7].iter_mut().rev() {
+            *digit = b'0' + (decimals % 10) as u8;
+            decimals /= 10;
+        }
+        let mut whole = size / 1_000_000;
+        let mut at = POINT - 1;
+        digits[at] = b'0' + (whole % 10) as u8;
+        while whole > 9 {
+            whole /= 10;
             at -= 1;
-            if place == 6 {
-                digits[at] = b'.';
-                at -= 1;
-            }
-            digits[at] = b'0' + (rest % 10) as u8;
-            rest /= 10;
+            digits[at] = b'0' + (whole % 10) as u8;
         }
         if units < 0 {
             at -= 1;
             digits[at] = b'-';
         }
-        let zeros = digits.iter().rev().take_while(|&&digit| digit == b'0').count().min(5);
-        self.bytes.extend_from_slice(&digits[at..digits.len() - zeros]);
+        let zeros = digits[..POINT + 7].iter().rev().take_while(|&&digit| digit == b'0').count().min(5);
+        let length = self.bytes.len() + POINT + 7 - zeros - at;
+        self.bytes.extend_from_slice(digits[at..].first_chunk::<WIDTH>().unwrap_or(&[b'0'; WIDTH]));
+        self.bytes.truncate(length);
         true
     }
 

@@ -179,7 +179,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
     if metadata.is_dir() {
         return Err(open(std::io::ErrorKind::IsADirectory.into()));
     }
-    read_from(&file, input, metadata.is_file().then(|| metadata.len()), options)
+    read_from(&file, input, metadata.is_file().then_some(metadata.len()), options)
 }
 
 fn read_from(

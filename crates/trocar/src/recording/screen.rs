@@ -281,9 +281,8 @@ fn resolution(values: &[f64]) -> f64 {
     let whole: Vec<i64> = looked_at.iter().map(|x| (x * scale).round() as i64).collect();
     let mut divisors: Vec<u64> = whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
     divisors.sort_unstable();
-    let mut runs = divisors.chunk_by(|a, b| a == b);
     let mut commonest: Option<&[u64]> = None;
-    while let Some(run) = runs.next() {
+    for run in divisors.chunk_by(|a, b| a == b) {
         if commonest.is_none_or(|best| run.len() > best.len()) {
             commonest = Some(run);
         }
