@@ -92,7 +92,7 @@ pub enum RecordingError {
         /// A name that would have been understood.
         expected: &'static str,
         /// A `--columns` value with the right number of entries.
-        example: String,
+        example: Box<str>,
     },
     /// Several columns could be the same quantity.
     #[error(
@@ -106,11 +106,11 @@ pub enum RecordingError {
         /// The quantity concerned.
         quantity: &'static str,
         /// One candidate.
-        first: String,
+        first: Box<str>,
         /// Another candidate.
-        second: String,
+        second: Box<str>,
         /// A `--columns` value with the right number of entries.
-        example: String,
+        example: Box<str>,
     },
     /// A column is named, but not its unit.
     #[error(
@@ -122,15 +122,15 @@ pub enum RecordingError {
         /// Line of the header.
         line: u64,
         /// Name of the column.
-        column: String,
+        column: Box<str>,
         /// The quantity it was taken for.
         quantity: &'static str,
         /// Units understood.
-        expected: String,
+        expected: Box<str>,
         /// The SI unit, as written in names.
         unit: &'static str,
         /// A `--columns` value with the right number of entries.
-        example: String,
+        example: Box<str>,
     },
     /// The `--columns` mapping itself is wrong.
     #[error(

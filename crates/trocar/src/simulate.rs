@@ -108,24 +108,20 @@ pub fn simulate(
     output: &mut AtomicFile,
     mut progress: impl FnMut(u64),
 ) -> Result<u64, SimulateError> {
-    let mut rows = RowReader::open(file, input, columns, &[Quantity::Time, Quantity::Position], false)?;
+    let mut rows = Positions::open(file, input, columns)?;
     let mut line = Line::default();
     let outcome = output.write_all(HEADER);
     outcome.map_err(|source| output.write_error(source))?;
-    let mut motion = Motion::new(file);
     let mut count = 0;
-    while let Some(row) = rows.next_row()? {
-        let force = match motion.advance(row)? {
-            Some((displacement, duration)) => drive.step(displacement, duration),
-            None => drive.force(),
-        };
-        line.number(motion.time).number(motion.position).number(force).number(drive.deflection());
+    while let Some(step) = rows.advance()? {
+        let force = if step.duration > 0.0 { drive.step(step.displacement, step.duration) } else { drive.force() };
+        line.number(step.time).number(step.position).number(force).number(drive.deflection());
         line.word(word(drive.mode()));
         let outcome = line.finish(output);
         outcome.map_err(|source| output.write_error(source))?;
         count += 1;
         if count % REPORT_EVERY == 0 {
-            progress(rows.bytes_read());
+            progress(rows.rows.bytes_read());
         }
     }
     let outcome = line.flush(output);
@@ -140,9 +136,23 @@ fn word(mode: Mode) -> &'static str {
     }
 }
 
-/// The motion so far, and what makes a row unfit to follow it.
-struct Motion<'a> {
-    file: &'a str,
+/// One row of a motion and the way to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// Time, s.
+    pub time: f64,
+    /// Position, m.
+    pub position: f64,
+    /// Displacement since the row above, m; 0 on the first row.
+    pub displacement: f64,
+    /// Time since the row above, s; 0 on the first row and where a row is repeated.
+    pub duration: f64,
+}
+
+/// Reads a motion row by row and refuses a row that cannot follow the one above.
+pub struct Positions<R> {
+    file: String,
+    rows: RowReader<R>,
     started: bool,
     time: f64,
     position: f64,
@@ -150,35 +160,42 @@ struct Motion<'a> {
     highest: f64,
 }
 
-impl<'a> Motion<'a> {
-    fn new(file: &'a str) -> Self {
+impl<R: Read> Positions<R> {
+    /// Reads up to the first row; `file` names the stream in messages, `columns` is for files without a header.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when there is no such row or the columns are unclear.
+    pub fn open(file: &str, input: R, columns: Option<&str>) -> Result<Self, RecordingError> {
+        let rows = RowReader::open(file, input, columns, &[Quantity::Time, Quantity::Position], false)?;
         let (lowest, highest) = (f64::INFINITY, f64::NEG_INFINITY);
-        Self { file, started: false, time: 0.0, position: 0.0, lowest, highest }
+        Ok(Self { file: file.to_owned(), rows, started: false, time: 0.0, position: 0.0, lowest, highest })
     }
 
-    /// Displacement and duration up to this row; `None` on the first row and where one is repeated.
-    #[inline]
-    fn advance(&mut self, row: Row) -> Result<Option<(f64, f64)>, RecordingError> {
+    /// The next row, or `None` at the end.
+    ///
+    /// # Errors
+    /// [`RecordingError`] with the line of a row that cannot be followed.
+    pub fn advance(&mut self) -> Result<Option<Step>, RecordingError> {
+        let Some(row) = self.rows.next_row()? else { return Ok(None) };
         let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
-        let (duration, displacement) = (time - self.time, position - self.position);
-        let repeated = duration == 0.0 && displacement == 0.0;
-        let usable = time.is_finite() && position.is_finite() && (duration > 0.0 || repeated);
-        if !usable && (self.started || !(time.is_finite() && position.is_finite())) {
-            return Err(self.unfit(row));
+        let (mut duration, mut displacement) = (time - self.time, position - self.position);
+        if !std::mem::replace(&mut self.started, true) {
+            (duration, displacement) = (0.0, 0.0);
         }
         self.lowest = self.lowest.min(position);
         self.highest = self.highest.max(position);
-        if self.highest - self.lowest > LONGEST_STROKE {
+        let finite = time.is_finite() && position.is_finite();
+        let follows = duration > 0.0 || (duration == 0.0 && displacement == 0.0);
+        if !(finite && follows && self.highest - self.lowest <= LONGEST_STROKE) {
             return Err(self.unfit(row));
         }
         (self.time, self.position) = (time, position);
-        let first = !std::mem::replace(&mut self.started, true);
-        Ok((!first && !repeated).then_some((displacement, duration)))
+        Ok(Some(Step { time, position, displacement, duration }))
     }
 
     #[cold]
     fn unfit(&self, row: Row) -> RecordingError {
-        let (file, line) = (self.file.to_owned(), row.line);
+        let (file, line) = (self.file.clone(), row.line);
         let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
         for (quantity, value) in [("time", time), ("position", position)] {
             if !value.is_finite() {

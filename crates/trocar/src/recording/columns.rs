@@ -257,11 +257,11 @@ impl Header<'_> {
         let per_si = per_si.ok_or_else(|| RecordingError::MissingUnit {
             file: self.file.to_owned(),
             line: self.line,
-            column: self.names[index].clone(),
+            column: self.names[index].as_str().into(),
             quantity: quantity.name(),
-            expected: unit_list(quantity),
+            expected: unit_list(quantity).into(),
             unit: quantity.units()[0].0,
-            example: example_mapping(self.names.len()),
+            example: example_mapping(self.names.len()).into(),
         })?;
         Ok((index, Slot { quantity, per_si }))
     }
@@ -273,7 +273,7 @@ impl Header<'_> {
             quantity: quantity.name(),
             found: self.names.join(", "),
             expected: quantity.example(),
-            example: example_mapping(self.names.len()),
+            example: example_mapping(self.names.len()).into(),
         }
     }
 
@@ -282,9 +282,9 @@ impl Header<'_> {
             file: self.file.to_owned(),
             line: self.line,
             quantity: quantity.name(),
-            first: self.names[first].clone(),
-            second: self.names[second].clone(),
-            example: example_mapping(self.names.len()),
+            first: self.names[first].as_str().into(),
+            second: self.names[second].as_str().into(),
+            example: example_mapping(self.names.len()).into(),
         }
     }
 }

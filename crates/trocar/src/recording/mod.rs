@@ -18,7 +18,7 @@ use screen::{Columns, Lines};
 
 pub use crate::error::RecordingError;
 pub use motion::{local_acceleration, local_velocity};
-pub use quality::{Dropped, Gap, Quality, Reset, Saturation, Warning, WarningKind};
+pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 
 pub(crate) mod columns;
 mod format;
@@ -179,7 +179,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
     if metadata.is_dir() {
         return Err(open(std::io::ErrorKind::IsADirectory.into()));
     }
-    read_from(&file, input, metadata.is_file().then(|| metadata.len()), options)
+    read_from(&file, input, metadata.is_file().then_some(metadata.len()), options)
 }
 
 fn read_from(
@@ -226,7 +226,7 @@ fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Resu
 /// Rows becoming columns.
 struct Collector {
     columns: Columns,
-    non_finite: Dropped,
+    non_finite: RowList,
 }
 
 impl Collector {
@@ -239,7 +239,7 @@ impl Collector {
             velocity: has_velocity.then(column),
             lines: Lines::default(),
         };
-        Self { columns, non_finite: Dropped::default() }
+        Self { columns, non_finite: RowList::default() }
     }
 
     fn add(&mut self, row: Row) {

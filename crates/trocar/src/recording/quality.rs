@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-/// Rows that were left out.
+/// Rows with a fault in common.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct Dropped {
+pub struct RowList {
     /// How many.
     pub count: usize,
     /// Lines of the first ones (samples, counted from 0, when there is no file).
@@ -14,7 +14,7 @@ pub struct Dropped {
 /// Lines listed of dropped rows.
 const LISTED: usize = 20;
 
-impl Dropped {
+impl RowList {
     pub(super) fn add(&mut self, line: u64) {
         self.count += 1;
         if self.lines.len() < LISTED {
@@ -85,6 +85,8 @@ pub enum WarningKind {
     UnorderedRows,
     /// Rows with an empty, NaN or infinite cell.
     NonFiniteRows,
+    /// Rows that hold an old position in the middle of motion.
+    HeldRows,
     /// Force stuck at the end of the sensor's range.
     Saturation,
     /// Position jumps.
@@ -125,11 +127,13 @@ pub struct Quality {
     /// Times without samples.
     pub gaps: Vec<Gap>,
     /// Rows equal to the one before, or with the same time; left out.
-    pub repeated_rows: Dropped,
+    pub repeated_rows: RowList,
     /// Rows whose time lies less than one interval before the row above; left out.
-    pub unordered_rows: Dropped,
+    pub unordered_rows: RowList,
     /// Rows with an empty, NaN or infinite cell; left out.
-    pub non_finite_rows: Dropped,
+    pub non_finite_rows: RowList,
+    /// Rows that hold an old position in the middle of motion, as when the logger stalled; left as they are.
+    pub held_rows: RowList,
     /// Force stuck at the end of the sensor's range, at most one entry per end.
     pub saturated: Vec<Saturation>,
     /// Position jumps.
@@ -154,4 +158,11 @@ pub struct Quality {
     pub warnings: Vec<Warning>,
     /// What was assumed, such as which columns were taken.
     pub notes: Vec<String>,
+}
+
+impl std::fmt::Display for Warning {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)?;
+        self.hint.iter().try_for_each(|hint| write!(f, "\n\nhint: {hint}"))
+    }
 }

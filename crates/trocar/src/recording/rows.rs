@@ -205,11 +205,11 @@ impl<R: Read> RowReader<R> {
         }
         // Some tools write the names as the last comment above the numbers.
         let commented = comment.map(|(line, text)| (line, self.cells(&text)));
-        if let Some((line, names)) = commented.filter(|(_, cells)| cells.len() == names.len()) {
-            if let Ok(layout) = Layout::from_header(&self.file, line, names, needed) {
-                self.layout = layout;
-                return Ok(());
-            }
+        if let Some((line, names)) = commented.filter(|(_, cells)| cells.len() == names.len())
+            && let Ok(layout) = Layout::from_header(&self.file, line, names, needed)
+        {
+            self.layout = layout;
+            return Ok(());
         }
         Err(RecordingError::NoHeader {
             file: self.file.clone(),

@@ -1,6 +1,8 @@
 //! Looks a recording over: drops what cannot be used, refuses what has no meaning, and writes down the rest.
 
-use super::quality::{Dropped, Gap, Quality, Reset, Saturation, Warning, WarningKind};
+use std::ops::Range;
+
+use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 use super::{LONGEST_STROKE, MIN_SAMPLES, Place, RecordingError};
 
 /// Stroke in m below which the unit is doubtful: less than the seal of any trocar deforms.
@@ -23,6 +25,12 @@ const JUMP_OVER_NOISE: f64 = 20.0;
 
 /// Samples on each side that a jump is compared with.
 const JUMP_NEIGHBOURS: usize = 4;
+
+/// Over a stall and the step that ends it, the mean speed differs from that around by at most this factor.
+const STALL_FACTOR: f64 = 3.0;
+
+/// Samples on each side over which that mean speed is taken.
+const STALL_NEIGHBOURS: usize = 25;
 
 /// Identical extreme readings in a row that noise does not produce.
 const SATURATED_RUN: usize = 5;
@@ -82,7 +90,7 @@ impl Lines {
 pub(super) fn screen(
     file: &str,
     mut columns: Columns,
-    non_finite_rows: Dropped,
+    non_finite_rows: RowList,
     sensor_limit: Option<f64>,
 ) -> Result<(Columns, Quality), RecordingError> {
     let mut quality = Quality { non_finite_rows, ..Quality::default() };
@@ -95,7 +103,7 @@ pub(super) fn screen(
         let (file, stroke) = (file.to_owned(), quality.stroke);
         return Err(RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE });
     }
-    find_resets(&columns, &mut quality);
+    find_jumps(&columns, &mut quality);
     find_saturation(&columns, &mut quality, sensor_limit);
     quality.force_opposes_motion = force_opposes_motion(&columns);
     quality.breaks = quality.gaps.iter().map(|gap| gap.index).collect();
@@ -273,9 +281,8 @@ fn resolution(values: &[f64]) -> f64 {
     let whole: Vec<i64> = looked_at.iter().map(|x| (x * scale).round() as i64).collect();
     let mut divisors: Vec<u64> = whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
     divisors.sort_unstable();
-    let mut runs = divisors.chunk_by(|a, b| a == b);
     let mut commonest: Option<&[u64]> = None;
-    while let Some(run) = runs.next() {
+    for run in divisors.chunk_by(|a, b| a == b) {
         if commonest.is_none_or(|best| run.len() > best.len()) {
             commonest = Some(run);
         }
@@ -294,29 +301,67 @@ fn gcd(mut a: u64, mut b: u64) -> u64 {
     a
 }
 
-/// Steps of the position that are far faster than the motion before and after.
-fn find_resets(columns: &Columns, quality: &mut Quality) {
-    let (time, position) = (&columns.time, &columns.position);
+/// Steps of the position that are far faster than the motion before and after: resets, or the end of a stall.
+fn find_jumps(columns: &Columns, quality: &mut Quality) {
+    let path = Path { time: &columns.time, position: &columns.position };
     let noise = quality.position_noise.max(quality.position_resolution);
-    let speed = |k: usize| ((position[k] - position[k - 1]) / (time[k] - time[k - 1])).abs();
-    let typical = |range: std::ops::Range<usize>| {
-        let mut speeds = [0.0; JUMP_NEIGHBOURS];
-        let count = range.len();
-        speeds.iter_mut().zip(range).for_each(|(slot, k)| *slot = speed(k));
-        speeds[..count].sort_unstable_by(f64::total_cmp);
-        if count == 0 { 0.0 } else { speeds[count / 2] }
-    };
     let least = JUMP_OVER_NOISE * noise + 1e-9 * quality.stroke;
-    for k in 1..time.len() {
-        let jump = position[k] - position[k - 1];
+    for k in 1..path.time.len() {
+        let jump = path.position[k] - path.position[k - 1];
         if jump.abs() <= least {
             continue;
         }
-        let before = typical(k.saturating_sub(JUMP_NEIGHBOURS).max(1)..k);
-        let after = typical(k + 1..(k + 1 + JUMP_NEIGHBOURS).min(time.len()));
-        if speed(k) > JUMP_FACTOR * before.max(after) {
+        let stalled = path.stalled_before(k);
+        // A single equal position is chance where noise is a few steps of the resolution.
+        if k - stalled > 2 && path.catches_up(stalled, k) {
+            (stalled + 1..k).for_each(|j| quality.held_rows.add(columns.lines.of(j)));
+        } else if path.speed(k - 1, k) > JUMP_FACTOR * path.typical_speed_around(k) {
             quality.resets.push(Reset { index: k, line: columns.lines.of(k), jump });
         }
+    }
+}
+
+/// Speeds along the positions.
+struct Path<'a> {
+    time: &'a [f64],
+    position: &'a [f64],
+}
+
+impl Path<'_> {
+    /// Mean speed between two samples, m/s.
+    fn speed(&self, from: usize, to: usize) -> f64 {
+        ((self.position[to] - self.position[from]) / (self.time[to] - self.time[from])).abs()
+    }
+
+    /// Larger of the median speeds in the few samples before and after the step to `k`.
+    fn typical_speed_around(&self, k: usize) -> f64 {
+        let typical = |range: Range<usize>| {
+            let mut speeds = [0.0; JUMP_NEIGHBOURS];
+            let count = range.len();
+            speeds.iter_mut().zip(range).for_each(|(slot, j)| *slot = self.speed(j - 1, j));
+            speeds[..count].sort_unstable_by(f64::total_cmp);
+            if count == 0 { 0.0 } else { speeds[count / 2] }
+        };
+        let before = typical(k.saturating_sub(JUMP_NEIGHBOURS).max(1)..k);
+        before.max(typical(k + 1..(k + 1 + JUMP_NEIGHBOURS).min(self.time.len())))
+    }
+
+    /// The first of the samples before `k` that all carry the position of sample `k - 1`.
+    fn stalled_before(&self, k: usize) -> usize {
+        let position = self.position[k - 1];
+        k - self.position[..k].iter().rev().take_while(|&&x| x == position).count()
+    }
+
+    /// Whether the way from `from` to `to` as a whole has about the mean speed of the motion before or after it.
+    fn catches_up(&self, from: usize, to: usize) -> bool {
+        let first = from.saturating_sub(STALL_NEIGHBOURS);
+        let last = (to + STALL_NEIGHBOURS).min(self.time.len() - 1);
+        if first == from || to == last {
+            return false;
+        }
+        let (before, after) = (self.speed(first, from), self.speed(to, last));
+        let usual = before.min(after) / STALL_FACTOR..=before.max(after) * STALL_FACTOR;
+        before.min(after) > 0.0 && usual.contains(&self.speed(from, to))
     }
 }
 
@@ -395,26 +440,23 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
         (WarningKind::NonFiniteRows, &quality.non_finite_rows, "with an empty, NaN or infinite cell left out"),
         (WarningKind::RepeatedRows, &quality.repeated_rows, "with the time of the row above left out"),
         (WarningKind::UnorderedRows, &quality.unordered_rows, "out of order left out"),
+        (WarningKind::HeldRows, &quality.held_rows, "hold an old position in the middle of motion, kept as they are"),
     ] {
         if rows.count > 0 {
-            warn(kind, format!("{} rows {what}: {}", rows.count, rows.places(unit)), None);
+            warn(kind, format!("{} {what}: {}", counted(rows.count, "row"), rows.places(unit)), None);
         }
     }
     if let Some(gap) = quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from))) {
-        let (count, length, line) = (quality.gaps.len(), gap.to - gap.from, gap.line);
-        warn(
-            WarningKind::Gaps,
-            format!("{count} gaps in time, the longest of {length:.3} s before {unit} {line}"),
-            None,
-        );
+        let (count, length, line) = (counted(quality.gaps.len(), "gap"), gap.to - gap.from, gap.line);
+        warn(WarningKind::Gaps, format!("{count} in time, the longest of {length:.3} s before {unit} {line}"), None);
     }
     if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
         let (jitter, interval) = (quality.jitter * 1e3, quality.median_interval * 1e3);
         warn(WarningKind::Jitter, format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"), None);
     }
     if let Some(reset) = quality.resets.first() {
-        let (count, jump, line) = (quality.resets.len(), reset.jump * 1e3, reset.line);
-        warn(WarningKind::Resets, format!("{count} position jumps, the first of {jump:.3} mm at {unit} {line}"), None);
+        let (count, jump, line) = (counted(quality.resets.len(), "position jump"), reset.jump * 1e3, reset.line);
+        warn(WarningKind::Resets, format!("{count}, the first of {jump:.3} mm at {unit} {line}"), None);
     }
     for end in &quality.saturated {
         let (count, level, line) = (end.count, end.level, end.first_line);
@@ -439,4 +481,9 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
         );
     }
     warnings
+}
+
+/// `1 gap`, `3 gaps`.
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }

@@ -1,0 +1,128 @@
+//! What a replay spends its time on: `cargo run --release -p trocar --example simulate_speed`.
+//!
+//! One core, two million rows of text in memory, output to the null device. Time is what the processor spent on it
+//! where the system tells (Linux), so other work on the machine does not count.
+
+use std::fmt::Write as _;
+use std::hint::black_box;
+use std::time::Instant;
+
+use trocar::output::AtomicFile;
+use trocar::recording::{ReadOptions, read};
+use trocar::simulate::{Drive, Positions, simulate};
+use trocar_model::{Element, ElementParams, Mode, Parallel};
+
+const ROWS: u32 = 2_000_000;
+
+/// Costs nothing, so that only reading and printing remain. The force repeats the digits of a real one.
+struct Nothing(f64);
+
+impl Drive for Nothing {
+    fn step(&mut self, displacement: f64, _duration: f64) -> f64 {
+        self.0 = (self.0 + displacement * 997.0).rem_euclid(3.0);
+        self.0
+    }
+
+    fn force(&self) -> f64 {
+        self.0
+    }
+
+    fn deflection(&self) -> f64 {
+        self.0 * 1e-3
+    }
+
+    fn mode(&self) -> Mode {
+        Mode::Deforming
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let text = motion();
+    let element = Element::new(ElementParams::plausible_10_5_mm()?)?;
+    let parse = rate(|| {
+        let mut positions = Positions::open("made", text.as_bytes(), None)?;
+        while let Some(step) = positions.advance()? {
+            black_box(step);
+        }
+        Ok(())
+    })?;
+    let mut steps = Vec::new();
+    let mut positions = Positions::open("made", text.as_bytes(), None)?;
+    while let Some(step) = positions.advance()? {
+        steps.push(step);
+    }
+    let model = rate(|| {
+        let mut states = [element.rest_state(0.0)];
+        let elements = [element];
+        let mut drive = Parallel::new(&elements, &mut states).ok_or("one state per element")?;
+        for step in &steps[1..] {
+            black_box(drive.step(step.displacement, step.duration));
+        }
+        Ok(())
+    })?;
+    let text_only = rate(|| replay(&text, &mut Nothing(0.0)))?;
+    let all = rate(|| {
+        let mut states = [element.rest_state(0.0)];
+        let elements = [element];
+        replay(&text, &mut Parallel::new(&elements, &mut states).ok_or("one state per element")?)
+    })?;
+    println!("parsing alone           {parse:6.2} million rows/s");
+    println!("model alone             {model:6.2} million rows/s");
+    println!("parsing and printing    {text_only:6.2} million rows/s");
+    println!("everything              {all:6.2} million rows/s");
+    whole_recording(&text)
+}
+
+/// Reading into memory with hash and quality, as `identify` does it, from a file with three columns.
+fn whole_recording(text: &str) -> Result<(), Box<dyn std::error::Error>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("motion.csv");
+    let mut columns = String::from("time_s,position_m,force_n\n");
+    for (k, line) in text.lines().skip(1).enumerate() {
+        writeln!(columns, "{line},{:.4}", (k as f64 * 0.37).sin())?;
+    }
+    std::fs::write(&path, columns)?;
+    let read = rate(|| {
+        black_box(read(&path, &ReadOptions::default())?);
+        Ok(())
+    })?;
+    println!("reading a recording     {read:6.2} million rows/s");
+    Ok(())
+}
+
+fn replay(text: &str, drive: &mut impl Drive) -> Result<(), Box<dyn std::error::Error>> {
+    let mut output = AtomicFile::create("/dev/null")?;
+    simulate("made", text.as_bytes(), None, drive, &mut output, |_| ())?;
+    Ok(())
+}
+
+/// Millions of rows per second, the best of three.
+fn rate(mut run: impl FnMut() -> Result<(), Box<dyn std::error::Error>>) -> Result<f64, Box<dyn std::error::Error>> {
+    let mut best: f64 = 0.0;
+    for _ in 0..3 {
+        let start = Instant::now();
+        let before = processor_seconds();
+        run()?;
+        let spent = processor_seconds().zip(before).map(|(after, before)| after - before);
+        best = best.max(f64::from(ROWS) / spent.unwrap_or_else(|| start.elapsed().as_secs_f64()) / 1e6);
+    }
+    Ok(best)
+}
+
+/// Processor time of the main thread so far.
+fn processor_seconds() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/schedstat").ok()?;
+    text.split_whitespace().next()?.parse::<f64>().ok().map(|nanoseconds| nanoseconds * 1e-9)
+}
+
+/// Strokes of 40 mm at 1 kHz through a 4 um encoder.
+fn motion() -> String {
+    let mut text = String::from("time_s,position_m\n");
+    for k in 0..ROWS {
+        let t = f64::from(k) * 1e-3;
+        let position = 0.02 * (1.0 - (3.0 * t).cos());
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{t:.3},{:.6}", (position / 4e-6).round() * 4e-6);
+    }
+    text
+}
