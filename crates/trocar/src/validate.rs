@@ -115,12 +115,9 @@ struct Sums {
 
 impl Sums {
     fn of(readings: impl Iterator<Item = (f64, f64)>) -> Self {
-        readings.fold(Self::default(), |s, (error, force)| s.plus(Self {
-            n: 1.0,
-            squares: error * error,
-            force,
-            force_squares: force * force,
-        }))
+        readings.fold(Self::default(), |s, (error, force)| {
+            s.plus(Self { n: 1.0, squares: error * error, force, force_squares: force * force })
+        })
     }
 
     fn plus(self, other: Self) -> Self {
@@ -161,7 +158,8 @@ fn validate_one(elements: &[Element], recording: &Recording, offset: f64) -> (Re
     let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
     let scored = if known.is_empty() {
         warnings.push(
-            "the motion never makes the seal slide all round: the unknown initial deflection stays in the figures".to_owned(),
+            "the motion never makes the seal slide all round: the unknown initial deflection stays in the figures"
+                .to_owned(),
         );
         (0..recording.len()).collect()
     } else {
@@ -245,7 +243,8 @@ fn whiteness(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<W
     }
     let own = autocovariance(&decimated, 0);
     let statistic: f64 =
-        (1..=LAGS).map(|k| (autocovariance(&decimated, k) / own).powi(2) / (m - k) as f64).sum::<f64>() * (m * (m + 2)) as f64;
+        (1..=LAGS).map(|k| (autocovariance(&decimated, k) / own).powi(2) / (m - k) as f64).sum::<f64>()
+            * (m * (m + 2)) as f64;
     let law = ChiSquared::new(LAGS as f64).ok()?;
     Some(Whiteness {
         correlation_time_s: lag as f64 * recording.quality.median_interval,

@@ -113,7 +113,7 @@ impl Layout {
         let width = candidate.half_width;
         on(&mut candidate.half_width, 1e-4 * width, 0.3 * width, 3.0 * width);
         for shape in [&mut candidate.rising, &mut candidate.falling] {
-            on(&mut shape.join, 1e-3, -0.85, 0.85);
+            on(&mut shape.join, 1e-3, -BranchShape::JOIN_RANGE, BranchShape::JOIN_RANGE);
             on(&mut shape.join_force, force, -free, free);
             for value in shape.left.iter_mut().chain(&mut shape.right) {
                 on(value, force, -free, free);
@@ -133,10 +133,19 @@ impl Layout {
 
     /// The candidate with its free numbers replaced, each held within its range.
     pub(super) fn with(self, candidate: &Candidate, values: &[f64]) -> Candidate {
+        self.replaced(candidate, values, |value, low, high| value.clamp(low, high))
+    }
+
+    /// The candidate with its free numbers replaced, wherever they fall: for the spread of an estimate, not for a model.
+    pub(super) fn with_any(self, candidate: &Candidate, values: &[f64]) -> Candidate {
+        self.replaced(candidate, values, |value, _, _| value)
+    }
+
+    fn replaced(self, candidate: &Candidate, values: &[f64], held: impl Fn(f64, f64, f64) -> f64) -> Candidate {
         let mut replaced = candidate.clone();
         let mut values = values.iter();
         self.visit(&mut replaced, |value, _, low, high| {
-            *value = values.next().expect("one value for each free number").clamp(low, high);
+            *value = held(*values.next().expect("one value for each free number"), low, high);
         });
         replaced
     }

@@ -44,6 +44,10 @@ enum Replicates {
 impl Replicates {
     fn estimate(&self, best: &Candidate, unit: &'static str, of: &dyn Fn(&Candidate) -> f64) -> Estimate {
         let value = of(best);
+        let (Self::Jackknife(all) | Self::Bootstrap(all)) = self;
+        if all.iter().all(|c| of(c) == value) {
+            return Estimate::not_pinned(value, unit, "the readings do not depend on it");
+        }
         match self {
             Self::Jackknife(left_out) => {
                 let g = left_out.len() as f64;
@@ -77,7 +81,7 @@ pub(super) fn conclude(
     };
     progress("refining", 0.3);
     let outcome = match (&two.deformation, options.refine) {
-        (Ok(_), true) => refined(&two, &mut layout)?,
+        (Ok(_), true) if sampling_resolves(&two) => refined(&two, &mut layout)?,
         _ => None,
     };
     progress("intervals", 0.7);
@@ -104,6 +108,12 @@ pub(super) fn conclude(
         residual_rms,
         warnings,
     })
+}
+
+/// Whether a sample at the fastest speed moves less than half the half width: else there is nothing to simulate.
+fn sampling_resolves(two: &TwoSteps) -> bool {
+    let interval = two.recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
+    two.candidate.half_width > 2.0 * interval * two.steady.speed_range_m_s[1]
 }
 
 struct Outcome {
@@ -238,9 +248,7 @@ fn two_step_parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Paramet
                 all.push(named("seal_damping_n_s_m", test.seal_damping_n_s_m.clone()));
             }
             let replicates = two_step_replicates(two, found, options);
-            for (name, unit, of) in branch_quantities(&two.candidate) {
-                all.push(named(name, replicates.estimate(&two.candidate, unit, &of)));
-            }
+            all.extend(branch_parameters(&two.candidate, &replicates));
         }
         Err(why) => {
             all.push(named("half_width_m", Estimate::not_pinned(two.candidate.half_width, "m", why.clone())));
@@ -254,7 +262,8 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
     let pins = two.candidate.pins();
     let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
         let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
-        let curves: Vec<&[f64]> = (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
+        let curves: Vec<&[f64]> =
+            (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
         BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
     let [up, down] = [Direction::Positive, Direction::Negative].map(|d| curves_of(&found.traverses, d).len());
@@ -317,10 +326,22 @@ fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options
         0 => jackknife,
         n => Replicates::Bootstrap(refined.bootstrap(layout, n, options.seed)),
     };
-    for (name, unit, of) in branch_quantities(best) {
-        all.push(named(name, replicates.estimate(best, unit, &of)));
-    }
+    all.extend(branch_parameters(best, &replicates));
     all
+}
+
+/// Join and coefficients of both branches; a join at the end of its range is not pinned, whatever its replicates say.
+fn branch_parameters(best: &Candidate, replicates: &Replicates) -> Vec<Parameter> {
+    let parameter = |(name, unit, of): (String, &'static str, Box<dyn Fn(&Candidate) -> f64>)| {
+        let shape = if name.starts_with("rising") { &best.rising } else { &best.falling };
+        let estimate = if name.ends_with("join_m") && shape.join_at_bound() {
+            Estimate::not_pinned(of(best), unit, "no best join inside the range searched")
+        } else {
+            replicates.estimate(best, unit, &of)
+        };
+        named(name, estimate)
+    };
+    branch_quantities(best).into_iter().map(parameter).collect()
 }
 
 fn warnings(
@@ -338,7 +359,9 @@ fn warnings(
             say(&recording.name, warning.message.clone(), true);
         }
     }
-    for p in parameters.iter().filter(|p| !p.estimate.pinned) {
+    // One line for the coefficients of a polynomial, not one each.
+    let worth_a_line = |p: &&Parameter| !p.estimate.pinned && !p.name.contains("theta");
+    for p in parameters.iter().filter(worth_a_line) {
         let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");
         say(&p.name, format!("not pinned: {why}"), true);
     }
@@ -355,7 +378,8 @@ fn warnings(
     }
     if model.hidden_mass > 0.0 {
         let message = format!(
-            "the readings hold the inertia of about {:.3} kg that was not declared; declare it with --moving-mass-kg",
+            "the readings follow the acceleration, as from an inertia of {:.3} kg that was not declared; if there is such a mass \
+             between sensor and seal, declare it with --moving-mass-kg",
             model.hidden_mass
         );
         say("hidden_mass_kg", message, false);

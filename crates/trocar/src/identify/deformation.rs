@@ -27,6 +27,8 @@ const FEWEST_SAMPLES: usize = 5;
 const FEWEST_TRAVERSES: usize = 3;
 /// Largest relative spread of c over traverses for which a deformation is called resolved.
 const LARGEST_SPREAD: f64 = 0.45;
+/// Largest scatter of the force between traverses, as a part of the swing between the limits.
+const LARGEST_SCATTER: f64 = 0.15;
 /// Deflections, as z/c, at which the influence of the velocity is tested (figure 7 uses one).
 const LEVELS: [f64; 7] = [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75];
 /// A damping force below this, N, at the fastest deformation is no influence in practice (equivalence bound).
@@ -72,12 +74,27 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Drops traverses whose travel lies far off the others': a switching instant taken from a disturbance.
-fn without_outliers(traverses: Vec<Traverse>) -> Vec<Traverse> {
-    let middle = median(traverses.iter().map(|t| t.half_travel).collect());
-    let spread = 1.4826 * median(traverses.iter().map(|t| (t.half_travel - middle).abs()).collect());
-    let limit = (5.0 * spread).max(0.05 * middle);
-    traverses.into_iter().filter(|t| (t.half_travel - middle).abs() <= limit).collect()
+/// Drops traverses whose travel lies far off the others' of their direction: a switch taken from a disturbance.
+fn without_outliers(mut traverses: Vec<Traverse>) -> Vec<Traverse> {
+    for direction in [Direction::Positive, Direction::Negative] {
+        let own = || traverses.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
+        let middle = median(own().collect());
+        let spread = 1.4826 * median(own().map(|c| (c - middle).abs()).collect());
+        let limit = (5.0 * spread).max(0.05 * middle);
+        traverses.retain(|t| t.direction != direction || (t.half_travel - middle).abs() <= limit);
+    }
+    traverses
+}
+
+/// Standard deviation, m, of the half travel about its direction's mean.
+fn spread_of(traverses: &[Traverse]) -> f64 {
+    let mut squares = 0.0;
+    for direction in [Direction::Positive, Direction::Negative] {
+        let own: Vec<f64> = traverses.iter().filter(|t| t.direction == direction).map(|t| t.half_travel).collect();
+        let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
+        squares += own.iter().map(|c| (c - mean).powi(2)).sum::<f64>();
+    }
+    (squares / (traverses.len() as f64 - 2.0).max(1.0)).sqrt()
 }
 
 /// One full turn-over of the seal.
@@ -252,7 +269,12 @@ fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
 ///
 /// # Errors
 /// A sentence that says why the recordings do not resolve a deformation.
-pub(super) fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2], lsb: f64) -> Result<DeformationFit, String> {
+pub(super) fn fit(
+    traverses: Vec<Traverse>,
+    limits: &Limits,
+    degrees: [usize; 2],
+    lsb: f64,
+) -> Result<DeformationFit, String> {
     let traverses = without_outliers(traverses);
     let count = |d| traverses.iter().filter(|t| t.direction == d).count();
     let (rising, falling) = (count(Direction::Positive), count(Direction::Negative));
@@ -264,7 +286,7 @@ pub(super) fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2]
     }
     let n = traverses.len() as f64;
     let mean = traverses.iter().map(|t| t.half_travel).sum::<f64>() / n;
-    let spread = (traverses.iter().map(|t| (t.half_travel - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    let spread = spread_of(&traverses);
     if spread > LARGEST_SPREAD * mean || mean < 5.0 * lsb {
         return Err(format!(
             "no repeatable deformation: half width {:.4} mm with a spread of {:.4} mm over {n} reversals, position steps of {:.4} mm",
@@ -277,9 +299,17 @@ pub(super) fn fit(traverses: Vec<Traverse>, limits: &Limits, degrees: [usize; 2]
     let (Some(rising), Some(falling)) = (branch(Direction::Positive), branch(Direction::Negative)) else {
         return Err("the deformation force could not be fitted by joined polynomials".to_owned());
     };
+    let scatter = mean_square(&rising.scatter).max(mean_square(&falling.scatter)).sqrt();
+    let swing = limits.positive + limits.negative;
+    if scatter > LARGEST_SCATTER * swing {
+        return Err(format!(
+            "no repeatable deformation: between reversals the force scatters by {scatter:.2} N at equal deflection, of {swing:.2} N from \
+             one sliding limit to the other"
+        ));
+    }
     let damping = damping_test(&traverses, spread, mean);
     Ok(DeformationFit {
-        half_width: Estimate::from_standard_error(mean, spread / n.sqrt(), n - 1.0, "m"),
+        half_width: Estimate::from_standard_error(mean, spread / n.sqrt(), n - 2.0, "m"),
         deflection_error: spread,
         speed_dependence_p_value: speed_dependence(&traverses),
         rising,
@@ -298,6 +328,10 @@ pub(super) fn curves_of(traverses: &[Traverse], direction: Direction) -> Vec<&[f
 pub(super) fn mean_points(curves: &[&[f64]]) -> Vec<(f64, f64)> {
     let n = curves.len() as f64;
     bin_centres().enumerate().map(|(k, u)| (u, curves.iter().map(|c| c[k]).sum::<f64>() / n)).collect()
+}
+
+fn mean_square(values: &[f64]) -> f64 {
+    values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64
 }
 
 fn branch_fit(curves: &[&[f64]], pins: Pins, degrees: [usize; 2]) -> Option<BranchFit> {

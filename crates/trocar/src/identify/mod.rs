@@ -45,7 +45,7 @@ pub struct IdentifyOptions {
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_hidden_mass: bool,
     /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
-    /// where no deformation is resolved.
+    /// where the deformation is less than a hundredth of the stroke.
     pub inertia_removed: bool,
     /// Tolerances of the segmentation.
     pub segment: SegmentOptions,
@@ -249,9 +249,12 @@ fn two_steps(
         steady = steady::fit(settled);
         deformation = deform(&steady);
     }
-    if deformation.is_err() {
-        let whole = without_trend(means(&|_| 0.0, false), recordings, segments);
-        steady = steady::fit(if options.inertia_removed { with_transients(whole, recordings, segments) } else { whole });
+    let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+    let negligible = deformation.as_ref().map_or(true, |found| 2.0 * found.half_width.value < 0.01 * longest);
+    if negligible && options.inertia_removed {
+        steady = steady::fit(with_transients(steady.means, recordings, segments));
+    } else if deformation.is_err() {
+        steady = steady::fit(without_trend(means(&|_| 0.0, false), recordings, segments));
     }
     if steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
@@ -327,10 +330,8 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
         };
         return (offset, friction(plus), friction(minus));
     }
-    let mut friction = SlidingFriction::coulomb(
-        steady.coulomb_force_n.value.max(least),
-        steady.viscous_damping_n_s_m.value.max(0.0),
-    );
+    let mut friction =
+        SlidingFriction::coulomb(steady.coulomb_force_n.value.max(least), steady.viscous_damping_n_s_m.value.max(0.0));
     if let Some(stribeck) = &steady.stribeck {
         friction.static_force = stribeck.static_force_n.value.max(friction.coulomb_force);
         friction.stribeck_velocity = stribeck.stribeck_velocity_m_s.value;
@@ -341,13 +342,13 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
 
 /// Levels at which the seal switches (12).
 ///
-/// Where one speed leaves the level at rest open, it is the mean sliding force, from which the ripple of the sliding
-/// (one and a half times its scatter beyond the sensor's noise) is taken off.
+/// Where one speed leaves the level at rest open, it is the lower edge of the sliding force: its mean less twice the
+/// ripple (scatter within and between passes beyond the sensor's noise).
 fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { 1.5 * ripple };
+    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
     Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
 }
 

@@ -238,7 +238,7 @@ impl Refined {
         let delta = damped_step(hessian, score, 1e-12)?;
         let free = layout.free(&self.candidate);
         let values: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
-        Some(layout.with(&self.candidate, &values))
+        Some(layout.with_any(&self.candidate, &values))
     }
 }
 

@@ -50,6 +50,14 @@ fn legendre_coefficients(low: f64, high: f64, higher: &[f64]) -> Vec<f64> {
 }
 
 impl BranchShape {
+    /// Largest amount of the join: nearer to an end, the shorter polynomial would have nothing to fit.
+    pub const JOIN_RANGE: f64 = 0.7;
+
+    /// Whether the join sits at an end of its range: no minimum was found inside.
+    pub fn join_at_bound(&self) -> bool {
+        self.join.abs() > 0.99 * Self::JOIN_RANGE
+    }
+
     /// Degrees of the left and the right polynomial.
     pub fn degrees(&self) -> [usize; 2] {
         [self.left.len() + 1, self.right.len() + 1]
@@ -117,7 +125,7 @@ impl BranchShape {
     /// `points` are (z/c, force in N). Returns the shape and its root mean square residual, N.
     pub fn fit(degrees: [usize; 2], pins: Pins, points: &[(f64, f64)]) -> Option<(Self, f64)> {
         const CELLS: usize = 56;
-        let join_at = |k: usize| -0.7 + 1.4 * k as f64 / CELLS as f64;
+        let join_at = |k: usize| Self::JOIN_RANGE * (2.0 * k as f64 / CELLS as f64 - 1.0);
         let cost = |join: f64| Self::fit_at(join, degrees, pins, points).map_or(f64::INFINITY, |f| f.1);
         let costs: Vec<f64> = (0..=CELLS).map(|k| cost(join_at(k))).collect();
         let best = (0..=CELLS).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
@@ -139,7 +147,8 @@ mod tests {
 
     #[test]
     fn a_branch_passes_its_pins_and_is_continuous_for_any_numbers() {
-        let shape = BranchShape { join: -0.3, join_force: 1.3, left: vec![0.7, -0.2, 0.4], right: vec![-0.5, 0.1, 0.9] };
+        let shape =
+            BranchShape { join: -0.3, join_force: 1.3, left: vec![0.7, -0.2, 0.4], right: vec![-0.5, 0.1, 0.9] };
         let pins = Pins { low: -2.0, high: 2.5 };
         let branch = shape.branch(8e-3, pins).expect("finite numbers");
         assert!((branch.force(-8e-3) - -2.0).abs() < 1e-12);
@@ -150,7 +159,8 @@ mod tests {
 
     #[test]
     fn a_branch_of_its_own_kind_is_recovered_with_its_join() {
-        let truth = BranchShape { join: -0.275, join_force: 1.0, left: vec![-1.2, 0.5, 0.2], right: vec![0.6, -0.3, 0.1] };
+        let truth =
+            BranchShape { join: -0.275, join_force: 1.0, left: vec![-1.2, 0.5, 0.2], right: vec![0.6, -0.3, 0.1] };
         let pins = Pins { low: -3.0, high: 3.0 };
         let branch = truth.branch(1.0, pins).expect("finite numbers");
         let points: Vec<_> = (0..200).map(|k| -1.0 + 2.0 * k as f64 / 199.0).map(|u| (u, branch.force(u))).collect();

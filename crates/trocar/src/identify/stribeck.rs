@@ -48,7 +48,9 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
     let at_slowest = bump * (-(slowest / best.stribeck_velocity).powf(EXPONENT)).exp();
     let verdict = match () {
         () if p_value >= LEVEL => "the straight line suffices".to_owned(),
-        () if bump <= 0.0 => "the force bends down towards low speed: not a Stribeck curve, the line is kept".to_owned(),
+        () if bump <= 0.0 => {
+            "the force bends down towards low speed: not a Stribeck curve, the line is kept".to_owned()
+        }
         () if at_slowest < LEAST_PART_SEEN * bump => format!(
             "the force rises below {:.0} mm/s, but such a narrow bump lies outside the speeds measured: the line is kept, \
              record slower strokes to pin it",

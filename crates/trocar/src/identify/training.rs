@@ -58,8 +58,7 @@ pub(super) struct Segmented<'a> {
 
 impl Training {
     pub(super) fn new(data: &[Segmented], noise: f64, scatter: f64) -> Self {
-        let shortest: f64 =
-            data.iter().map(|d| d.recording.duration()).sum::<f64>() / MOST_CLUSTERS as f64;
+        let shortest: f64 = data.iter().map(|d| d.recording.duration()).sum::<f64>() / MOST_CLUSTERS as f64;
         let mut runs = Vec::new();
         let mut sizes: Vec<f64> = Vec::new();
         for part in data {

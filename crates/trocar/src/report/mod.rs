@@ -24,8 +24,8 @@ use kuva::backend::png::PngBackend;
 use rayon::prelude::*;
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Figure, Kind, Mark, Panel, Parameter, Role, Section,
-    Series, Table, Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Figure, Kind, Mark, Panel, Parameter, Role, Section, Series, Table, Tile,
+    Width,
 };
 
 /// PNG pixels per scene pixel: 1920 pixels across 160 mm, 305 dpi.
@@ -51,9 +51,7 @@ pub enum ReportError {
         id: String,
     },
     /// The columns of a series do not belong together.
-    #[error(
-        "figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x"
-    )]
+    #[error("figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x")]
     UnequalLengths {
         /// Id of the figure.
         figure: String,
@@ -105,57 +103,36 @@ pub enum ReportError {
 pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportError> {
     check(document)?;
     let pictures = folder.join("figures");
-    std::fs::create_dir_all(&pictures).map_err(|source| ReportError::Write {
-        path: pictures.clone(),
-        source,
-    })?;
+    std::fs::create_dir_all(&pictures).map_err(|source| ReportError::Write { path: pictures.clone(), source })?;
     let figures: Vec<&Figure> = figures(document).collect();
     let mut drawn = Vec::with_capacity(figures.len());
     for some in figures.chunks(FIGURES_AT_A_TIME) {
-        let finished: Result<Vec<_>, _> = some
-            .par_iter()
-            .map(|figure| draw_figure(&pictures, figure))
-            .collect();
+        let finished: Result<Vec<_>, _> = some.par_iter().map(|figure| draw_figure(&pictures, figure)).collect();
         drawn.extend(finished?);
     }
     let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
-    write_file(
-        &folder.join("report.html"),
-        html::page(document, &drawn, &styles).as_bytes(),
-    )
+    write_file(&folder.join("report.html"), html::page(document, &drawn, &styles).as_bytes())
 }
 
 fn figures(document: &Document) -> impl Iterator<Item = &Figure> {
-    document
-        .sections
-        .iter()
-        .flat_map(|section| &section.figures)
+    document.sections.iter().flat_map(|section| &section.figures)
 }
 
 fn draw_figure(folder: &Path, figure: &Figure) -> Result<html::Drawn, ReportError> {
     let vector = svg::Drawing::new(&draw::scene(figure, draw::Medium::Vector))
         .ok_or_else(|| drawing_error(&figure.id, "the SVG has no opening tag"))?;
-    write_file(
-        &folder.join(format!("{}.svg", figure.id)),
-        vector.file(figure).as_bytes(),
-    )?;
+    write_file(&folder.join(format!("{}.svg", figure.id)), vector.file(figure).as_bytes())?;
     let bitmap = PngBackend::new()
         .with_scale(PNG_SCALE)
         .render_scene(&draw::scene(figure, draw::Medium::Bitmap))
         .map_err(|reason| drawing_error(&figure.id, reason))?;
     write_file(&folder.join(format!("{}.png", figure.id)), &bitmap)?;
     let json = chart::figure_json(figure).map_err(|error| drawing_error(&figure.id, error))?;
-    Ok(html::Drawn {
-        svg: vector.inline(figure),
-        json,
-    })
+    Ok(html::Drawn { svg: vector.inline(figure), json })
 }
 
 fn drawing_error(figure: &str, reason: impl ToString) -> ReportError {
-    ReportError::Drawing {
-        figure: figure.to_owned(),
-        reason: reason.to_string(),
-    }
+    ReportError::Drawing { figure: figure.to_owned(), reason: reason.to_string() }
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
@@ -165,10 +142,7 @@ fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
         file.persist(path).map_err(|error| error.error)?;
         Ok(())
     };
-    write().map_err(|source| ReportError::Write {
-        path: path.to_owned(),
-        source,
-    })
+    write().map_err(|source| ReportError::Write { path: path.to_owned(), source })
 }
 
 fn check(document: &Document) -> Result<(), ReportError> {
@@ -186,11 +160,7 @@ fn check(document: &Document) -> Result<(), ReportError> {
             check_series(figure, series)?;
         }
     }
-    document
-        .sections
-        .iter()
-        .flat_map(|section| &section.tables)
-        .try_for_each(check_table)
+    document.sections.iter().flat_map(|section| &section.tables).try_for_each(check_table)
 }
 
 fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
@@ -205,13 +175,7 @@ fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
         None => Ok(()),
         Some((column, found)) => {
             let (figure, series) = (figure.id.clone(), series.name.clone());
-            Err(ReportError::UnequalLengths {
-                figure,
-                series,
-                column,
-                found,
-                expected,
-            })
+            Err(ReportError::UnequalLengths { figure, series, column, found, expected })
         }
     }
 }
