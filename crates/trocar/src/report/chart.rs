@@ -23,9 +23,7 @@ pub(super) fn figure_json(figure: &Figure) -> Result<String, serde_json::Error> 
         id: &figure.id,
         columns: figure.columns.clamp(1, 2),
         linked: figure.linked_x,
-        panels: panels
-            .map(|(index, (panel, limits))| chart_panel(figure, index, panel, *limits))
-            .collect(),
+        panels: panels.map(|(index, (panel, limits))| chart_panel(figure, index, panel, *limits)).collect(),
     };
     serde_json::to_string(&chart).map(|json| inert(&json))
 }
@@ -34,16 +32,7 @@ pub(super) fn figure_json(figure: &Figure) -> Result<String, serde_json::Error> 
 pub(super) fn styles_json() -> Result<String, serde_json::Error> {
     let styles: std::collections::BTreeMap<_, _> = style::all()
         .iter()
-        .map(|style| {
-            (
-                style.class,
-                ChartStyle {
-                    width: style.width,
-                    dash: style.dash,
-                    marker: style.marker.name(),
-                },
-            )
-        })
+        .map(|style| (style.class, ChartStyle { width: style.width, dash: style.dash, marker: style.marker.name() }))
         .collect();
     serde_json::to_string(&styles).map(|json| inert(&json))
 }
@@ -124,79 +113,37 @@ struct Codes {
 impl Codes {
     fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let finite = values.clone().filter(|value| value.is_finite());
-        let (low, high) = finite.fold((f64::MAX, f64::MIN), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
+        let (low, high) = finite.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
         let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
-        let step = if high > low {
-            LARGEST_CODE / (high - low)
-        } else {
-            0.0
-        };
+        let step = if high > low { LARGEST_CODE / (high - low) } else { 0.0 };
         let code = |value: f64| {
-            if value.is_finite() {
-                ((value - low) * step).round() as u16
-            } else {
-                u16::MAX
-            }
+            if value.is_finite() { ((value - low) * step).round() as u16 } else { u16::MAX }
         };
         let bytes: Vec<u8> = values.flat_map(|value| code(value).to_le_bytes()).collect();
-        Self {
-            low,
-            high,
-            codes: STANDARD.encode(bytes),
-        }
+        Self { low, high, codes: STANDARD.encode(bytes) }
     }
 }
 
-fn chart_panel<'a>(
-    figure: &'a Figure,
-    index: usize,
-    panel: &'a Panel,
-    limits: Limits,
-) -> ChartPanel<'a> {
-    let letter = if figure.panels.len() > 1 {
-        view::letter(index)
-    } else {
-        String::new()
-    };
+fn chart_panel<'a>(figure: &'a Figure, index: usize, panel: &'a Panel, limits: Limits) -> ChartPanel<'a> {
+    let letter = if figure.panels.len() > 1 { view::letter(index) } else { String::new() };
     ChartPanel {
         title: format!("{letter} {}", panel.title).trim().to_owned(),
         x: [&panel.x.label, &panel.x.unit],
         y: [&panel.y.label, &panel.y.unit],
         limits: limits.flat(),
         aspect: panel.aspect,
-        series: panel
-            .series
-            .iter()
-            .map(|series| chart_series(series, limits))
-            .collect(),
+        series: panel.series.iter().map(|series| chart_series(series, limits)).collect(),
         marks: panel.marks.iter().filter_map(chart_mark).collect(),
     }
 }
 
 fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
     let columns = SHOWN_POINTS / 3;
-    let path = |y: &[f64]| {
-        decimate::path(
-            &series.x,
-            y,
-            limits.x[0],
-            limits.x[1],
-            columns,
-            SHOWN_POINTS,
-        )
-    };
+    let path = |y: &[f64]| decimate::path(&series.x, y, limits.x[0], limits.x[1], columns, SHOWN_POINTS);
     let (kind, kept, edges) = match &series.kind {
         Kind::Line => ("line", path(&series.y), None),
         Kind::Points => {
-            let kept = decimate::markers(
-                &series.x,
-                &series.y,
-                limits.flat(),
-                [2 * columns; 2],
-                SHOWN_POINTS,
-            );
+            let kept = decimate::markers(&series.x, &series.y, limits.flat(), [2 * columns; 2], SHOWN_POINTS);
             ("points", kept, None)
         }
         Kind::ErrorBars { low, high } => ("bars", (0..series.x.len()).collect(), Some((low, high))),
@@ -208,12 +155,7 @@ fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
             ("band", kept, Some((low, high)))
         }
     };
-    let pick = |values: &[f64]| {
-        Codes::new(
-            kept.iter()
-                .map(|&i| values.get(i).copied().unwrap_or(f64::NAN)),
-        )
-    };
+    let pick = |values: &[f64]| Codes::new(kept.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)));
     ChartSeries {
         name: &series.name,
         style: style::of(series.role).class,
@@ -232,12 +174,7 @@ fn chart_mark(mark: &Mark) -> Option<ChartMark<'_>> {
         Mark::XRange { from, to, label } => ("x", *from, *to, label),
         Mark::YRange { from, to, label } => ("y", *from, *to, label),
     };
-    (from.is_finite() && to.is_finite()).then_some(ChartMark {
-        axis,
-        from,
-        to,
-        label,
-    })
+    (from.is_finite() && to.is_finite()).then_some(ChartMark { axis, from, to, label })
 }
 
 #[cfg(test)]

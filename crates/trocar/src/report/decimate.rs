@@ -7,26 +7,14 @@ use std::collections::HashSet;
 /// Consecutive points within one of `columns` columns of `[low, high]` are replaced by the first, the lowest, the highest and
 /// the last of them, so every peak stays and x need not be sorted (loops). Columns widen until the limit holds.
 /// A point that is not finite is kept once per gap.
-pub(super) fn path(
-    x: &[f64],
-    y: &[f64],
-    low: f64,
-    high: f64,
-    columns: usize,
-    limit: usize,
-) -> Vec<usize> {
+pub(super) fn path(x: &[f64], y: &[f64], low: f64, high: f64, columns: usize, limit: usize) -> Vec<usize> {
     let length = x.len().min(y.len());
     if length <= limit {
         return (0..length).collect();
     }
     let mut columns = columns.max(1);
     loop {
-        let kept = one_pass(
-            &x[..length],
-            &y[..length],
-            low,
-            columns as f64 / (high - low),
-        );
+        let kept = one_pass(&x[..length], &y[..length], low, columns as f64 / (high - low));
         if kept.len() <= limit || columns <= 16 {
             return kept;
         }
@@ -35,16 +23,12 @@ pub(super) fn path(
 }
 
 fn one_pass(x: &[f64], y: &[f64], low: f64, columns_per_unit: f64) -> Vec<usize> {
-    let column = |i: usize| {
-        (x[i].is_finite() && y[i].is_finite()).then(|| ((x[i] - low) * columns_per_unit) as i64)
-    };
+    let column = |i: usize| (x[i].is_finite() && y[i].is_finite()).then(|| ((x[i] - low) * columns_per_unit) as i64);
     let mut kept = Vec::new();
     let mut start = 0;
     while start < x.len() {
         let here = column(start);
-        let end = (start + 1..x.len())
-            .find(|&i| column(i) != here)
-            .unwrap_or(x.len());
+        let end = (start + 1..x.len()).find(|&i| column(i) != here).unwrap_or(x.len());
         if here.is_none() {
             kept.push(start);
         } else {
@@ -62,13 +46,7 @@ fn one_pass(x: &[f64], y: &[f64], low: f64, columns_per_unit: f64) -> Vec<usize>
 }
 
 /// Indices of the points that are visible as separate markers on a grid of `columns` by `rows` cells, at most about `limit`.
-pub(super) fn markers(
-    x: &[f64],
-    y: &[f64],
-    limits: [f64; 4],
-    cells: [usize; 2],
-    limit: usize,
-) -> Vec<usize> {
+pub(super) fn markers(x: &[f64], y: &[f64], limits: [f64; 4], cells: [usize; 2], limit: usize) -> Vec<usize> {
     let finite = (0..x.len().min(y.len())).filter(|&i| x[i].is_finite() && y[i].is_finite());
     let all: Vec<usize> = finite.collect();
     let [x_low, x_high, y_low, y_high] = limits;
@@ -121,16 +99,7 @@ mod tests {
     #[test]
     fn a_gap_stays_a_gap() {
         let x: Vec<f64> = (0..10_000).map(f64::from).collect();
-        let y: Vec<f64> = x
-            .iter()
-            .map(|&x| {
-                if (4_000.0..6_000.0).contains(&x) {
-                    f64::NAN
-                } else {
-                    x
-                }
-            })
-            .collect();
+        let y: Vec<f64> = x.iter().map(|&x| if (4_000.0..6_000.0).contains(&x) { f64::NAN } else { x }).collect();
         let kept = path(&x, &y, 0.0, 10_000.0, 100, 1_000);
         assert_eq!(kept.iter().filter(|&&i| y[i].is_nan()).count(), 1);
     }

@@ -112,14 +112,7 @@ pub struct Panel {
 impl Panel {
     /// An empty panel.
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self {
-            title: String::new(),
-            x,
-            y,
-            series: Vec::new(),
-            marks: Vec::new(),
-            aspect: DEFAULT_ASPECT,
-        }
+        Self { title: String::new(), x, y, series: Vec::new(), marks: Vec::new(), aspect: DEFAULT_ASPECT }
     }
 
     /// Sets the title.
@@ -161,11 +154,7 @@ pub struct Axis {
 impl Axis {
     /// An axis that spans its data.
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self {
-            label: label.into(),
-            unit: unit.into(),
-            include_zero: false,
-        }
+        Self { label: label.into(), unit: unit.into(), include_zero: false }
     }
 
     /// An axis that always shows zero.
@@ -196,41 +185,17 @@ pub struct Series {
 impl Series {
     /// A line through the points.
     pub fn line(name: impl Into<String>, role: Role, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self {
-            name: name.into(),
-            role,
-            kind: Kind::Line,
-            x,
-            y,
-        }
+        Self { name: name.into(), role, kind: Kind::Line, x, y }
     }
 
     /// A marker on each point.
     pub fn points(name: impl Into<String>, role: Role, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self {
-            name: name.into(),
-            role,
-            kind: Kind::Points,
-            x,
-            y,
-        }
+        Self { name: name.into(), role, kind: Kind::Points, x, y }
     }
 
     /// The area between two curves.
-    pub fn band(
-        name: impl Into<String>,
-        role: Role,
-        x: Vec<f64>,
-        low: Vec<f64>,
-        high: Vec<f64>,
-    ) -> Self {
-        Self {
-            name: name.into(),
-            role,
-            kind: Kind::Band { low, high },
-            x,
-            y: Vec::new(),
-        }
+    pub fn band(name: impl Into<String>, role: Role, x: Vec<f64>, low: Vec<f64>, high: Vec<f64>) -> Self {
+        Self { name: name.into(), role, kind: Kind::Band { low, high }, x, y: Vec::new() }
     }
 
     /// Markers with a vertical bar from `low` to `high` (absolute values, not lengths).
@@ -242,13 +207,7 @@ impl Series {
         low: Vec<f64>,
         high: Vec<f64>,
     ) -> Self {
-        Self {
-            name: name.into(),
-            role,
-            kind: Kind::ErrorBars { low, high },
-            x,
-            y,
-        }
+        Self { name: name.into(), role, kind: Kind::ErrorBars { low, high }, x, y }
     }
 }
 
@@ -342,36 +301,22 @@ pub enum Mark {
 impl Mark {
     /// Vertical line at `at`.
     pub fn x(at: f64, label: impl Into<String>) -> Self {
-        Self::X {
-            at,
-            label: label.into(),
-        }
+        Self::X { at, label: label.into() }
     }
 
     /// Horizontal line at `at`.
     pub fn y(at: f64, label: impl Into<String>) -> Self {
-        Self::Y {
-            at,
-            label: label.into(),
-        }
+        Self::Y { at, label: label.into() }
     }
 
     /// Shaded interval of x.
     pub fn x_range(from: f64, to: f64, label: impl Into<String>) -> Self {
-        Self::XRange {
-            from,
-            to,
-            label: label.into(),
-        }
+        Self::XRange { from, to, label: label.into() }
     }
 
     /// Shaded interval of y.
     pub fn y_range(from: f64, to: f64, label: impl Into<String>) -> Self {
-        Self::YRange {
-            from,
-            to,
-            label: label.into(),
-        }
+        Self::YRange { from, to, label: label.into() }
     }
 }
 
@@ -388,15 +333,8 @@ pub struct Table {
 
 impl Table {
     /// A table without rows yet.
-    pub fn new<S: Into<String>>(
-        caption: impl Into<String>,
-        columns: impl IntoIterator<Item = S>,
-    ) -> Self {
-        Self {
-            caption: caption.into(),
-            columns: columns.into_iter().map(Into::into).collect(),
-            rows: Vec::new(),
-        }
+    pub fn new<S: Into<String>>(caption: impl Into<String>, columns: impl IntoIterator<Item = S>) -> Self {
+        Self { caption: caption.into(), columns: columns.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
 
     /// Appends a row.
@@ -406,17 +344,9 @@ impl Table {
     }
 
     /// The parameter table: name, symbol, value, 95 % interval, unit; what the data do not pin is marked as such.
-    pub fn parameters(
-        caption: impl Into<String>,
-        parameters: impl IntoIterator<Item = Parameter>,
-    ) -> Self {
-        let empty = Self::new(
-            caption,
-            ["Parameter", "Symbol", "Value", "95 % interval", "Unit"],
-        );
-        parameters
-            .into_iter()
-            .fold(empty, |table, parameter| table.row(parameter.into_cells()))
+    pub fn parameters(caption: impl Into<String>, parameters: impl IntoIterator<Item = Parameter>) -> Self {
+        let empty = Self::new(caption, ["Parameter", "Symbol", "Value", "95 % interval", "Unit"]);
+        parameters.into_iter().fold(empty, |table, parameter| table.row(parameter.into_cells()))
     }
 }
 
@@ -485,29 +415,11 @@ impl Parameter {
     fn into_cells(self) -> [Cell; 5] {
         let [low, high] = self.interval;
         let (value, interval) = if low.is_finite() && high.is_finite() {
-            (
-                Cell::Estimate {
-                    value: self.value,
-                    interval: self.interval,
-                },
-                Cell::Interval { low, high },
-            )
+            (Cell::Estimate { value: self.value, interval: self.interval }, Cell::Interval { low, high })
         } else {
-            (
-                Cell::Number {
-                    value: self.value,
-                    digits: 3,
-                },
-                Cell::NotPinned,
-            )
+            (Cell::Number { value: self.value, digits: 3 }, Cell::NotPinned)
         };
-        [
-            Cell::Text(self.name),
-            Cell::Text(self.symbol),
-            value,
-            interval,
-            Cell::Text(self.unit),
-        ]
+        [Cell::Text(self.name), Cell::Text(self.symbol), value, interval, Cell::Text(self.unit)]
     }
 }
 
@@ -524,16 +436,8 @@ pub struct Tile {
 
 impl Tile {
     /// A tile.
-    pub fn new(
-        label: impl Into<String>,
-        value: impl Into<String>,
-        note: impl Into<String>,
-    ) -> Self {
-        Self {
-            label: label.into(),
-            value: value.into(),
-            note: note.into(),
-        }
+    pub fn new(label: impl Into<String>, value: impl Into<String>, note: impl Into<String>) -> Self {
+        Self { label: label.into(), value: value.into(), note: note.into() }
     }
 }
 
@@ -553,10 +457,7 @@ pub struct Section {
 impl Section {
     /// An empty section.
     pub fn new(heading: impl Into<String>) -> Self {
-        Self {
-            heading: heading.into(),
-            ..Self::default()
-        }
+        Self { heading: heading.into(), ..Self::default() }
     }
 
     /// Appends a paragraph.

@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use kuva::backend::png::PngBackend;
 use kuva::render::color::Color;
 use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, TextSpan};
 
@@ -52,20 +53,21 @@ pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
     scene.text_color = Some(INK.to_owned());
     let mut sheet = Sheet { scene, medium };
     for (at, row) in layout.legend.iter().enumerate() {
-        sheet.legend_row(
-            row,
-            layout.frames.first().map_or(0.0, |frame| frame.left),
-            at as f64 * LEGEND_ROW,
-        );
+        sheet.legend_row(row, layout.frames.first().map_or(0.0, |frame| frame.left), at as f64 * LEGEND_ROW);
     }
     for (index, frame) in layout.frames.iter().enumerate() {
-        sheet.panel(
-            &figure.panels[index],
-            frame,
-            (figure.panels.len() > 1).then(|| view::letter(index)),
-        );
+        sheet.panel(&figure.panels[index], frame, (figure.panels.len() > 1).then(|| view::letter(index)));
     }
     sheet.scene
+}
+
+/// Makes kuva unpack its fonts, which takes as long as drawing several figures and can go on beside other work.
+pub(super) fn load_fonts() {
+    let mut scene = Scene::new(1.0, 1.0);
+    let spans = vec![bold("a".to_owned())];
+    scene.add(Primitive::RichText { x: 0.0, y: 0.0, spans, size: 1, anchor: TextAnchor::Start, color: None });
+    // Drawn for its side effect; a failure would show again, with a message, in the first figure.
+    let _ = PngBackend::new().render_scene(&scene);
 }
 
 /// Rows of legend entries with their distance from the left edge of the axes.
@@ -118,61 +120,31 @@ impl<'a> Layout<'a> {
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
         let cell = (width - 14.0 * (columns as f64 - 1.0)) / columns as f64;
         let limits = view::limits(figure);
-        let left = limits
-            .iter()
-            .map(|limits| left_margin(limits.y))
-            .fold(0.0, f64::max);
+        let left = limits.iter().map(|limits| left_margin(limits.y)).fold(0.0, f64::max);
         let right = figure.panels.iter().map(right_margin).fold(0.0, f64::max);
         let inner = cell - left - right;
-        let mut layout = Self {
-            width,
-            height: 0.0,
-            legend: Vec::new(),
-            frames: Vec::new(),
-        };
+        let mut layout = Self { width, height: 0.0, legend: Vec::new(), frames: Vec::new() };
         let common = common_legend(figure);
         if common {
-            layout.legend = figure
-                .panels
-                .first()
-                .map_or_else(Vec::new, |panel| legend_rows(panel, width - left - right));
+            layout.legend =
+                figure.panels.first().map_or_else(Vec::new, |panel| legend_rows(panel, width - left - right));
         }
         let mut top = layout.legend.len() as f64 * LEGEND_ROW + if common { 2.0 } else { 0.0 };
         for (row, panels) in figure.panels.chunks(columns).enumerate() {
             // A letter alone needs no row of its own: it stands before the legend.
             let titled = panels.iter().any(|panel| !panel.title.is_empty());
-            let indent = if figure.panels.len() > 1 && !titled {
-                LETTER
-            } else {
-                0.0
-            };
+            let indent = if figure.panels.len() > 1 && !titled { LETTER } else { 0.0 };
             let legend = |panel| {
-                if common {
-                    Vec::new()
-                } else {
-                    legend_rows(panel, inner - indent)
-                }
+                if common { Vec::new() } else { legend_rows(panel, inner - indent) }
             };
             let legends: Vec<_> = panels.iter().map(legend).collect();
             let legend_height = legends.iter().map(Vec::len).max().unwrap_or(0) as f64 * LEGEND_ROW;
-            let title = if titled || (indent > 0.0 && legend_height == 0.0) {
-                TITLE_ROW
-            } else {
-                0.0
-            };
+            let title = if titled || (indent > 0.0 && legend_height == 0.0) { TITLE_ROW } else { 0.0 };
             let axes_top = top + title + legend_height + 5.0;
-            let height = panels
-                .iter()
-                .map(|panel| panel.aspect * inner)
-                .fold(60.0, f64::max);
+            let height = panels.iter().map(|panel| panel.aspect * inner).fold(60.0, f64::max);
             let names_x = !(figure.linked_x && columns == 1) || row + 1 == figure.panels.len();
             for (column, (panel, legend)) in panels.iter().zip(legends).enumerate() {
-                let place = [
-                    column as f64 * (cell + 14.0) + left,
-                    axes_top,
-                    inner,
-                    height,
-                ];
+                let place = [column as f64 * (cell + 14.0) + left, axes_top, inner, height];
                 let mut frame = Frame::new(panel, place, limits[row * columns + column]);
                 (frame.title, frame.legend, frame.legend_indent) = (title, legend, indent);
                 (frame.names_x, frame.label_distance) = (names_x, left - 13.0);
@@ -193,11 +165,8 @@ impl<'a> Frame<'a> {
             width,
             height,
             limits,
-            x_ticks: ticks(limits.x[0], limits.x[1], (width / 62.0) as usize),
-            y_ticks: Ticks {
-                at: Vec::new(),
-                labels: Vec::new(),
-            },
+            x_ticks: ticks(limits.x[0], limits.x[1], ((width / 58.0) as usize).max(4)),
+            y_ticks: Ticks { at: Vec::new(), labels: Vec::new() },
             title: 0.0,
             legend: Vec::new(),
             legend_indent: 0.0,
@@ -210,26 +179,21 @@ impl<'a> Frame<'a> {
         let headroom = rows as f64 * LEGEND_ROW;
         let [low, high] = limits.y;
         frame.limits.y[1] = high + (high - low) * headroom / (height - headroom).max(20.0);
-        frame.y_ticks = ticks(low, frame.limits.y[1], (height / 34.0) as usize);
+        frame.y_ticks = ticks(low, frame.limits.y[1], ((height / 34.0) as usize).max(3));
         frame
     }
 }
 
 fn left_margin(y: [f64; 2]) -> f64 {
     let labels = ticks(y[0], y[1], 8).labels;
-    let widest = labels
-        .iter()
-        .map(|label| text_width(label, f64::from(TICK_SIZE)))
-        .fold(12.0, f64::max);
+    let widest = labels.iter().map(|label| text_width(label, f64::from(TICK_SIZE))).fold(12.0, f64::max);
     widest + 30.0
 }
 
 /// Labels of horizontal marks stand outside the axes, at the right.
 fn right_margin(panel: &Panel) -> f64 {
     let labels = panel.marks.iter().filter_map(|mark| match mark {
-        Mark::Y { label, .. } | Mark::YRange { label, .. } => {
-            Some(text_width(label, f64::from(TICK_SIZE)) + 10.0)
-        }
+        Mark::Y { label, .. } | Mark::YRange { label, .. } => Some(text_width(label, f64::from(TICK_SIZE)) + 10.0),
         Mark::X { .. } | Mark::XRange { .. } => None,
     });
     labels.fold(14.0, f64::max)
@@ -238,14 +202,8 @@ fn right_margin(panel: &Panel) -> f64 {
 /// All panels have the same legend, so it is drawn once.
 fn common_legend(figure: &Figure) -> bool {
     figure.panels.len() > 1
-        && figure
-            .panels
-            .windows(2)
-            .all(|pair| view::legend(&pair[0]) == view::legend(&pair[1]))
-        && figure
-            .panels
-            .first()
-            .is_some_and(|panel| !view::legend(panel).is_empty())
+        && figure.panels.windows(2).all(|pair| view::legend(&pair[0]) == view::legend(&pair[1]))
+        && figure.panels.first().is_some_and(|panel| !view::legend(panel).is_empty())
 }
 
 fn legend_rows(panel: &Panel, width: f64) -> Vec<LegendRow<'_>> {
@@ -272,10 +230,7 @@ fn label_rows(panel: &Panel, frame: &Frame<'_>) -> Vec<usize> {
     labelled
         .map(|(label, centre)| {
             let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 3.0;
-            let row = ends
-                .iter()
-                .position(|&end| end <= centre - half)
-                .unwrap_or(ends.len());
+            let row = ends.iter().position(|&end| end <= centre - half).unwrap_or(ends.len());
             if row == ends.len() {
                 ends.push(0.0);
             }
@@ -293,10 +248,7 @@ fn x_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(&'m str, f64)> {
         Mark::Y { .. } | Mark::YRange { .. } => return None,
     };
     let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 4.0;
-    let centre = frame
-        .x(at)
-        .min(frame.left + frame.width - half)
-        .max(frame.left + half);
+    let centre = frame.x(at).min(frame.left + frame.width - half).max(frame.left + half);
     (!label.is_empty() && at.is_finite()).then_some((label, centre))
 }
 
@@ -324,11 +276,7 @@ impl Sheet {
 
     fn head(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
         let top = frame.top - 5.0 - frame.legend.len() as f64 * LEGEND_ROW;
-        let baseline = if frame.title > 0.0 {
-            top - 6.0
-        } else {
-            top + LEGEND_ROW / 2.0 + 4.0
-        };
+        let baseline = if frame.title > 0.0 { top - 6.0 } else { top + LEGEND_ROW / 2.0 + 4.0 };
         let letter = letter.map(|letter| bold(letter + " "));
         let title = fitted(&panel.title, f64::from(LABEL_SIZE), frame.width - 30.0);
         self.rich_text(
@@ -338,11 +286,7 @@ impl Sheet {
             TextAnchor::Start,
         );
         for (at, row) in frame.legend.iter().enumerate() {
-            self.legend_row(
-                row,
-                frame.left + frame.legend_indent,
-                top + at as f64 * LEGEND_ROW,
-            );
+            self.legend_row(row, frame.left + frame.legend_indent, top + at as f64 * LEGEND_ROW);
         }
     }
 
@@ -351,31 +295,17 @@ impl Sheet {
         for (offset, entry) in row {
             let (style, x) = (style::of(entry.role), left + offset);
             if entry.band {
-                self.rectangle(
-                    [x, middle - 5.0, SWATCH, 10.0],
-                    style.light,
-                    BAND_OPACITY * 1.6,
-                );
+                self.rectangle([x, middle - 5.0, SWATCH, 10.0], style.light, BAND_OPACITY * 1.6);
             }
             if entry.line {
-                self.polyline(
-                    &[(x, middle), (x + SWATCH, middle)],
-                    style.light,
-                    style.width,
-                    style.dash,
-                );
+                self.polyline(&[(x, middle), (x + SWATCH, middle)], style.light, style.width, style.dash);
             }
             if entry.marker {
                 self.markers(&[(x + SWATCH / 2.0, middle)], style, 2.8);
             }
             let room = self.scene.width - x - SWATCH - 6.0;
             let name = fitted(entry.name, f64::from(TICK_SIZE), room);
-            self.text(
-                [x + SWATCH + 6.0, middle + 4.0],
-                &name,
-                TICK_SIZE,
-                TextAnchor::Start,
-            );
+            self.text([x + SWATCH + 6.0, middle + 4.0], &name, TICK_SIZE, TextAnchor::Start);
         }
     }
 
@@ -408,14 +338,12 @@ impl Sheet {
     fn mark_lines(&mut self, panel: &Panel, frame: &Frame<'_>) {
         for mark in &panel.marks {
             let ends = match *mark {
-                Mark::X { at, .. } if at.is_finite() => [
-                    (frame.x(at), frame.top),
-                    (frame.x(at), frame.top + frame.height),
-                ],
-                Mark::Y { at, .. } if at.is_finite() => [
-                    (frame.left, frame.y(at)),
-                    (frame.left + frame.width, frame.y(at)),
-                ],
+                Mark::X { at, .. } if at.is_finite() => {
+                    [(frame.x(at), frame.top), (frame.x(at), frame.top + frame.height)]
+                }
+                Mark::Y { at, .. } if at.is_finite() => {
+                    [(frame.left, frame.y(at)), (frame.left + frame.width, frame.y(at))]
+                }
                 _ => continue,
             };
             self.polyline(&ends, MARK, 1.0, &[4.0, 3.0]);
@@ -430,21 +358,12 @@ impl Sheet {
             self.rectangle([centre - half, y - 10.0, 2.0 * half, 13.0], "#ffffff", 0.75);
             self.text([centre, y], label, TICK_SIZE, TextAnchor::Middle);
         }
-        let mut sides: Vec<(f64, &str)> = panel
-            .marks
-            .iter()
-            .filter_map(|mark| y_label(mark, frame))
-            .collect();
+        let mut sides: Vec<(f64, &str)> = panel.marks.iter().filter_map(|mark| y_label(mark, frame)).collect();
         sides.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut next = f64::NEG_INFINITY;
         for (y, label) in sides {
             let y = y.max(next);
-            self.text(
-                [frame.left + frame.width + 5.0, y + 4.0],
-                label,
-                TICK_SIZE,
-                TextAnchor::Start,
-            );
+            self.text([frame.left + frame.width + 5.0, y + 4.0], label, TICK_SIZE, TextAnchor::Start);
             next = y + 12.0;
         }
     }
@@ -461,19 +380,9 @@ impl Sheet {
         for (at, label) in frame.y_ticks.at.iter().zip(&frame.y_ticks.labels) {
             let y = frame.y(*at);
             self.line([frame.left, y, frame.left + TICK_LENGTH, y], INK, 0.8);
-            self.text(
-                [frame.left - 6.0, y + 4.0],
-                label,
-                TICK_SIZE,
-                TextAnchor::End,
-            );
+            self.text([frame.left - 6.0, y + 4.0], label, TICK_SIZE, TextAnchor::End);
         }
-        let corners = [
-            (frame.left, frame.top),
-            (right, frame.top),
-            (right, bottom),
-            (frame.left, bottom),
-        ];
+        let corners = [(frame.left, frame.top), (right, frame.top), (right, bottom), (frame.left, bottom)];
         for (from, to) in corners.into_iter().zip(corners.into_iter().cycle().skip(1)) {
             self.line([from.0, from.1, to.0, to.1], INK, 0.8);
         }
@@ -507,10 +416,7 @@ impl Sheet {
                     self.polyline(&run, style.light, style.width, style.dash);
                 }
             }
-            Kind::Band {
-                low: lower,
-                high: upper,
-            } => {
+            Kind::Band { low: lower, high: upper } => {
                 let kept = band_points(series, lower, upper, [low, high], columns);
                 let edges = kept.iter().map(|&i| (place(i, lower), place(i, upper)));
                 for run in runs(edges.map(|(lower, upper)| (lower.0, lower.1, upper.1))) {
@@ -519,13 +425,7 @@ impl Sheet {
             }
             Kind::Points => {
                 let cells = [columns, frame.height as usize];
-                let kept = decimate::markers(
-                    &series.x,
-                    &series.y,
-                    frame.limits.flat(),
-                    cells,
-                    PRINTED_POINTS,
-                );
+                let kept = decimate::markers(&series.x, &series.y, frame.limits.flat(), cells, PRINTED_POINTS);
                 let places: Vec<_> = kept.iter().map(|&i| place(i, &series.y)).collect();
                 self.markers(&places, style, style::marker_radius(places.len()));
             }
@@ -535,26 +435,17 @@ impl Sheet {
 
     fn error_bars(&mut self, series: &Series, low: &[f64], high: &[f64], frame: &Frame<'_>) {
         let style = style::of(series.role);
-        let length = [series.x.len(), series.y.len(), low.len(), high.len()]
-            .into_iter()
-            .min()
-            .unwrap_or(0);
+        let length = [series.x.len(), series.y.len(), low.len(), high.len()].into_iter().min().unwrap_or(0);
         let visible = |&i: &usize| series.x[i].is_finite() && series.y[i].is_finite();
         let shown: Vec<usize> = (0..length).filter(visible).collect();
-        for &i in shown
-            .iter()
-            .filter(|&&i| low[i].is_finite() && high[i].is_finite())
-        {
+        for &i in shown.iter().filter(|&&i| low[i].is_finite() && high[i].is_finite()) {
             let (x, bottom, top) = (frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i]));
             self.line([x, bottom, x, top], style.light, 1.0);
             for y in [bottom, top] {
                 self.line([x - 3.0, y, x + 3.0, y], style.light, 1.0);
             }
         }
-        let places: Vec<_> = shown
-            .iter()
-            .map(|&i| (frame.x(series.x[i]), frame.y(series.y[i])))
-            .collect();
+        let places: Vec<_> = shown.iter().map(|&i| (frame.x(series.x[i]), frame.y(series.y[i]))).collect();
         self.markers(&places, style, style::marker_radius(places.len()));
     }
 
@@ -608,12 +499,7 @@ impl Sheet {
     fn polyline(&mut self, points: &[(f64, f64)], colour: &str, width: f64, dash: &[f64]) {
         if dash.is_empty() || self.medium == Medium::Vector {
             let lengths: Vec<String> = dash.iter().map(f64::to_string).collect();
-            self.stroke(
-                points.to_vec(),
-                colour,
-                width,
-                (!dash.is_empty()).then(|| lengths.join(" ")),
-            );
+            self.stroke(points.to_vec(), colour, width, (!dash.is_empty()).then(|| lengths.join(" ")));
         } else {
             for piece in dashes(points, dash) {
                 self.stroke(piece, colour, width, None);
@@ -623,39 +509,17 @@ impl Sheet {
 
     fn stroke(&mut self, points: Vec<(f64, f64)>, colour: &str, width: f64, dash: Option<String>) {
         let stroke = Color::from(colour);
-        self.scene.add(Primitive::PolyLine {
-            points,
-            stroke,
-            stroke_width: width,
-            stroke_dasharray: dash,
-        });
+        self.scene.add(Primitive::PolyLine { points, stroke, stroke_width: width, stroke_dasharray: dash });
     }
 
     fn line(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64) {
         let stroke = Color::from(colour);
-        self.scene.add(Primitive::Line {
-            x1,
-            y1,
-            x2,
-            y2,
-            stroke,
-            stroke_width: width,
-            stroke_dasharray: None,
-        });
+        self.scene.add(Primitive::Line { x1, y1, x2, y2, stroke, stroke_width: width, stroke_dasharray: None });
     }
 
     fn rectangle(&mut self, [x, y, width, height]: [f64; 4], colour: &str, opacity: f64) {
         let (fill, opacity) = (Color::from(colour), Some(opacity));
-        self.scene.add(Primitive::Rect {
-            x,
-            y,
-            width,
-            height,
-            fill,
-            stroke: None,
-            stroke_width: None,
-            opacity,
-        });
+        self.scene.add(Primitive::Rect { x, y, width, height, fill, stroke: None, stroke_width: None, opacity });
     }
 
     fn rich_text(
@@ -666,28 +530,12 @@ impl Sheet {
         anchor: TextAnchor,
     ) {
         let spans = spans.into_iter().collect();
-        self.scene.add(Primitive::RichText {
-            x,
-            y,
-            spans,
-            size,
-            anchor,
-            color: None,
-        });
+        self.scene.add(Primitive::RichText { x, y, spans, size, anchor, color: None });
     }
 
     fn text(&mut self, [x, y]: [f64; 2], text: &str, size: u32, anchor: TextAnchor) {
         let content = literal(&view::printable(text));
-        self.scene.add(Primitive::Text {
-            x,
-            y,
-            content,
-            size,
-            anchor,
-            rotate: None,
-            bold: false,
-            color: None,
-        });
+        self.scene.add(Primitive::Text { x, y, content, size, anchor, rotate: None, bold: false, color: None });
     }
 }
 
@@ -702,19 +550,12 @@ fn axis_title(axis: &Axis, room: f64) -> (String, u32) {
         return (label, size);
     }
     let unit = view::printable(&view::axis_label("", &axis.unit));
-    let name = fitted(
-        &axis.label,
-        9.0 * BOLD,
-        room - text_width(&unit, 9.0 * BOLD),
-    );
+    let name = fitted(&axis.label, 9.0 * BOLD, room - text_width(&unit, 9.0 * BOLD));
     (name + &unit, 9)
 }
 
 fn bold(text: String) -> TextSpan {
-    TextSpan {
-        bold: true,
-        ..TextSpan::plain(text)
-    }
+    TextSpan { bold: true, ..TextSpan::plain(text) }
 }
 
 /// Label of a horizontal mark and its height.
@@ -727,13 +568,7 @@ fn y_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(f64, &'m str)> {
     (!label.is_empty() && at.is_finite()).then(|| (frame.y(at), label.as_str()))
 }
 
-fn band_points(
-    series: &Series,
-    lower: &[f64],
-    upper: &[f64],
-    x: [f64; 2],
-    columns: usize,
-) -> Vec<usize> {
+fn band_points(series: &Series, lower: &[f64], upper: &[f64], x: [f64; 2], columns: usize) -> Vec<usize> {
     let edge = |edge| decimate::path(&series.x, edge, x[0], x[1], columns, PRINTED_POINTS / 2);
     let mut kept = edge(lower);
     kept.extend(edge(upper));
@@ -784,10 +619,7 @@ fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
         let mut done = 0.0;
         while length - done > left {
             done += left;
-            let at = (
-                from.0 + (to.0 - from.0) * done / length,
-                from.1 + (to.1 - from.1) * done / length,
-            );
+            let at = (from.0 + (to.0 - from.0) * done / length, from.1 + (to.1 - from.1) * done / length);
             piece.push(at);
             if index % 2 == 0 {
                 pieces.push(std::mem::take(&mut piece));
@@ -810,19 +642,9 @@ fn corners(marker: Marker, radius: f64) -> Vec<(f64, f64)> {
     let r = radius;
     match marker {
         Marker::Circle => Vec::new(),
-        Marker::Square => vec![
-            (-0.9 * r, -0.9 * r),
-            (0.9 * r, -0.9 * r),
-            (0.9 * r, 0.9 * r),
-            (-0.9 * r, 0.9 * r),
-        ],
+        Marker::Square => vec![(-0.9 * r, -0.9 * r), (0.9 * r, -0.9 * r), (0.9 * r, 0.9 * r), (-0.9 * r, 0.9 * r)],
         Marker::Triangle => vec![(0.0, -1.3 * r), (1.2 * r, 0.9 * r), (-1.2 * r, 0.9 * r)],
-        Marker::Diamond => vec![
-            (0.0, -1.4 * r),
-            (1.2 * r, 0.0),
-            (0.0, 1.4 * r),
-            (-1.2 * r, 0.0),
-        ],
+        Marker::Diamond => vec![(0.0, -1.4 * r), (1.2 * r, 0.0), (0.0, 1.4 * r), (-1.2 * r, 0.0)],
     }
 }
 
@@ -863,29 +685,14 @@ mod tests {
         for (a, b) in ends.iter().zip(&fine) {
             assert!((a[0].0 - b[0].0).abs() < 1e-9);
         }
-        let drawn: f64 = ends
-            .iter()
-            .map(|piece| piece[piece.len() - 1].0 - piece[0].0)
-            .sum();
-        assert!(
-            (drawn - 67.0).abs() < 1e-9,
-            "11 dashes of 6 and a last one of 1, got {drawn}"
-        );
+        let drawn: f64 = ends.iter().map(|piece| piece[piece.len() - 1].0 - piece[0].0).sum();
+        assert!((drawn - 67.0).abs() < 1e-9, "11 dashes of 6 and a last one of 1, got {drawn}");
     }
 
     #[test]
     fn gaps_split_a_line() {
         let nan = f64::NAN;
-        let split = runs(
-            [
-                (0.0, 1.0),
-                (1.0, 1.0),
-                (nan, nan),
-                (2.0, 0.0),
-                (3.0, f64::INFINITY),
-            ]
-            .into_iter(),
-        );
+        let split = runs([(0.0, 1.0), (1.0, 1.0), (nan, nan), (2.0, 0.0), (3.0, f64::INFINITY)].into_iter());
         assert_eq!(split, [vec![(0.0, 1.0), (1.0, 1.0)]]);
     }
 }

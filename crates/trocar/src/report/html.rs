@@ -27,20 +27,13 @@ pub(super) struct Drawn {
 
 /// The whole page. `drawn` holds the figures in document order, `styles` the JSON of line styles.
 pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str) -> String {
-    let size: usize = drawn
-        .iter()
-        .map(|figure| figure.svg.len() + figure.json.len())
-        .sum();
+    let size: usize = drawn.iter().map(|figure| figure.svg.len() + figure.json.len()).sum();
     let mut page = String::with_capacity(size + 100_000);
     head(&mut page, document);
     page.push_str("<body>\n<a class=\"skip\" href=\"#main\">Skip to the report</a>\n<header>\n");
     element(&mut page, "h1", &document.title);
     if !document.subtitle.is_empty() {
-        let _ = writeln!(
-            page,
-            "<p class=\"subtitle\">{}</p>",
-            escape(&document.subtitle)
-        );
+        let _ = writeln!(page, "<p class=\"subtitle\">{}</p>", escape(&document.subtitle));
     }
     page.push_str("</header>\n");
     contents(&mut page, &document.sections);
@@ -53,14 +46,9 @@ pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str) -> String
     }
     page.push_str("</main>\n");
     footer(&mut page, &document.provenance);
-    let _ = write!(
-        page,
-        "<script type=\"application/json\" id=\"chart-styles\">{styles}</script>\n<!-- uPlot 1.6.32\n"
-    );
-    let _ = write!(
-        page,
-        "{UPLOT_LICENCE}-->\n<script>{UPLOT_SCRIPT}</script>\n<script>{REPORT_SCRIPT}</script>\n"
-    );
+    let _ =
+        write!(page, "<script type=\"application/json\" id=\"chart-styles\">{styles}</script>\n<!-- uPlot 1.6.32\n");
+    let _ = write!(page, "{UPLOT_LICENCE}-->\n<script>{UPLOT_SCRIPT}</script>\n<script>{REPORT_SCRIPT}</script>\n");
     page.push_str("</body>\n</html>\n");
     page
 }
@@ -96,11 +84,7 @@ fn head(page: &mut String, document: &Document) {
          script-src 'sha256-{uplot}' 'sha256-{report}'; img-src data: blob:; base-uri 'none'; form-action 'none'\">"
     );
     element(page, "title", &document.title);
-    let _ = write!(
-        page,
-        "<style>{UPLOT_STYLE}</style>\n<style>{REPORT_STYLE}{}</style>\n</head>\n",
-        role_colours()
-    );
+    let _ = write!(page, "<style>{UPLOT_STYLE}</style>\n<style>{REPORT_STYLE}{}</style>\n</head>\n", role_colours());
 }
 
 fn role_colours() -> String {
@@ -110,10 +94,7 @@ fn role_colours() -> String {
             css
         })
     };
-    let (light, dark) = (
-        variables(|style| style.light),
-        variables(|style| style.dark),
-    );
+    let (light, dark) = (variables(|style| style.light), variables(|style| style.dark));
     format!(":root{{{light}}}@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}")
 }
 
@@ -127,12 +108,7 @@ fn contents(page: &mut String, sections: &[Section]) {
     }
     page.push_str("<nav aria-label=\"Contents\"><ul>\n");
     for (index, section) in sections.iter().enumerate() {
-        let _ = writeln!(
-            page,
-            "<li><a href=\"#section-{}\">{}</a></li>",
-            index + 1,
-            escape(&section.heading)
-        );
+        let _ = writeln!(page, "<li><a href=\"#section-{}\">{}</a></li>", index + 1, escape(&section.heading));
     }
     page.push_str("</ul></nav>\n");
 }
@@ -143,12 +119,7 @@ fn tiles(page: &mut String, document: &Document) {
     }
     page.push_str("<dl class=\"tiles\" aria-label=\"Summary\">\n");
     for tile in &document.tiles {
-        let _ = write!(
-            page,
-            "<div><dt>{}</dt><dd>{}",
-            escape(&tile.label),
-            escape(&tile.value)
-        );
+        let _ = write!(page, "<div><dt>{}</dt><dd>{}", escape(&tile.label), escape(&tile.value));
         if !tile.note.is_empty() {
             let _ = write!(page, " <small>{}</small>", escape(&tile.note));
         }
@@ -161,25 +132,19 @@ fn warnings(page: &mut String, warnings: &[String]) {
     if warnings.is_empty() {
         return;
     }
-    page.push_str("<section class=\"warnings\" aria-labelledby=\"warnings\">\n<h2 id=\"warnings\">Warnings</h2>\n<ul>\n");
+    page.push_str(
+        "<section class=\"warnings\" aria-labelledby=\"warnings\">\n<h2 id=\"warnings\">Warnings</h2>\n<ul>\n",
+    );
     for warning in warnings {
         element(page, "li", warning);
     }
     page.push_str("</ul>\n</section>\n");
 }
 
-fn section<'d>(
-    page: &mut String,
-    index: usize,
-    section: &Section,
-    drawn: &mut impl Iterator<Item = &'d Drawn>,
-) {
+fn section<'d>(page: &mut String, index: usize, section: &Section, drawn: &mut impl Iterator<Item = &'d Drawn>) {
     let id = format!("section-{}", index + 1);
     let heading = escape(&section.heading);
-    let _ = write!(
-        page,
-        "<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{heading}</h2>\n"
-    );
+    let _ = write!(page, "<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{heading}</h2>\n");
     for paragraph in &section.paragraphs {
         element(page, "p", paragraph);
     }
@@ -200,11 +165,7 @@ fn figure(page: &mut String, figure: &Figure, drawn: &Drawn) {
         "<figure id=\"figure-{id}\" data-width=\"{millimetres}\">\n<div class=\"static\">{}</div>\n",
         drawn.svg
     );
-    let _ = write!(
-        page,
-        "<script type=\"application/json\">{}</script>\n<figcaption>",
-        drawn.json
-    );
+    let _ = write!(page, "<script type=\"application/json\">{}</script>\n<figcaption>", drawn.json);
     let _ = write!(
         page,
         "<strong>Figure {number}. {title}.</strong> {}</figcaption>\n</figure>\n",
@@ -214,23 +175,11 @@ fn figure(page: &mut String, figure: &Figure, drawn: &Drawn) {
 
 fn table(page: &mut String, table: &Table) {
     let caption = escape(&table.caption);
-    let _ = write!(
-        page,
-        "<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{caption}\">\n<table>\n"
-    );
+    let _ = write!(page, "<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{caption}\">\n<table>\n");
     let _ = write!(page, "<caption>{caption}</caption>\n<thead><tr>");
-    let numeric = |column: usize| {
-        table
-            .rows
-            .iter()
-            .any(|row| row.get(column).is_some_and(is_numeric))
-    };
+    let numeric = |column: usize| table.rows.iter().any(|row| row.get(column).is_some_and(is_numeric));
     for (column, heading) in table.columns.iter().enumerate() {
-        let class = if numeric(column) {
-            " class=\"number\""
-        } else {
-            ""
-        };
+        let class = if numeric(column) { " class=\"number\"" } else { "" };
         let _ = write!(page, "<th scope=\"col\"{class}>{}</th>", escape(heading));
     }
     page.push_str("</tr></thead>\n<tbody>\n");
@@ -245,37 +194,19 @@ fn table(page: &mut String, table: &Table) {
 }
 
 const fn is_numeric(cell: &Cell) -> bool {
-    matches!(
-        cell,
-        Cell::Number { .. } | Cell::Estimate { .. } | Cell::Interval { .. }
-    )
+    matches!(cell, Cell::Number { .. } | Cell::Estimate { .. } | Cell::Interval { .. })
 }
 
 fn cell(page: &mut String, cell: &Cell, is_first: bool) {
-    let (open, close) = if is_first {
-        ("<th scope=\"row\"", "</th>")
-    } else {
-        ("<td", "</td>")
-    };
-    let class = if is_numeric(cell) {
-        " class=\"number\""
-    } else {
-        ""
-    };
+    let (open, close) = if is_first { ("<th scope=\"row\"", "</th>") } else { ("<td", "</td>") };
+    let class = if is_numeric(cell) { " class=\"number\"" } else { "" };
     let content = match cell {
         Cell::Text(text) => escape(text),
         Cell::Code(text) => format!("<code>{}</code>", escape(text)),
         Cell::Number { value, digits } => significant(*value, *digits),
-        Cell::Estimate {
-            value,
-            interval: [low, high],
-        } => rounded(*value, *low, *high),
+        Cell::Estimate { value, interval: [low, high] } => rounded(*value, *low, *high),
         Cell::Interval { low, high } => {
-            format!(
-                "[{}, {}]",
-                rounded(*low, *low, *high),
-                rounded(*high, *low, *high)
-            )
+            format!("[{}, {}]", rounded(*low, *low, *high), rounded(*high, *low, *high))
         }
         Cell::NotPinned => "<span class=\"doubt\">not pinned by the data</span>".to_owned(),
         Cell::Warning(text) => format!("<span class=\"doubt\">{}</span>", escape(text)),
@@ -293,12 +224,7 @@ fn rounded(value: f64, low: f64, high: f64) -> String {
 fn footer(page: &mut String, provenance: &[(String, String)]) {
     page.push_str("<footer>\n<h2>Origin</h2>\n<dl>\n");
     for (label, value) in provenance {
-        let _ = writeln!(
-            page,
-            "<div><dt>{}</dt><dd>{}</dd></div>",
-            escape(label),
-            escape(value)
-        );
+        let _ = writeln!(page, "<div><dt>{}</dt><dd>{}</dd></div>", escape(label), escape(value));
     }
     page.push_str("</dl>\n</footer>\n");
 }

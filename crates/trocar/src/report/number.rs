@@ -13,31 +13,20 @@ pub(super) struct Ticks {
 pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
     let raw = (high - low) / target.max(1) as f64;
     let magnitude = 10f64.powf(raw.log10().floor());
-    let factor = [1.0, 2.0, 2.5, 5.0, 10.0]
-        .into_iter()
-        .find(|factor| factor * magnitude >= raw * 0.999)
-        .unwrap_or(10.0);
+    let factor =
+        [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().find(|factor| factor * magnitude >= raw * 0.999).unwrap_or(10.0);
     let step = factor * magnitude;
     // A quarter needs one decimal more than its power of ten.
     let exponent = step.log10().floor() as i32 - i32::from(factor == 2.5);
-    let at: Vec<f64> = ((low / step).ceil() as i64..=(high / step).floor() as i64)
-        .map(|i| i as f64 * step)
-        .collect();
+    let at: Vec<f64> = ((low / step).ceil() as i64..=(high / step).floor() as i64).map(|i| i as f64 * step).collect();
     let largest = low.abs().max(high.abs());
-    let labels = at
-        .iter()
-        .map(|&value| tick_label(value, exponent, largest))
-        .collect();
+    let labels = at.iter().map(|&value| tick_label(value, exponent, largest)).collect();
     Ticks { at, labels }
 }
 
 fn tick_label(value: f64, step_exponent: i32, largest: f64) -> String {
-    if largest >= 1e6 || largest < 1e-3 {
-        return if value == 0.0 {
-            "0".into()
-        } else {
-            typographic(&format!("{value:.1e}"))
-        };
+    if !(1e-3..1e6).contains(&largest) {
+        return if value == 0.0 { "0".into() } else { typographic(&format!("{value:.1e}")) };
     }
     fixed(value, (-step_exponent).max(0) as usize)
 }
@@ -46,11 +35,7 @@ fn tick_label(value: f64, step_exponent: i32, largest: f64) -> String {
 pub(super) fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
-    typographic(if is_zero {
-        text.trim_start_matches('-')
-    } else {
-        &text
-    })
+    typographic(if is_zero { text.trim_start_matches('-') } else { &text })
 }
 
 /// `value` with `digits` significant digits; a dash where it is not finite.
@@ -91,13 +76,7 @@ const ADVANCE: [u16; 95] = [
 
 /// Width of `text` set in `size` pixels. Outside ASCII a wide letter is assumed, so that space is never short.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
-    let advance = |c: char| {
-        (c as usize)
-            .checked_sub(32)
-            .and_then(|i| ADVANCE.get(i))
-            .copied()
-            .unwrap_or(838)
-    };
+    let advance = |c: char| (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(838);
     text.chars().map(|c| f64::from(advance(c))).sum::<f64>() * size / 1000.0
 }
 
@@ -108,17 +87,7 @@ mod tests {
     #[test]
     fn ticks_are_round_inside_the_range_and_printed_without_noise() {
         let marks = ticks(-0.31, 0.29, 6);
-        assert_eq!(
-            marks.labels,
-            [
-                "\u{2212}0.3",
-                "\u{2212}0.2",
-                "\u{2212}0.1",
-                "0.0",
-                "0.1",
-                "0.2"
-            ]
-        );
+        assert_eq!(marks.labels, ["\u{2212}0.3", "\u{2212}0.2", "\u{2212}0.1", "0.0", "0.1", "0.2"]);
         assert!(marks.at.iter().all(|at| (-0.31..=0.29).contains(at)));
     }
 

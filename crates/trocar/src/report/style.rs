@@ -47,14 +47,7 @@ const fn style(
     dash: &'static [f64],
     marker: Marker,
 ) -> Style {
-    Style {
-        class,
-        light,
-        dark,
-        width,
-        dash,
-        marker,
-    }
+    Style { class, light, dark, width, dash, marker }
 }
 
 // Okabe and Ito's hues, darkened (brightened) until they contrast 3:1 with white (the dark page). Lightness differs between
@@ -63,91 +56,19 @@ const STYLES: [Style; 16] = [
     style("measured", ["#4a4a4a", "#bdbdbd"], 1.0, &[], Marker::Circle),
     style("model", ["#0064b0", "#5db3ff"], 1.8, &[], Marker::Square),
     style("fit", ["#c8420a", "#ff9a66"], 1.8, &[], Marker::Diamond),
-    style(
-        "alternative",
-        ["#00785a", "#4fd1a5"],
-        1.5,
-        &[6.0, 3.0],
-        Marker::Triangle,
-    ),
-    style(
-        "lower",
-        ["#0064b0", "#5db3ff"],
-        1.3,
-        &[6.0, 3.0],
-        Marker::Triangle,
-    ),
-    style(
-        "upper",
-        ["#202020", "#e6e6e6"],
-        1.3,
-        &[2.0, 2.0],
-        Marker::Diamond,
-    ),
-    style(
-        "deflection",
-        ["#8e3a80", "#e08fd2"],
-        1.6,
-        &[],
-        Marker::Triangle,
-    ),
+    style("alternative", ["#00785a", "#4fd1a5"], 1.5, &[6.0, 3.0], Marker::Triangle),
+    style("lower", ["#0064b0", "#5db3ff"], 1.3, &[6.0, 3.0], Marker::Triangle),
+    style("upper", ["#202020", "#e6e6e6"], 1.3, &[2.0, 2.0], Marker::Diamond),
+    style("deflection", ["#8e3a80", "#e08fd2"], 1.6, &[], Marker::Triangle),
     style("residual", ["#4a4a4a", "#bdbdbd"], 0.8, &[], Marker::Circle),
-    style(
-        "reference",
-        ["#202020", "#e6e6e6"],
-        1.5,
-        &[8.0, 3.0, 2.0, 3.0],
-        Marker::Diamond,
-    ),
-    style(
-        "neutral",
-        ["#707070", "#9c9c9c"],
-        1.0,
-        &[3.0, 3.0],
-        Marker::Circle,
-    ),
-    style(
-        "category-0",
-        ["#0072b2", "#56b4e9"],
-        1.5,
-        &[],
-        Marker::Circle,
-    ),
-    style(
-        "category-1",
-        ["#c8500a", "#ff9955"],
-        1.5,
-        &[6.0, 3.0],
-        Marker::Square,
-    ),
-    style(
-        "category-2",
-        ["#007a5a", "#3fd1a0"],
-        1.5,
-        &[2.0, 2.0],
-        Marker::Triangle,
-    ),
-    style(
-        "category-3",
-        ["#a6467e", "#e79ac6"],
-        1.5,
-        &[8.0, 3.0, 2.0, 3.0],
-        Marker::Diamond,
-    ),
-    style(
-        "category-4",
-        ["#806600", "#e6c84b"],
-        1.5,
-        &[12.0, 3.0],
-        Marker::Square,
-    ),
-    style(
-        "category-5",
-        ["#303030", "#dddddd"],
-        1.5,
-        &[4.0, 2.0],
-        Marker::Triangle,
-    ),
+    style("reference", ["#202020", "#e6e6e6"], 1.5, &[8.0, 3.0, 2.0, 3.0], Marker::Diamond),
+    style("neutral", ["#707070", "#9c9c9c"], 1.0, &[3.0, 3.0], Marker::Circle),
+    style("category-0", ["#0072b2", "#56b4e9"], 1.5, &[], Marker::Circle),
+    style("category-1", ["#c8500a", "#ff9955"], 1.5, &[6.0, 3.0], Marker::Square),
+    style("category-2", ["#007a5a", "#3fd1a0"], 1.5, &[2.0, 2.0], Marker::Triangle),
+    style("category-3", ["#a6467e", "#e79ac6"], 1.5, &[8.0, 3.0, 2.0, 3.0], Marker::Diamond),
+    style("category-4", ["#806600", "#e6c84b"], 1.5, &[12.0, 3.0], Marker::Square),
+    style("category-5", ["#303030", "#dddddd"], 1.5, &[4.0, 2.0], Marker::Triangle),
 ];
 
 /// Every style, for the style sheet.
@@ -192,14 +113,8 @@ mod tests {
     /// Relative luminance (WCAG 2.2).
     fn luminance(colour: &str) -> f64 {
         let channel = |at: usize| {
-            let value =
-                f64::from(u8::from_str_radix(&colour[at..at + 2], 16).expect("hexadecimal"))
-                    / 255.0;
-            if value <= 0.04045 {
-                value / 12.92
-            } else {
-                ((value + 0.055) / 1.055).powf(2.4)
-            }
+            let value = f64::from(u8::from_str_radix(&colour[at..at + 2], 16).expect("hexadecimal")) / 255.0;
+            if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
         };
         0.2126 * channel(1) + 0.7152 * channel(3) + 0.0722 * channel(5)
     }
@@ -212,16 +127,8 @@ mod tests {
     #[test]
     fn every_role_contrasts_with_both_pages() {
         for style in all() {
-            assert!(
-                contrast(style.light, "#ffffff") >= 4.5,
-                "{} on white",
-                style.class
-            );
-            assert!(
-                contrast(style.dark, "#16191d") >= 4.5,
-                "{} on the dark page",
-                style.class
-            );
+            assert!(contrast(style.light, "#ffffff") >= 4.5, "{} on white", style.class);
+            assert!(contrast(style.dark, "#16191d") >= 4.5, "{} on the dark page", style.class);
         }
     }
 }

@@ -18,21 +18,13 @@ impl Drawing {
         let svg = kuva::backend::svg::SvgBackend::new().render_scene(scene);
         let (_, body) = svg.split_once('>')?;
         let font = scene.font_family.clone().unwrap_or_default();
-        Some(Self {
-            body: body.to_owned(),
-            width: scene.width,
-            height: scene.height,
-            font,
-        })
+        Some(Self { body: body.to_owned(), width: scene.width, height: scene.height, font })
     }
 
     /// A file of its own, sized in millimetres.
     pub(super) fn file(&self, figure: &Figure) -> String {
-        let [width, height] =
-            [self.width, self.height].map(|pixels| pixels / PIXELS_PER_MILLIMETRE);
-        let size = format!(
-            " xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\""
-        );
+        let [width, height] = [self.width, self.height].map(|pixels| pixels / PIXELS_PER_MILLIMETRE);
+        let size = format!(" xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\"");
         self.with_opening_tag(figure, &size)
     }
 
@@ -42,12 +34,7 @@ impl Drawing {
     }
 
     fn with_opening_tag(&self, figure: &Figure, size: &str) -> String {
-        let Self {
-            body,
-            width,
-            height,
-            font,
-        } = self;
+        let Self { body, width, height, font } = self;
         let (id, title, caption) = (&figure.id, escape(&figure.title), escape(&figure.caption));
         format!(
             "<svg{size} viewBox=\"0 0 {width} {height}\" role=\"img\" aria-labelledby=\"figure-{id}-title figure-{id}-text\" \

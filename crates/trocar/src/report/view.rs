@@ -22,35 +22,22 @@ impl Limits {
 pub(super) fn limits(figure: &Figure) -> Vec<Limits> {
     let mut x: Vec<Span> = figure.panels.iter().map(x_span).collect();
     if figure.linked_x {
-        let all = x
-            .iter()
-            .fold(Span::EMPTY, |all, span| all.with(span.low).with(span.high));
+        let all = x.iter().fold(Span::EMPTY, |all, span| all.with(span.low).with(span.high));
         x.fill(all);
     }
     let y = figure.panels.iter().map(y_span);
-    x.iter()
-        .zip(y)
-        .map(|(x, y)| Limits {
-            x: x.padded(0.02),
-            y: y.padded(0.05),
-        })
-        .collect()
+    x.iter().zip(y).map(|(x, y)| Limits { x: x.padded(0.02), y: y.padded(0.05) }).collect()
 }
 
 fn x_span(panel: &Panel) -> Span {
-    let data = panel
-        .series
-        .iter()
-        .flat_map(|series| series.x.iter().copied());
+    let data = panel.series.iter().flat_map(|series| series.x.iter().copied());
     let marks = panel.marks.iter().flat_map(|mark| match *mark {
         Mark::X { at, .. } => [at, at],
         Mark::XRange { from, to, .. } => [from, to],
         Mark::Y { .. } | Mark::YRange { .. } => [f64::NAN; 2],
     });
     let zero = if panel.x.include_zero { 0.0 } else { f64::NAN };
-    data.chain(marks)
-        .chain([zero])
-        .fold(Span::EMPTY, Span::with)
+    data.chain(marks).chain([zero]).fold(Span::EMPTY, Span::with)
 }
 
 fn y_span(panel: &Panel) -> Span {
@@ -61,9 +48,7 @@ fn y_span(panel: &Panel) -> Span {
         Mark::X { .. } | Mark::XRange { .. } => [f64::NAN; 2],
     });
     let zero = if panel.y.include_zero { 0.0 } else { f64::NAN };
-    data.chain(marks)
-        .chain([zero])
-        .fold(Span::EMPTY, Span::with)
+    data.chain(marks).chain([zero]).fold(Span::EMPTY, Span::with)
 }
 
 fn ordinates(series: &Series) -> impl Iterator<Item = &f64> {
@@ -81,19 +66,13 @@ struct Span {
 }
 
 impl Span {
-    const EMPTY: Self = Self {
-        low: f64::INFINITY,
-        high: f64::NEG_INFINITY,
-    };
+    const EMPTY: Self = Self { low: f64::INFINITY, high: f64::NEG_INFINITY };
 
     fn with(self, value: f64) -> Self {
         if !value.is_finite() {
             return self;
         }
-        Self {
-            low: self.low.min(value),
-            high: self.high.max(value),
-        }
+        Self { low: self.low.min(value), high: self.high.max(value) }
     }
 
     /// The span with `share` of its width added at both ends; a place to stand on when there is no data or no width.
@@ -103,11 +82,7 @@ impl Span {
         }
         let width = self.high - self.low;
         if width <= 1e-12 * self.low.abs().max(self.high.abs()) || width == 0.0 {
-            let half = if self.low == 0.0 {
-                0.5
-            } else {
-                0.1 * self.low.abs()
-            };
+            let half = if self.low == 0.0 { 0.5 } else { 0.1 * self.low.abs() };
             return [self.low - half, self.high + half];
         }
         [self.low - share * width, self.high + share * width]
@@ -131,13 +106,7 @@ pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
         let same = |entry: &Entry<'_>| entry.name == series.name && entry.role == series.role;
         let at = entries.iter().position(same).unwrap_or_else(|| {
             let (name, role) = (series.name.as_str(), series.role);
-            entries.push(Entry {
-                name,
-                role,
-                line: false,
-                marker: false,
-                band: false,
-            });
+            entries.push(Entry { name, role, line: false, marker: false, band: false });
             entries.len() - 1
         });
         match series.kind {
@@ -157,17 +126,11 @@ pub(super) fn letter(index: usize) -> String {
 
 /// "deflection z (mm)", or the label alone for a number without unit.
 pub(super) fn axis_label(label: &str, unit: &str) -> String {
-    if unit.is_empty() {
-        label.to_owned()
-    } else {
-        format!("{label} ({unit})")
-    }
+    if unit.is_empty() { label.to_owned() } else { format!("{label} ({unit})") }
 }
 
 /// `text` without characters that XML forbids (control characters in a file name, for instance).
 pub(super) fn printable(text: &str) -> String {
     let forbidden = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
-    text.chars()
-        .map(|c| if forbidden(c) { '\u{fffd}' } else { c })
-        .collect()
+    text.chars().map(|c| if forbidden(c) { '\u{fffd}' } else { c }).collect()
 }
