@@ -44,7 +44,7 @@ fn demo(speed: f64, cycles: usize, seed: u64) -> Demo {
     let mut z: f64 = -HALF_WIDTH;
     for i in 0..samples {
         let time = i as f64 / 1000.0;
-        let sign = if (time / half_period) as usize % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if ((time / half_period) as usize).is_multiple_of(2) { 1.0 } else { -1.0 };
         z = (z + sign * speed / 1000.0).clamp(-HALF_WIDTH, HALF_WIDTH);
         let sliding = if z.abs() >= HALF_WIDTH { 0.004 * speed * sign } else { 0.0 };
         let model = deformation_force(z, sign) + sliding;
@@ -385,7 +385,7 @@ fn pictures_are_well_formed_and_of_the_declared_size() {
         let png = &all[&path.with_extension("png")];
         assert_eq!(png[..8], *b"\x89PNG\r\n\x1a\n");
         let number = |at: usize| u32::from_be_bytes([png[at], png[at + 1], png[at + 2], png[at + 3]]);
-        assert_eq!([number(16), number(20)], [(3.0 * width) as u32, (3.0 * height) as u32], "{path:?}");
+        assert_eq!([number(16), number(20)], [(2.5 * width).ceil() as u32, (2.5 * height).ceil() as u32], "{path:?}");
         assert!(!svg.contains("NaN") && !svg.contains("\"inf"), "{path:?}");
     }
 }
@@ -453,7 +453,8 @@ fn a_file_in_the_way_is_named() {
     let blocked = folder.path().join("report");
     std::fs::write(&blocked, "a file, not a folder").expect("writable");
     let error = write_document(&blocked, &document()).expect_err("no folder can be made there");
-    assert!(matches!(&error, ReportError::Write { path, .. } if path.starts_with(&blocked)), "{error}");
+    assert!(matches!(&error, ReportError::Output(_)));
+    assert!(error.to_string().contains("report"), "{error}");
 }
 
 /// `cargo test --release -p trocar --test report -- --ignored --nocapture` prints both figures.

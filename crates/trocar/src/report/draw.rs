@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use kuva::backend::png::PngBackend;
 use kuva::render::color::Color;
 use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, TextSpan};
 
@@ -58,6 +59,15 @@ pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
         sheet.panel(&figure.panels[index], frame, (figure.panels.len() > 1).then(|| view::letter(index)));
     }
     sheet.scene
+}
+
+/// Makes kuva unpack its fonts, which takes as long as drawing several figures and can go on beside other work.
+pub(super) fn load_fonts() {
+    let mut scene = Scene::new(1.0, 1.0);
+    let spans = vec![bold("a".to_owned())];
+    scene.add(Primitive::RichText { x: 0.0, y: 0.0, spans, size: 1, anchor: TextAnchor::Start, color: None });
+    // Drawn for its side effect; a failure would show again, with a message, in the first figure.
+    let _ = PngBackend::new().render_scene(&scene);
 }
 
 /// Rows of legend entries with their distance from the left edge of the axes.
@@ -155,7 +165,7 @@ impl<'a> Frame<'a> {
             width,
             height,
             limits,
-            x_ticks: ticks(limits.x[0], limits.x[1], (width / 62.0) as usize),
+            x_ticks: ticks(limits.x[0], limits.x[1], ((width / 58.0) as usize).max(4)),
             y_ticks: Ticks { at: Vec::new(), labels: Vec::new() },
             title: 0.0,
             legend: Vec::new(),
@@ -169,7 +179,7 @@ impl<'a> Frame<'a> {
         let headroom = rows as f64 * LEGEND_ROW;
         let [low, high] = limits.y;
         frame.limits.y[1] = high + (high - low) * headroom / (height - headroom).max(20.0);
-        frame.y_ticks = ticks(low, frame.limits.y[1], (height / 34.0) as usize);
+        frame.y_ticks = ticks(low, frame.limits.y[1], ((height / 34.0) as usize).max(3));
         frame
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! Document -> report.html            one file, no external request, works without JavaScript and on paper
-//!          -> figures/<id>.svg .png  the same figures for a paper (305 dpi at 160 mm)
+//!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
 //! **Invariant:** this module draws what it is given; it estimates, simulates and converts nothing.
 
@@ -17,21 +17,22 @@ mod svg;
 mod view;
 
 use std::collections::HashSet;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use kuva::backend::png::PngBackend;
 use rayon::prelude::*;
+
+use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
     Axis, Cell, DEFAULT_ASPECT, Document, Figure, Kind, Mark, Panel, Parameter, Role, Section, Series, Table, Tile,
     Width,
 };
 
-/// PNG pixels per scene pixel: 1920 pixels across 160 mm, 305 dpi.
-const PNG_SCALE: f32 = 3.0;
+/// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
+const PNG_SCALE: f32 = 2.5;
 
-/// Figures drawn at a time; each holds a bitmap of about 8 MB while it is encoded.
+/// Figures drawn at a time; each holds a bitmap of about 6 MB while it is encoded.
 const FIGURES_AT_A_TIME: usize = 4;
 
 /// Why a report was not written.
@@ -84,65 +85,65 @@ pub enum ReportError {
         /// What the drawing library said.
         reason: String,
     },
-    /// A file could not be written; a file of that name from an earlier run is as it was.
-    #[error("{path}: cannot write")]
-    Write {
-        /// The file or folder.
-        path: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
+    /// A file could not be written; files of an earlier run are as they were.
+    #[error(transparent)]
+    Output(#[from] OutputError),
 }
 
 /// Writes `report.html`, `figures/<id>.svg` and `figures/<id>.png` into `folder`, which is created if need be.
 ///
-/// Files are replaced whole or not at all. Equal documents give equal bytes.
+/// All files appear together or none does. Equal documents give equal bytes.
 ///
 /// # Errors
 /// A malformed document is refused before anything is written; a file that cannot be written ends the run.
 pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportError> {
     check(document)?;
-    let pictures = folder.join("figures");
-    std::fs::create_dir_all(&pictures).map_err(|source| ReportError::Write { path: pictures.clone(), source })?;
+    let staged = StagedFolder::create(folder)?;
+    stage_document(&staged, document)?;
+    Ok(staged.commit()?)
+}
+
+/// Writes the files of [`write_document`] into a folder that the caller commits, together with files of its own.
+///
+/// # Errors
+/// As [`write_document`].
+pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), ReportError> {
+    check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
-    let mut drawn = Vec::with_capacity(figures.len());
+    let (drawn, ()) = rayon::join(
+        || figures.par_iter().map(|figure| draw_vector(folder, figure)).collect::<Result<Vec<_>, _>>(),
+        draw::load_fonts,
+    );
+    let drawn = drawn?;
     for some in figures.chunks(FIGURES_AT_A_TIME) {
-        let finished: Result<Vec<_>, _> = some.par_iter().map(|figure| draw_figure(&pictures, figure)).collect();
-        drawn.extend(finished?);
+        some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;
     }
     let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
-    write_file(&folder.join("report.html"), html::page(document, &drawn, &styles).as_bytes())
+    Ok(folder.write("report.html", html::page(document, &drawn, &styles).as_bytes())?)
 }
 
 fn figures(document: &Document) -> impl Iterator<Item = &Figure> {
     document.sections.iter().flat_map(|section| &section.figures)
 }
 
-fn draw_figure(folder: &Path, figure: &Figure) -> Result<html::Drawn, ReportError> {
+fn draw_vector(folder: &StagedFolder, figure: &Figure) -> Result<html::Drawn, ReportError> {
     let vector = svg::Drawing::new(&draw::scene(figure, draw::Medium::Vector))
         .ok_or_else(|| drawing_error(&figure.id, "the SVG has no opening tag"))?;
-    write_file(&folder.join(format!("{}.svg", figure.id)), vector.file(figure).as_bytes())?;
-    let bitmap = PngBackend::new()
-        .with_scale(PNG_SCALE)
-        .render_scene(&draw::scene(figure, draw::Medium::Bitmap))
-        .map_err(|reason| drawing_error(&figure.id, reason))?;
-    write_file(&folder.join(format!("{}.png", figure.id)), &bitmap)?;
+    folder.write(format!("figures/{}.svg", figure.id), vector.file(figure).as_bytes())?;
     let json = chart::figure_json(figure).map_err(|error| drawing_error(&figure.id, error))?;
     Ok(html::Drawn { svg: vector.inline(figure), json })
 }
 
-fn drawing_error(figure: &str, reason: impl ToString) -> ReportError {
-    ReportError::Drawing { figure: figure.to_owned(), reason: reason.to_string() }
+fn draw_bitmap(folder: &StagedFolder, figure: &Figure) -> Result<(), ReportError> {
+    let bitmap = PngBackend::new()
+        .with_scale(PNG_SCALE)
+        .render_scene(&draw::scene(figure, draw::Medium::Bitmap))
+        .map_err(|reason| drawing_error(&figure.id, reason))?;
+    Ok(folder.write(format!("figures/{}.png", figure.id), &bitmap)?)
 }
 
-fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
-    let write = || {
-        let mut file = tempfile::NamedTempFile::new_in(path.parent().unwrap_or(Path::new(".")))?;
-        file.write_all(bytes)?;
-        file.persist(path).map_err(|error| error.error)?;
-        Ok(())
-    };
-    write().map_err(|source| ReportError::Write { path: path.to_owned(), source })
+fn drawing_error(figure: &str, reason: impl ToString) -> ReportError {
+    ReportError::Drawing { figure: figure.to_owned(), reason: reason.to_string() }
 }
 
 fn check(document: &Document) -> Result<(), ReportError> {

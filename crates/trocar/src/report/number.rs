@@ -25,7 +25,7 @@ pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
 }
 
 fn tick_label(value: f64, step_exponent: i32, largest: f64) -> String {
-    if largest >= 1e6 || largest < 1e-3 {
+    if !(1e-3..1e6).contains(&largest) {
         return if value == 0.0 { "0".into() } else { typographic(&format!("{value:.1e}")) };
     }
     fixed(value, (-step_exponent).max(0) as usize)

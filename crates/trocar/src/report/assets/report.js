@@ -490,8 +490,8 @@
       const image = new Image();
       image.onload = () => {
         const canvas = document.createElement("canvas");
-        canvas.width = Math.ceil(3 * width);
-        canvas.height = Math.ceil(3 * height);
+        canvas.width = Math.ceil(2.5 * width);
+        canvas.height = Math.ceil(2.5 * height);
         canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
         canvas.toBlob((blob) => save(blob, this.id + ".png"), "image/png");
       };
