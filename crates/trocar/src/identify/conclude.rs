@@ -15,6 +15,7 @@ use super::steady::SteadyFit;
 use super::training::{Segmented, Training};
 use super::{
     Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Refinement, Segments, Warning, acceleration,
+    settled_stretches,
 };
 use crate::recording::Recording;
 use crate::segment::Direction;
@@ -81,7 +82,7 @@ pub(super) fn conclude(
     };
     progress("refining", 0.3);
     let outcome = match (&two.deformation, options.refine) {
-        (Ok(_), true) if sampling_resolves(&two) => refined(&two, &mut layout)?,
+        (Ok(found), true) if sampling_resolves(&two) => refined(&two, found, &mut layout)?,
         _ => None,
     };
     progress("intervals", 0.7);
@@ -122,8 +123,8 @@ struct Outcome {
 }
 
 /// The refinement, with the hidden mass dropped where it is not significant, and its trial on held-out passes.
-fn refined(two: &TwoSteps, layout: &mut Layout) -> Result<Option<Outcome>, IdentifyError> {
-    let training = training(two)?;
+fn refined(two: &TwoSteps, deformation: &DeformationFit, layout: &mut Layout) -> Result<Option<Outcome>, IdentifyError> {
+    let training = training(two, deformation)?;
     if training.clusters() < 4 {
         return Ok(None);
     }
@@ -148,18 +149,14 @@ fn refined(two: &TwoSteps, layout: &mut Layout) -> Result<Option<Outcome>, Ident
     Ok(Some(Outcome { refined: found, summary }))
 }
 
-fn training(two: &TwoSteps) -> Result<Training, IdentifyError> {
-    let data: Vec<Segmented> = two
-        .recordings
-        .iter()
-        .zip(two.segments)
-        .map(|(recording, s)| Segmented {
-            recording,
-            passes: &s.passes,
-            stretches: &s.stretches,
-            acceleration: acceleration(recording),
-        })
-        .collect();
+fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, IdentifyError> {
+    let segmented = |(recording, segments): (&'a Recording, &'a Segments)| Segmented {
+        recording,
+        passes: &segments.passes,
+        settled: settled_stretches(recording, segments, &two.steady, found),
+        acceleration: acceleration(recording),
+    };
+    let data: Vec<Segmented> = two.recordings.iter().zip(two.segments).map(segmented).collect();
     let noise = two.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max).max(1e-6);
     let mut training = Training::new(&data, noise, two.steady.pass_scatter_n);
     training.forget_unknown_starts(&two.candidate.element()?);

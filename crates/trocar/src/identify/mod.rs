@@ -12,7 +12,7 @@ use serde::Serialize;
 use trocar_model::{Element, SlidingFriction};
 
 use crate::recording::{Recording, local_acceleration};
-use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches};
+use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches, travel};
 
 pub use candidate::Candidate;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
@@ -239,10 +239,7 @@ fn two_steps(
     let mut deformation = deform(&steady);
     for _ in 0..2 {
         let Ok(found) = &deformation else { break };
-        let width = 2.0 * found.half_width.value;
-        let stiffness = end_stiffness(found);
-        let lag = 5.0 * steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
-        let settled = means(&|v| 1.1 * width + lag * v, false);
+        let settled = means(&|v| settled_travel(&steady, found, v), false);
         if settled.len() < 2 {
             break;
         }
@@ -267,6 +264,29 @@ fn two_steps(
         deformation = deform(&steady);
     }
     Ok((steady, deformation))
+}
+
+/// Travel, m, behind a reversal after which the sliding at `speed`, m/s, has settled: the deformation and five time
+/// constants β/K.
+fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
+    let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / end_stiffness(found);
+    2.2 * found.half_width.value + 5.0 * time_constant * speed
+}
+
+/// The part of each stretch in which the sliding has settled.
+fn settled_stretches(
+    recording: &Recording,
+    segments: &Segments,
+    steady: &SteadyFit,
+    found: &DeformationFit,
+) -> Vec<Stretch> {
+    let trimmed = |stretch: &Stretch| {
+        let needed = settled_travel(steady, found, stretch.velocity.abs());
+        let pass = &segments.passes[stretch.pass];
+        let start = (stretch.start..stretch.end).find(|i| travel(recording, pass, *i) >= needed)?;
+        Some(Stretch { start, ..*stretch })
+    };
+    segments.stretches.iter().filter_map(trimmed).collect()
 }
 
 /// Blocks of all motion instead of the plateaus' means, down to a fiftieth of the fastest plateau.

@@ -194,6 +194,7 @@ fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -
             break;
         };
         candidate = better;
+        if std::env::var("TROCAR_TRACE").is_ok() { eprintln!("it {iterations} cost {before:.3} lambda {lambda:e} c {:.6} joins {:.3} {:.3} fc {:.4}", candidate.half_width, candidate.rising.join, candidate.falling.join, candidate.insertion.coulomb_force); }
         normal = normal_equations(training, &candidate, layout)?;
         lambda = lambda.max(1e-9);
         converged = normal.cost() > (1.0 - fall) * before;

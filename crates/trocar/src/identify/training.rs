@@ -52,7 +52,8 @@ pub(super) struct Training {
 pub(super) struct Segmented<'a> {
     pub(super) recording: &'a Recording,
     pub(super) passes: &'a [Pass],
-    pub(super) stretches: &'a [Stretch],
+    /// Stretches of constant velocity from where the sliding has settled.
+    pub(super) settled: Vec<Stretch>,
     pub(super) acceleration: Vec<f64>,
 }
 
@@ -97,15 +98,15 @@ fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<
     let recording = part.recording;
     let mut steps = Vec::new();
     let mut pass = part.passes.partition_point(|p| p.end <= from);
-    let mut stretch = part.stretches.partition_point(|s| s.end <= from);
+    let mut stretch = part.settled.partition_point(|s| s.end <= from);
     sizes.push(0.0);
     let mut cluster_start = recording.time[from];
     let mut at = from;
     while at + 1 < to {
-        while part.stretches.get(stretch).is_some_and(|s| s.end <= at + 1) {
+        while part.settled.get(stretch).is_some_and(|s| s.end <= at + 1) {
             stretch += 1;
         }
-        let inside = part.stretches.get(stretch).filter(|s| s.start <= at);
+        let inside = part.settled.get(stretch).filter(|s| s.start <= at);
         let next = inside.map_or(at + 1, |s| (at + THINNING).min(s.end - 1)).max(at + 1).min(to - 1);
         if part.passes.get(pass).is_some_and(|p| p.end <= at) {
             pass += 1;
