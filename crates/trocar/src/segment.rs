@@ -57,6 +57,8 @@ pub struct Stretch {
     pub pass: usize,
     /// Number of the plateau of velocity it belongs to.
     pub plateau: usize,
+    /// Part of the motion's time that the plateau holds, 0 to 1.
+    pub dwell: f64,
     /// Mean velocity, m/s: displacement over duration.
     pub velocity: f64,
 }
@@ -183,12 +185,12 @@ pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOption
             cached = Some((window, local_velocity(recording, window)));
         }
         let velocity = &cached.as_ref().expect("filled above").1;
-        for speed in plateau_speeds(velocity, motion, options) {
+        for (speed, dwell) in plateau_speeds(velocity, motion, options) {
             for (k, pass) in motion.iter().enumerate() {
                 runs(recording, velocity, pass, speed, options, |start, end| {
                     let (x, t) = (&recording.position, &recording.time);
                     let mean = (x[end - 1] - x[start]) / (t[end - 1] - t[start]);
-                    found.push(Stretch { start, end, pass: first + k, plateau, velocity: mean });
+                    found.push(Stretch { start, end, pass: first + k, plateau, dwell, velocity: mean });
                 });
             }
             plateau += 1;
@@ -201,8 +203,8 @@ pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOption
 /// Relative difference from which two speeds of one motion count as two.
 const DISTINCT: f64 = 0.25;
 
-/// Speeds, m/s, at which a motion dwells, most time first.
-fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -> Vec<f64> {
+/// Speeds, m/s, at which a motion dwells, with the part of its time, most time first.
+fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -> Vec<(f64, f64)> {
     const MOST_SAMPLES: usize = 4000;
     let sign = motion[0].direction.sign();
     let samples: usize = motion.iter().map(|p| p.end - p.start).sum();
@@ -229,7 +231,7 @@ fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -
         if (count as f64) < options.minimum_dwell * all {
             break;
         }
-        plateaus.push(speed);
+        plateaus.push((speed, count as f64 / all));
         // Ripple about a plateau is no plateau of its own.
         speeds.retain(|v| (v / speed - 1.0).abs() > DISTINCT);
     }

@@ -20,8 +20,10 @@ fn outcome(seed: u64) -> Outcome {
     let seals = PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() };
     let truth = random_seal(&seals, seed);
     let element = [Element::new(truth).expect("a plausible seal is a model")];
-    let config = BenchConfig::default();
-    let recordings: Vec<_> = [Protocol::Steady, Protocol::Dynamic]
+    let mut config = BenchConfig::default();
+    if std::env::var("TROCAR_NOFLUCT").is_ok() { config.fluctuation.pass_fraction = 0.0; config.fluctuation.ripple_fraction = 0.0; }
+    if std::env::var("TROCAR_NORIPPLE").is_ok() { config.fluctuation.ripple_fraction = 0.0; }
+    let recordings: Vec<_> = (if std::env::var("TROCAR_STEADYONLY").is_ok() { vec![Protocol::Steady] } else { vec![Protocol::Steady, Protocol::Dynamic] })
         .into_iter()
         .map(|p| run(&config, p, &element, seed).expect("the rig runs").to_recording(p.name()).expect("finite columns"))
         .collect();

@@ -15,7 +15,7 @@ use super::steady::SteadyFit;
 use super::training::{Segmented, Training};
 use super::{
     Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Refinement, Segments, Warning, acceleration,
-    settled_stretches,
+    force_noise, settled_stretches, two_steps_of_part,
 };
 use crate::recording::Recording;
 use crate::segment::Direction;
@@ -82,7 +82,7 @@ pub(super) fn conclude(
     };
     progress("refining", 0.3);
     let outcome = match (&two.deformation, options.refine) {
-        (Ok(found), true) if sampling_resolves(&two) => refined(&two, found, &mut layout)?,
+        (Ok(found), true) if sampling_resolves(&two) => refined(&two, found, options, &mut layout)?,
         _ => None,
     };
     progress("intervals", 0.7);
@@ -123,7 +123,12 @@ struct Outcome {
 }
 
 /// The refinement, with the hidden mass dropped where it is not significant, and its trial on held-out passes.
-fn refined(two: &TwoSteps, deformation: &DeformationFit, layout: &mut Layout) -> Result<Option<Outcome>, IdentifyError> {
+fn refined(
+    two: &TwoSteps,
+    deformation: &DeformationFit,
+    options: &IdentifyOptions,
+    layout: &mut Layout,
+) -> Result<Option<Outcome>, IdentifyError> {
     let training = training(two, deformation)?;
     if training.clusters() < 4 {
         return Ok(None);
@@ -135,18 +140,44 @@ fn refined(two: &TwoSteps, deformation: &DeformationFit, layout: &mut Layout) ->
         let Some(again) = refine::refine(&training, &without, *layout) else { return Ok(None) };
         found = again;
     }
-    let Some(held_out) = refine::better_on_held_out(&training, &two.candidate, *layout) else { return Ok(None) };
+    let Some([held_out_two_step, held_out_refined]) = held_out_rms(two, deformation, &training, &found, *layout, options)
+    else {
+        return Ok(None);
+    };
     let before = (refine::cost(&training, &two.candidate, |_| true) / found.weight()).sqrt();
     let summary = Refinement {
         two_step_rms_n: before,
         refined_rms_n: found.rms[1],
-        held_out_two_step_rms_n: held_out.two_step_rms,
-        held_out_refined_rms_n: held_out.refined_rms,
+        held_out_two_step_rms_n: held_out_two_step,
+        held_out_refined_rms_n: held_out_refined,
         iterations: found.iterations,
         converged: found.converged,
-        accepted: held_out.refined_rms <= held_out.two_step_rms,
+        accepted: held_out_refined <= held_out_two_step,
     };
     Ok(Some(Outcome { refined: found, summary }))
+}
+
+/// Errors, N, of the two steps and of the refinement on passes that neither has seen: each half of the passes is
+/// predicted from the other.
+///
+/// Passes are dealt to the halves in pairs, so that each has insertions and withdrawals of all speeds.
+fn held_out_rms(
+    two: &TwoSteps,
+    deformation: &DeformationFit,
+    training: &Training,
+    found: &Refined,
+    layout: Layout,
+    options: &IdentifyOptions,
+) -> Option<[f64; 2]> {
+    let mut costs = [0.0; 2];
+    for half in 0..2 {
+        let held_out = |g: usize| (g / 2) % 2 == half;
+        let chosen = |recording, sample| !held_out(training.cluster_of(recording, sample));
+        let two_step = two_steps_of_part(&two.steady, deformation, two.recordings, options, chosen)?;
+        costs[0] += refine::cost(training, &two_step, held_out);
+        costs[1] += refine::trial(training, &found.candidate, layout, held_out)?;
+    }
+    Some(costs.map(|cost| (cost / found.weight()).sqrt()))
 }
 
 fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, IdentifyError> {
@@ -157,8 +188,7 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
         acceleration: acceleration(recording),
     };
     let data: Vec<Segmented> = two.recordings.iter().zip(two.segments).map(segmented).collect();
-    let noise = two.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max).max(1e-6);
-    let mut training = Training::new(&data, noise, two.steady.pass_scatter_n);
+    let mut training = Training::new(&data, force_noise(two.recordings).max(1e-6), two.steady.pass_scatter_n);
     training.forget_unknown_starts(&two.candidate.element()?);
     Ok(training)
 }

@@ -110,9 +110,9 @@ pub struct Refinement {
     pub two_step_rms_n: f64,
     /// The same after the refinement.
     pub refined_rms_n: f64,
-    /// Error of the two-step result on the held-out half of the passes, N.
+    /// Error of the two steps on passes held out from them, N (each half of the passes from the other).
     pub held_out_two_step_rms_n: f64,
-    /// Error there of a refinement on the other half, N.
+    /// Error there of the refinement, N.
     pub held_out_refined_rms_n: f64,
     /// Damped steps taken.
     pub iterations: usize,
@@ -227,19 +227,18 @@ fn two_steps(
         };
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
-    let noise = recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     let deform = |steady: &SteadyFit| {
-        let limits = limits(steady, noise);
+        let limits = limits(steady, force_noise(recordings));
         let found = recordings.iter().zip(segments).enumerate();
         let traverses = found.flat_map(|(i, (r, s))| deformation::traverses(i, r, &s.passes, &limits)).collect();
         let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
         deformation::fit(traverses, &limits, options.degrees, step)
     };
-    let mut steady = steady::fit(means(&|_| 0.0, true));
+    let mut steady = steady::fit(steady::imposed(means(&|_| 0.0, true)));
     let mut deformation = deform(&steady);
     for _ in 0..2 {
         let Ok(found) = &deformation else { break };
-        let settled = means(&|v| settled_travel(&steady, found, v), false);
+        let settled = steady::imposed(means(&|v| settled_travel(&steady, found, v), false));
         if settled.len() < 2 {
             break;
         }
@@ -264,6 +263,27 @@ fn two_steps(
         deformation = deform(&steady);
     }
     Ok((steady, deformation))
+}
+
+/// The two steps once more, from the part of their data that `chosen` (recording, sample) lets through.
+fn two_steps_of_part(
+    steady: &SteadyFit,
+    found: &DeformationFit,
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    chosen: impl Fn(usize, usize) -> bool,
+) -> Option<Candidate> {
+    let means = steady.means.iter().filter(|m| chosen(m.recording, m.sample)).cloned().collect();
+    let mut part = steady::fit(means);
+    stribeck::test(&mut part, options.seed);
+    let traverses = found.traverses.iter().filter(|t| chosen(t.recording, t.from)).cloned().collect();
+    let deformation = deformation::fit(traverses, &limits(&part, force_noise(recordings)), options.degrees, 0.0);
+    deformation.is_ok().then(|| candidate_of(&part, &deformation, recordings).0)
+}
+
+/// Largest sensor noise of the recordings, N.
+fn force_noise(recordings: &[Recording]) -> f64 {
+    recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max)
 }
 
 /// Travel, m, behind a reversal after which the sliding at `speed`, m/s, has settled: the deformation and five time

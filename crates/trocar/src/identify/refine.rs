@@ -194,7 +194,6 @@ fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -
             break;
         };
         candidate = better;
-        if std::env::var("TROCAR_TRACE").is_ok() { eprintln!("it {iterations} cost {before:.3} lambda {lambda:e} c {:.6} joins {:.3} {:.3} fc {:.4}", candidate.half_width, candidate.rising.join, candidate.falling.join, candidate.insertion.coulomb_force); }
         normal = normal_equations(training, &candidate, layout)?;
         lambda = lambda.max(1e-9);
         converged = normal.cost() > (1.0 - fall) * before;
@@ -243,32 +242,13 @@ impl Refined {
     }
 }
 
-/// Whether refining half of the clusters predicts the other half better than the two-step result does.
-///
-/// Clusters are dealt to the halves in pairs, so that each half has insertions and withdrawals of all speeds.
-pub(super) fn better_on_held_out(training: &Training, two_step: &Candidate, layout: Layout) -> Option<HeldOut> {
-    let held_out = |g: usize| (g / 2) % 2 == 1;
-    let mut half = training.clone();
-    for (g, weight) in half.weights.iter_mut().enumerate() {
-        if held_out(g) {
-            *weight = 0.0;
-        }
-    }
-    let refined = refine_to(CONVERGED_FOR_TRIAL, &half, two_step, layout)?;
-    let weight: f64 = training
-        .runs
-        .iter()
-        .flat_map(|r| &r.steps)
-        .filter(|s| held_out(s.cluster))
-        .map(|s| training.weights[s.cluster] * s.samples)
-        .sum();
-    let rms = |c: &Candidate| (cost(training, c, held_out) / weight).sqrt();
-    Some(HeldOut { two_step_rms: rms(two_step), refined_rms: rms(&refined.candidate) })
-}
-
-/// Errors on held-out clusters, N.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct HeldOut {
-    pub(super) two_step_rms: f64,
-    pub(super) refined_rms: f64,
+/// Refines the clusters that `left_out` spares, and scores the ones it names: weighted squares there.
+pub(super) fn trial(
+    training: &Training,
+    from: &Candidate,
+    layout: Layout,
+    left_out: impl Fn(usize) -> bool + Sync,
+) -> Option<f64> {
+    let refined = refine_to(CONVERGED_FOR_TRIAL, &training.without(&left_out), from, layout)?;
+    Some(cost(training, &refined.candidate, left_out))
 }

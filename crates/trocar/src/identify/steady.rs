@@ -26,6 +26,10 @@ pub struct PassMean {
     pub recording: usize,
     /// Number of the plateau of velocity in the recording.
     pub plateau: usize,
+    /// First sample.
+    pub sample: usize,
+    /// Part of the motion's time at this speed, 0 to 1.
+    pub dwell: f64,
     /// Sense of the motion.
     pub direction: Direction,
     /// Mean velocity, m/s.
@@ -181,6 +185,8 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, start: usize, direc
     Some(PassMean {
         recording: index,
         plateau: stretch.plateau,
+        sample: start,
+        dwell: stretch.dwell,
         direction,
         velocity_m_s: velocity,
         force_n: mean,
@@ -188,6 +194,17 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, start: usize, direc
         scatter_n: (force.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / n as f64).sqrt(),
         samples: n,
     })
+}
+
+/// The means of motions whose speed was imposed, if they pin the line; else all.
+///
+/// Under a constant push the speed answers to the friction of the pass, so its scatter is an error of the regressor,
+/// not of the force. A motion that keeps one speed for half of its time was driven at that speed.
+pub(super) fn imposed(means: Vec<PassMean>) -> Vec<PassMean> {
+    const IMPOSED: f64 = 0.5;
+    let own: Vec<PassMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
+    let pinned = [Direction::Positive, Direction::Negative].into_iter().all(|d| speeds_differ(&own, d));
+    if pinned && own.len() >= 6 { own } else { means }
 }
 
 /// Means over blocks of all sliding motion, for an axis without deformation whose inertia was taken out: there the
@@ -215,6 +232,8 @@ pub(super) fn moving_means(
             means.push(PassMean {
                 recording: index,
                 plateau: number,
+                sample: block[0],
+                dwell: 0.0,
                 direction: pass.direction,
                 velocity_m_s: mean(&|i| velocity[i]),
                 force_n: force,

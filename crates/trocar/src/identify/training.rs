@@ -46,6 +46,8 @@ pub(super) struct Training {
     pub(super) runs: Vec<Run>,
     /// Weight of a sample of each cluster, 1/N².
     pub(super) weights: Vec<f64>,
+    /// Recording and sample at which each cluster starts, in order.
+    starts: Vec<(usize, usize)>,
 }
 
 /// A recording with what the segmentation found in it.
@@ -62,15 +64,16 @@ impl Training {
         let shortest: f64 = data.iter().map(|d| d.recording.duration()).sum::<f64>() / MOST_CLUSTERS as f64;
         let mut runs = Vec::new();
         let mut sizes: Vec<f64> = Vec::new();
-        for part in data {
+        let mut starts = Vec::new();
+        for (index, part) in data.iter().enumerate() {
             for Range { start: from, end: to } in part.recording.stretches() {
                 if to > from + 1 {
-                    runs.push(run(part, from, to, shortest, &mut sizes));
+                    runs.push(run(part, from, to, shortest, &mut sizes, |sample| starts.push((index, sample))));
                 }
             }
         }
         let weights = sizes.iter().map(|n| 1.0 / (noise * noise + n * scatter * scatter)).collect();
-        Self { runs, weights }
+        Self { runs, weights, starts }
     }
 
     /// Takes the weight from all steps before the state is known: until unknown starts give one force.
@@ -80,6 +83,18 @@ impl Training {
             let known = forgotten_after(std::slice::from_ref(element), steps).map_or(run.steps.len(), |i| i + 1);
             run.steps[..known].iter_mut().for_each(|s| s.samples = 0.0);
         }
+    }
+
+    /// Cluster that holds a sample of a recording.
+    pub(super) fn cluster_of(&self, recording: usize, sample: usize) -> usize {
+        self.starts.partition_point(|start| *start <= (recording, sample)).saturating_sub(1)
+    }
+
+    /// The same training with the weight taken from some clusters.
+    pub(super) fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
+        let mut part = self.clone();
+        part.weights.iter_mut().enumerate().filter(|(g, _)| left_out(*g)).for_each(|(_, w)| *w = 0.0);
+        part
     }
 
     /// Root mean square acceleration, m/s².
@@ -94,12 +109,13 @@ impl Training {
     }
 }
 
-fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<f64>) -> Run {
+fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<f64>, mut on_cluster: impl FnMut(usize)) -> Run {
     let recording = part.recording;
     let mut steps = Vec::new();
     let mut pass = part.passes.partition_point(|p| p.end <= from);
     let mut stretch = part.settled.partition_point(|s| s.end <= from);
     sizes.push(0.0);
+    on_cluster(from);
     let mut cluster_start = recording.time[from];
     let mut at = from;
     while at + 1 < to {
@@ -113,6 +129,7 @@ fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<
             if recording.time[at] - cluster_start >= shortest {
                 cluster_start = recording.time[at];
                 sizes.push(0.0);
+                on_cluster(at);
             }
         }
         let samples = (next - at) as f64;
