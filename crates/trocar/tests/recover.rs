@@ -26,6 +26,7 @@ fn outcome(seed: u64) -> Outcome {
     let recordings: Vec<_> = (if std::env::var("TROCAR_STEADYONLY").is_ok() { vec![Protocol::Steady] } else { vec![Protocol::Steady, Protocol::Dynamic] })
         .into_iter()
         .map(|p| run(&config, p, &element, seed).expect("the rig runs").to_recording(p.name()).expect("finite columns"))
+        .map(|r| if std::env::var("TROCAR_MASS").is_ok() { r.without_moving_mass(config.rod.mass_kg, 0.0).unwrap() } else { r })
         .collect();
     let options = IdentifyOptions { bootstrap: 0, seed, ..IdentifyOptions::default() };
     let found = identify(&recordings, &options, &|_, _| {}).expect("steady and dynamic protocols suffice");

@@ -21,7 +21,7 @@ use crate::recording::Recording;
 use crate::segment::Direction;
 
 /// A hidden mass is kept when it differs from zero by this many standard errors.
-const HIDDEN_MASS_LEVEL: f64 = 4.0;
+const HIDDEN_MASS_LEVEL: f64 = 2.0;
 
 /// What the two steps left.
 pub(super) struct TwoSteps<'a> {
@@ -36,8 +36,8 @@ pub(super) struct TwoSteps<'a> {
 
 /// Replicates of a candidate, and how an interval follows from them.
 enum Replicates {
-    /// Clusters left out one at a time: variance, Student's t.
-    Jackknife(Vec<Candidate>),
+    /// Clusters left out one at a time: variance, Student's t with the effective number of clusters.
+    Jackknife(Vec<Candidate>, f64),
     /// Clusters resampled: percentiles.
     Bootstrap(Vec<Candidate>),
 }
@@ -45,17 +45,17 @@ enum Replicates {
 impl Replicates {
     fn estimate(&self, best: &Candidate, unit: &'static str, of: &dyn Fn(&Candidate) -> f64) -> Estimate {
         let value = of(best);
-        let (Self::Jackknife(all) | Self::Bootstrap(all)) = self;
+        let (Self::Jackknife(all, _) | Self::Bootstrap(all)) = self;
         if all.iter().all(|c| of(c) == value) {
             return Estimate::not_pinned(value, unit, "the readings do not depend on it");
         }
         match self {
-            Self::Jackknife(left_out) => {
+            Self::Jackknife(left_out, effective) => {
                 let g = left_out.len() as f64;
                 let values: Vec<f64> = left_out.iter().map(of).collect();
                 let mean = values.iter().sum::<f64>() / g.max(1.0);
                 let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-                Estimate::from_standard_error(value, ((g - 1.0) / g * squares).sqrt(), g - 1.0, unit)
+                Estimate::from_standard_error(value, ((g - 1.0) / g * squares).sqrt(), effective - 1.0, unit)
             }
             Self::Bootstrap(resampled) if resampled.len() >= 20 => {
                 let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());
@@ -157,10 +157,8 @@ fn refined(
     Ok(Some(Outcome { refined: found, summary }))
 }
 
-/// Errors, N, of the two steps and of the refinement on passes that neither has seen: each half of the passes is
-/// predicted from the other.
-///
-/// Passes are dealt to the halves in pairs, so that each has insertions and withdrawals of all speeds.
+/// Errors, N, of the two steps and of the refinement on cycles that neither has seen: each half of the cycles (every
+/// other one) is predicted from the other half.
 fn held_out_rms(
     two: &TwoSteps,
     deformation: &DeformationFit,
@@ -171,7 +169,7 @@ fn held_out_rms(
 ) -> Option<[f64; 2]> {
     let mut costs = [0.0; 2];
     for half in 0..2 {
-        let held_out = |g: usize| (g / 2) % 2 == half;
+        let held_out = |g: usize| g % 2 == half;
         let chosen = |recording, sample| !held_out(training.cluster_of(recording, sample));
         let two_step = two_steps_of_part(&two.steady, deformation, two.recordings, options, chosen)?;
         costs[0] += refine::cost(training, &two_step, held_out);
@@ -193,9 +191,13 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
     Ok(training)
 }
 
+fn found_jackknife(found: &Refined, layout: Layout) -> Replicates {
+    Replicates::Jackknife(found.jackknife(layout), found.effective_clusters())
+}
+
 /// Significant, and a small part of the reading: what moves the force more than the seal does is no forgotten rod.
 fn hidden_mass_is_plausible(found: &Refined, layout: Layout, training: &Training) -> bool {
-    let estimate = Replicates::Jackknife(found.jackknife(layout)).estimate(&found.candidate, "kg", &|c| c.hidden_mass);
+    let estimate = found_jackknife(found, layout).estimate(&found.candidate, "kg", &|c| c.hidden_mass);
     let error = estimate.half_width() / t_quantile(1e6);
     let small = estimate.value * training.rms_acceleration() < 0.1 * found.candidate.insertion.coulomb_force;
     estimate.value > HIDDEN_MASS_LEVEL * error && small
@@ -304,7 +306,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
                 refit(Direction::Negative, &two.candidate.falling, &skip, down.max(2) - 1),
             )
         };
-        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect());
+        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect(), n as f64);
     }
     let resampled = |index: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -321,7 +323,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
 
 fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options: &IdentifyOptions) -> Vec<Parameter> {
     let best = &refined.candidate;
-    let jackknife = Replicates::Jackknife(refined.jackknife(layout));
+    let jackknife = found_jackknife(refined, layout);
     let estimate = |name: &str, unit, of: &dyn Fn(&Candidate) -> f64| named(name, jackknife.estimate(best, unit, of));
     let steady = &two.steady;
     let mut all = Vec::new();

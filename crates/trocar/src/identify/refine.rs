@@ -215,6 +215,20 @@ impl Refined {
         used.filter_map(|(h, s)| self.shifted(layout, &(&hessian - h), &(&score - s))).collect()
     }
 
+    /// Effective number of clusters: that of equal ones with the same spread of leverage h = tr(H⁻¹·H_g).
+    ///
+    /// Slow cycles hold most of the samples; counting every cycle as one would make Student's t too narrow.
+    pub(super) fn effective_clusters(&self) -> f64 {
+        let (hessian, _) = self.normal.sums();
+        let p = hessian.nrows();
+        let unit = |j: usize| DVector::from_fn(p, |i, _| if i == j { 1.0 } else { 0.0 });
+        let columns: Option<Vec<_>> = (0..p).map(|j| damped_step(&hessian, &unit(j), 1e-12)).collect();
+        let Some(inverse) = columns else { return 1.0 };
+        let leverage = |h: &DMatrix<f64>| (0..p).map(|j| h.row(j).transpose().dot(&inverse[j])).sum::<f64>();
+        let all: Vec<f64> = self.normal.hessians.iter().map(leverage).collect();
+        all.iter().sum::<f64>().powi(2) / all.iter().map(|h| h * h).sum::<f64>().max(f64::MIN_POSITIVE)
+    }
+
     /// Candidates refitted to resampled clusters, to first order (bootstrap replicates).
     pub(super) fn bootstrap(&self, layout: Layout, count: usize, seed: u64) -> Vec<Candidate> {
         let used: Vec<usize> =

@@ -1,8 +1,8 @@
 //! Recordings as steps for the simulation: position increments, durations, readings, weights and clusters.
 //!
 //! Inside a settled constant-velocity stretch nothing happens that a longer step would miss, so its samples are
-//! taken together; everywhere else each sample is a step. A *cluster* is a pass (or several short ones): the unit
-//! that is resampled for intervals. Its weight is that of readings that share a level scattering by τ between passes:
+//! taken together; everywhere else each sample is a step. A *cluster* is a cycle of two passes (or several short ones):
+//! the unit that is resampled for intervals. Its weight is that of readings that share a level scattering by τ between passes:
 //! 1/(s² + n·τ²).
 
 use std::ops::Range;
@@ -117,6 +117,7 @@ fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<
     sizes.push(0.0);
     on_cluster(from);
     let mut cluster_start = recording.time[from];
+    let mut passes_inside = 0;
     let mut at = from;
     while at + 1 < to {
         while part.settled.get(stretch).is_some_and(|s| s.end <= at + 1) {
@@ -126,7 +127,9 @@ fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<
         let next = inside.map_or(at + 1, |s| (at + THINNING).min(s.end - 1)).max(at + 1).min(to - 1);
         if part.passes.get(pass).is_some_and(|p| p.end <= at) {
             pass += 1;
-            if recording.time[at] - cluster_start >= shortest {
+            passes_inside += 1;
+            if passes_inside >= 2 && recording.time[at] - cluster_start >= shortest {
+                passes_inside = 0;
                 cluster_start = recording.time[at];
                 sizes.push(0.0);
                 on_cluster(at);
