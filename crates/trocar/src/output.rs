@@ -181,6 +181,12 @@ impl StagedFolder {
         &self.target
     }
 
+    /// Where the files lie until then: for what writes or reads them by path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.staging.path()
+    }
+
     /// Writes one file; `name` may lie in a folder of its own, as in `figures/residuals.svg`.
     ///
     /// # Errors
