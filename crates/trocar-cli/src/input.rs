@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::recording::{ReadOptions, Recording, read};
+use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 
 use crate::console::{BadArgument, Console};
 
@@ -34,7 +34,7 @@ impl Reading {
         let mut left = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
         let mut recordings = Vec::with_capacity(paths.len());
         for path in paths {
-            let recording = read(path, &self.options(left))?;
+            let recording = read(path, &self.options(left)).map_err(with_the_peak)?;
             left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
             let file = path.display();
             for warning in &recording.quality.warnings {
@@ -55,6 +55,19 @@ impl Reading {
             flip_force: self.flip_force,
             memory_limit: memory.map(|bytes| bytes / PEAK_TO_COLUMNS),
         }
+    }
+}
+
+/// Tells the memory that the whole work needs, not only the columns.
+fn with_the_peak(error: RecordingError) -> RecordingError {
+    match error {
+        RecordingError::TooLarge { file, rows, needed_mb, limit_mb } => RecordingError::TooLarge {
+            file,
+            rows,
+            needed_mb: PEAK_TO_COLUMNS * needed_mb,
+            limit_mb: PEAK_TO_COLUMNS * limit_mb,
+        },
+        other => other,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
+use trocar::identify::{Estimate, Identification, IdentifyOptions, Warning, identify};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::summary::{MovingMass, Outcome};
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     #[arg(long)]
     no_refine: bool,
     /// Mass between sensor and seal, in kg: its inertia is taken out of the readings
-    #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative)]
+    #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: f64,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81 for a withdrawal
     /// downwards, -9.81 for an insertion downwards); 0 leaves the weight in the offset
@@ -145,19 +145,23 @@ fn without(recording: Recording, declared: MovingMass, hidden: f64) -> anyhow::R
 fn say_survey(console: &Console, survey: &Survey) {
     for r in &survey.recordings {
         console.remark(&format!(
-            "{}: {} samples, {:.1} s, stroke {:.1} mm, {} passes with {} reversals; constant velocity {}",
+            "{}: {} samples, {:.1} s, stroke {:.1} mm, {}, {}; constant velocity {}",
             r.name,
             r.samples,
             r.duration,
             1e3 * r.stroke,
-            r.passes,
-            r.reversals,
+            counted(r.passes, "pass", "passes"),
+            counted(r.reversals, "reversal", "reversals"),
             speeds(&r.insertion_speeds, &r.withdrawal_speeds)
         ));
     }
     for limit in &survey.limits {
         console.remark(&format!("note: {limit}"));
     }
+}
+
+fn counted(count: usize, one: &str, many: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {many}") }
 }
 
 fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
@@ -193,12 +197,21 @@ impl Found {
         }
     }
 
-    /// Warnings about files were printed when they were read.
+    /// Warnings about files were printed when they were read; one reason for several parameters is given once.
     fn say_warnings(&self, console: &Console) {
         let read = |subject: &str| self.job.recordings.iter().any(|recording| recording.name == subject);
-        for warning in self.identification.warnings.iter().filter(|warning| !read(&warning.subject)) {
-            let text = format!("{}: {}", warning.subject, warning.message);
-            if warning.doubtful { console.warn(&text) } else { console.remark(&format!("note: {text}")) }
+        let mut left: Vec<&Warning> = self.identification.warnings.iter().filter(|w| !read(&w.subject)).collect();
+        while let Some(&first) = left.first() {
+            let (same, others): (Vec<&Warning>, Vec<&Warning>) =
+                left.into_iter().partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
+            let subjects: Vec<&str> = same.iter().map(|w| w.subject.as_str()).collect();
+            let text = format!("{}: {}", subjects.join(", "), first.message);
+            if first.doubtful {
+                console.warn(&text)
+            } else {
+                console.remark(&format!("note: {text}"))
+            }
+            left = others;
         }
         let results = self.validation.iter().flat_map(|validation| &validation.recordings);
         for result in results {

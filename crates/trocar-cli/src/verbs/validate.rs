@@ -24,7 +24,7 @@ pub(crate) struct Args {
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
     /// Mass between sensor and seal, in kg: its inertia is taken out of the readings [default: the model's sensor, or 0]
-    #[arg(long, value_name = "KG", value_parser = not_negative)]
+    #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: Option<f64>,
     /// Reading at rest without any force of the seal, in N [default: the model's sensor, or 0]
     #[arg(long, value_name = "N", value_parser = finite, allow_negative_numbers = true)]
