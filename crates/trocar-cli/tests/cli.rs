@@ -115,7 +115,7 @@ fn saw(change: impl Fn(usize, [f64; 3]) -> String) -> String {
         let (position, sign) = if phase < 1.0 { (0.05 * phase, 1.0) } else { (0.05 * (2.0 - phase), -1.0) };
         let since_reversal = 0.05 * (phase % 1.0);
         let noise = 0.01 * ((k * 7919 % 101) as f64 / 50.0 - 1.0);
-        let force = sign * (2.0 * (since_reversal / 0.008 - 1.0).min(1.0) * 1.0) + noise;
+        let force = 2.0 * sign * (since_reversal / 0.003 - 1.0).min(1.0) + noise;
         let _ = writeln!(text, "{}", change(k, [t, position, force]));
     }
     text
