@@ -10,6 +10,7 @@ mod table;
 mod verbs;
 
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Parser, Subcommand};
 
@@ -59,17 +60,26 @@ impl Done {
     }
 }
 
+/// Set once an interruption ends the process: what fails or finishes from then on is its doing.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let console = Console::new(cli.quiet);
     let interruptible = ctrlc::set_handler(|| {
+        INTERRUPTED.store(true, Ordering::SeqCst);
         trocar::output::remove_unfinished();
         std::process::exit(130);
     });
     if let Err(error) = interruptible {
         console.warn(&format!("an interruption may leave hidden temporary files: {error}"));
     }
-    match run(&console, cli.verb) {
+    let outcome = run(&console, cli.verb);
+    while INTERRUPTED.load(Ordering::SeqCst) {
+        // The handler's thread ends the process, with its own exit code.
+        std::thread::park();
+    }
+    match outcome {
         Ok(Done::Clean) => ExitCode::SUCCESS,
         Ok(Done::Doubtful) => ExitCode::from(3),
         Err(error) => console::fail(&error),

@@ -44,7 +44,7 @@ pub(crate) fn number(value: f64) -> String {
         if value.is_nan() { "-".to_owned() } else { format!("{value}") }
     } else if size == 0.0 {
         "0".to_owned()
-    } else if size >= 1e5 || size < 1e-4 {
+    } else if !(1e-4..1e5).contains(&size) {
         format!("{value:.2e}")
     } else {
         let decimals = (3 - size.log10().floor() as i32).clamp(0, 5) as usize;

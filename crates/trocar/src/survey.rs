@@ -3,6 +3,8 @@
 //! Passes and stretches of constant velocity decide what an identification can pin. Whoever records learns here what
 //! to record, without waiting for the fit.
 
+use rayon::prelude::*;
+
 use crate::recording::Recording;
 use crate::segment::{Direction, SegmentOptions, passes, reversal_threshold, stretches};
 
@@ -44,7 +46,8 @@ pub struct Survey {
 impl Survey {
     /// Looks `recordings` over.
     pub fn new(recordings: &[Recording], options: &SegmentOptions) -> Self {
-        let recordings: Vec<RecordingSurvey> = recordings.iter().map(|r| RecordingSurvey::new(r, options)).collect();
+        let recordings: Vec<RecordingSurvey> =
+            recordings.par_iter().map(|r| RecordingSurvey::new(r, options)).collect();
         let limits = limits(&recordings);
         Self { recordings, limits }
     }
