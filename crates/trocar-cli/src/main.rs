@@ -1,2 +1,100 @@
-//! Skeleton.
-fn main() {}
+//! `trocar`: from recordings of an instrument in a trocar to a validated model of the force, on the command line.
+//!
+//! Thin on purpose: the library works, this crate reads arguments, prints and exits. Data go to standard output,
+//! everything else to standard error. Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done with lost or doubtful data.
+
+mod console;
+mod input;
+mod progress;
+mod table;
+mod verbs;
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{Parser, Subcommand};
+
+use console::Console;
+
+/// Identifies, validates and simulates the force between a surgical instrument and the seal of its trocar.
+///
+/// The model is the Extended Maxwell-Slip (EMS) element: a seal that first bends with the instrument, then lets it
+/// slide. Position and force are positive on insertion. Not a medical device.
+#[derive(Parser)]
+#[command(name = "trocar", version, after_help = AFTER_HELP, max_term_width = 110)]
+struct Cli {
+    /// No progress and no remarks; warnings and errors stay
+    #[arg(long, global = true)]
+    quiet: bool,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done with lost or doubtful data, \
+                          130 interrupted.\n\nStart with: trocar demo";
+
+#[derive(Subcommand)]
+enum Verb {
+    Bench(verbs::bench::Args),
+    Identify(verbs::identify::Args),
+    Validate(verbs::validate::Args),
+    Simulate(verbs::simulate::Args),
+    Analyze(verbs::analyze::Args),
+    Demo(verbs::demo::Args),
+    Completions(verbs::completions::Args),
+    Man(verbs::man::Args),
+}
+
+/// How a verb ended when it did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Done {
+    /// Nothing to complain about.
+    Clean,
+    /// Data were lost or the result is doubtful; the warnings say how.
+    Doubtful,
+}
+
+impl Done {
+    fn doubtful_if(doubtful: bool) -> Self {
+        if doubtful { Self::Doubtful } else { Self::Clean }
+    }
+}
+
+/// Set once an interruption ends the process: what fails or finishes from then on is its doing.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let console = Console::new(cli.quiet);
+    let interruptible = ctrlc::set_handler(|| {
+        INTERRUPTED.store(true, Ordering::SeqCst);
+        trocar::output::remove_unfinished();
+        std::process::exit(130);
+    });
+    if let Err(error) = interruptible {
+        console.warn(&format!("an interruption may leave hidden temporary files: {error}"));
+    }
+    let outcome = run(&console, cli.verb);
+    while INTERRUPTED.load(Ordering::SeqCst) {
+        // The handler's thread ends the process, with its own exit code.
+        std::thread::park();
+    }
+    match outcome {
+        Ok(Done::Clean) => ExitCode::SUCCESS,
+        Ok(Done::Doubtful) => ExitCode::from(3),
+        Err(error) => console::fail(&error),
+    }
+}
+
+fn run(console: &Console, verb: Verb) -> anyhow::Result<Done> {
+    match verb {
+        Verb::Bench(args) => verbs::bench::run(console, &args),
+        Verb::Identify(args) => verbs::identify::run(console, &args),
+        Verb::Validate(args) => verbs::validate::run(console, &args),
+        Verb::Simulate(args) => verbs::simulate::run(console, &args),
+        Verb::Analyze(args) => verbs::analyze::run(console, &args),
+        Verb::Demo(args) => verbs::demo::run(console, &args),
+        Verb::Completions(args) => verbs::completions::run(&args),
+        Verb::Man(args) => verbs::man::run(&args),
+    }
+}

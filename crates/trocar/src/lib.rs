@@ -1,5 +1,6 @@
 //! From recordings of an instrument in a trocar to a validated model of the force between them.
 
+pub mod analyze;
 pub mod bench;
 pub mod error;
 pub mod identify;
@@ -10,4 +11,6 @@ pub mod replay;
 pub mod report;
 pub mod segment;
 pub mod simulate;
+pub mod summary;
+pub mod survey;
 pub mod validate;

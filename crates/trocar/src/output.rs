@@ -115,7 +115,7 @@ impl Target {
             Ok(_) => fs::canonicalize(path)?,
             Err(_) => path.to_owned(),
         };
-        let file = hidden(0o666).tempfile_in(folder_of(&to))?;
+        let file = hidden(0o666).tempfile_in(folder_of(&to)).map_err(without_name)?;
         let unfinished = Unfinished::new(file.path());
         Ok(Self::Temporary { file, to, _unfinished: unfinished })
     }
@@ -149,6 +149,15 @@ fn hidden(_mode: u32) -> tempfile::Builder<'static, 'static> {
     builder
 }
 
+/// The error without the temporary file's name, which says nothing to a user.
+fn without_name(error: io::Error) -> io::Error {
+    let text = error.to_string();
+    match text.split_once(" at path ") {
+        Some((what, _)) => io::Error::new(error.kind(), what.to_owned()),
+        None => error,
+    }
+}
+
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -179,6 +188,12 @@ impl StagedFolder {
     #[must_use]
     pub fn target(&self) -> &Path {
         &self.target
+    }
+
+    /// Where the files lie until then: for what writes or reads them by path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.staging.path()
     }
 
     /// Writes one file; `name` may lie in a folder of its own, as in `figures/residuals.svg`.
@@ -219,7 +234,7 @@ fn stage(target: &Path) -> io::Result<TempDir> {
     if !folder.is_dir() {
         return Err(io::ErrorKind::NotADirectory.into());
     }
-    hidden(0o777).tempdir_in(folder)
+    hidden(0o777).tempdir_in(folder).map_err(without_name)
 }
 
 /// Moves all files, replacing those of the same name.

@@ -1,8 +1,8 @@
 //! Replays a model along a recorded motion, row by row and in constant memory.
 //!
-//! The motion is any CSV that [`crate::recording`] understands with time and position; a force column is ignored. Every
-//! row gives one row `time_s,position_m,force_n,deflection_m,mode`. The force is the seal's alone, positive on
-//! insertion.
+//! The motion is any CSV that [`crate::recording`] understands with time and position; of a force column only the
+//! first reading counts, and only for a drive that starts from it. Every row gives one row
+//! `time_s,position_m,force_n,deflection_m,mode`. The force is the seal's alone, positive on insertion.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -25,6 +25,8 @@ const REPORT_EVERY: u64 = 1 << 16;
 
 /// What turns motion into force, with everything it remembers inside.
 pub trait Drive {
+    /// Told once, before the first step: the force reading (N) of the first row, where the motion has one.
+    fn start(&mut self, _reading: Option<f64>) {}
     /// Advances by `displacement` (m) within `duration` (s, positive); returns the force (N) at the end.
     fn step(&mut self, displacement: f64, duration: f64) -> f64;
     /// Force after the last step, N.
@@ -114,6 +116,9 @@ pub fn simulate(
     outcome.map_err(|source| output.write_error(source))?;
     let mut count = 0;
     while let Some(step) = rows.advance()? {
+        if count == 0 {
+            drive.start(step.reading);
+        }
         let force = if step.duration > 0.0 { drive.step(step.displacement, step.duration) } else { drive.force() };
         line.number(step.time).number(step.position).number(force).number(drive.deflection());
         line.word(word(drive.mode()));
@@ -147,6 +152,8 @@ pub struct Step {
     pub displacement: f64,
     /// Time since the row above, s; 0 on the first row and where a row is repeated.
     pub duration: f64,
+    /// Force reading, N, where the motion has one.
+    pub reading: Option<f64>,
 }
 
 /// Reads a motion row by row and refuses a row that cannot follow the one above.
@@ -190,7 +197,8 @@ impl<R: Read> Positions<R> {
             return Err(self.unfit(row));
         }
         (self.time, self.position) = (time, position);
-        Ok(Some(Step { time, position, displacement, duration }))
+        let reading = Some(row.get(Quantity::Force)).filter(|force| force.is_finite());
+        Ok(Some(Step { time, position, displacement, duration, reading }))
     }
 
     #[cold]

@@ -104,6 +104,13 @@ pub struct Validation {
     pub recordings: Vec<RecordingValidation>,
 }
 
+impl Validation {
+    /// Whether a recording never let the seal forget its unknown start (exit code 3).
+    pub fn is_doubtful(&self) -> bool {
+        self.recordings.iter().any(|recording| !recording.warnings.is_empty())
+    }
+}
+
 /// Sums over samples, from which root mean squares and fits follow.
 #[derive(Default, Clone, Copy)]
 struct Sums {

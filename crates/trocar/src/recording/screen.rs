@@ -368,10 +368,14 @@ impl Path<'_> {
 /// Runs of one and the same extreme reading; with noise on the force only the end of the range does that.
 fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Option<f64>) {
     let (low, high) = range(&columns.force);
+    // Where the sensor is saturated for most of the time, the readings as a whole seem to be without noise.
+    let inside = columns.time.iter().zip(&columns.force).filter(|(_, force)| low < **force && **force < high);
+    let (time, force): (Vec<f64>, Vec<f64>) = inside.unzip();
+    let noisy = force.len() >= MIN_SAMPLES && noise(&time, &force, quality.force_resolution) > quality.force_resolution;
     for (level, sign) in [(high, 1.0), (low, -1.0)] {
         let limit = sensor_limit.filter(|limit| sign * level >= *limit);
         // Without noise any constant force repeats exactly, so repetition says nothing.
-        if limit.is_none() && quality.force_noise <= quality.force_resolution {
+        if limit.is_none() && !noisy {
             continue;
         }
         let threshold = limit.unwrap_or(sign * level);

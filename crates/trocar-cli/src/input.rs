@@ -1,0 +1,108 @@
+//! Arguments on how to read recordings, common to several verbs.
+
+use std::path::PathBuf;
+
+use trocar::recording::{ReadOptions, Recording, RecordingError, read};
+
+use crate::console::{BadArgument, Console};
+
+/// Recordings in memory against what a whole identification holds at its peak.
+const PEAK_TO_COLUMNS: u64 = 5;
+
+/// How to read the recordings.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Reading recordings")]
+pub(crate) struct Reading {
+    /// Names of the columns in order, with units, '-' to skip one: time_s,position_mm,-,force_n
+    #[arg(long, value_name = "NAMES")]
+    pub(crate) columns: Option<String>,
+    /// Reverse the sign of the force, for a sensor mounted the other way round
+    #[arg(long)]
+    flip_force: bool,
+    /// Largest force the sensor can read, in N; readings there count as saturated
+    #[arg(long, value_name = "N", value_parser = positive)]
+    sensor_limit_n: Option<f64>,
+    /// Most memory to use, in MB (10^6 bytes) [default: what the system has available]
+    #[arg(long, value_name = "MB")]
+    memory_limit_mb: Option<u64>,
+}
+
+impl Reading {
+    /// Reads all files, says what is doubtful about them, and refuses those that would not fit into memory together.
+    pub(crate) fn recordings(&self, console: &Console, paths: &[PathBuf]) -> anyhow::Result<Vec<Recording>> {
+        one_standard_input(paths)?;
+        let mut left = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
+        let mut recordings = Vec::with_capacity(paths.len());
+        for path in paths {
+            let recording = read(path, &self.options(left)).map_err(with_the_peak)?;
+            left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
+            let file = path.display();
+            for warning in &recording.quality.warnings {
+                console.warn(&format!("{file}: {warning}"));
+            }
+            for note in &recording.quality.notes {
+                console.remark(&format!("note: {file}: {note}"));
+            }
+            recordings.push(recording);
+        }
+        Ok(recordings)
+    }
+
+    fn options(&self, memory: Option<u64>) -> ReadOptions {
+        ReadOptions {
+            columns: self.columns.clone(),
+            sensor_limit: self.sensor_limit_n,
+            flip_force: self.flip_force,
+            memory_limit: memory.map(|bytes| bytes / PEAK_TO_COLUMNS),
+        }
+    }
+}
+
+/// Tells the memory that the whole work needs, not only the columns.
+fn with_the_peak(error: RecordingError) -> RecordingError {
+    match error {
+        RecordingError::TooLarge { file, rows, needed_mb, limit_mb } => RecordingError::TooLarge {
+            file,
+            rows,
+            needed_mb: PEAK_TO_COLUMNS * needed_mb,
+            limit_mb: PEAK_TO_COLUMNS * limit_mb,
+        },
+        other => other,
+    }
+}
+
+fn one_standard_input(paths: &[PathBuf]) -> Result<(), BadArgument> {
+    if paths.iter().filter(|path| path.as_os_str() == "-").count() > 1 {
+        return Err(BadArgument("standard input ('-') can be read once only".into()));
+    }
+    Ok(())
+}
+
+fn bytes_of(recording: &Recording) -> u64 {
+    let columns = if recording.velocity.is_some() { 4 } else { 3 };
+    (columns * size_of::<f64>() * recording.len()) as u64
+}
+
+/// Memory that the system can give without swapping, in bytes; `None` where it does not tell.
+fn available_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(1024 * kib)
+}
+
+/// A finite number.
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if number.is_finite() { Ok(number) } else { Err("expected a finite number".to_owned()) }
+}
+
+/// A finite number above zero.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    finite(text).and_then(|number| if number > 0.0 { Ok(number) } else { Err("expected a number above 0".to_owned()) })
+}
+
+/// A finite number, zero or above.
+pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
+    finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("expected 0 or more".to_owned()) })
+}

@@ -1,0 +1,62 @@
+//! A progress bar for work that lasts: on a terminal, after a second, and not with `--quiet`.
+
+use std::io::IsTerminal;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::console::Console;
+
+/// Work shorter than this shows no bar.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Steps of the bar: a tenth of a percent each.
+const STEPS: f64 = 1000.0;
+
+/// A bar that appears late and leaves no trace; dropped, it disappears.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    waiting: Option<(mpsc::Sender<()>, JoinHandle<()>)>,
+}
+
+impl Progress {
+    /// A bar for work of known length.
+    pub(crate) fn new(console: &Console) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden());
+        let style = ProgressStyle::with_template("{spinner} {msg:22} {wide_bar} {percent:>3} %  {elapsed}");
+        bar.set_style(style.expect("the template is well formed"));
+        let visible = !console.quiet && std::io::stderr().is_terminal();
+        Self { waiting: visible.then(|| appear_later(bar.clone())), bar }
+    }
+
+    /// Names the stage and the part done, 0 to 1.
+    pub(crate) fn report(&self, stage: &str, part: f64) {
+        self.bar.set_message(stage.to_owned());
+        self.bar.set_position((STEPS * part.clamp(0.0, 1.0)) as u64);
+    }
+}
+
+/// Shows the bar when the sender lives longer than the patience.
+fn appear_later(bar: ProgressBar) -> (mpsc::Sender<()>, JoinHandle<()>) {
+    let (sender, receiver) = mpsc::channel();
+    let appear = move || {
+        if receiver.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+            bar.set_draw_target(ProgressDrawTarget::stderr());
+            bar.enable_steady_tick(Duration::from_millis(100));
+        }
+    };
+    (sender, std::thread::spawn(appear))
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some((sender, thread)) = self.waiting.take() {
+            drop(sender);
+            // The thread only waits; a panic there would have been printed.
+            let _ = thread.join();
+        }
+        self.bar.finish_and_clear();
+    }
+}

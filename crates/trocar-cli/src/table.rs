@@ -1,0 +1,61 @@
+//! Plain tables for people: columns aligned, numbers to the right.
+
+use std::fmt::Write as _;
+
+/// Rows of cells of one length each; the first column is text.
+#[derive(Default)]
+pub(crate) struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub(crate) fn headed<const N: usize>(cells: [&str; N]) -> Self {
+        Self { rows: vec![cells.map(str::to_owned).to_vec()] }
+    }
+
+    pub(crate) fn row<const N: usize>(&mut self, cells: [String; N]) {
+        self.rows.push(cells.to_vec());
+    }
+
+    pub(crate) fn to_text(&self) -> String {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let cell_width = |column: usize| {
+            let cells = self.rows.iter().filter_map(|row| row.get(column));
+            cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+        };
+        let widths: Vec<usize> = (0..columns).map(cell_width).collect();
+        let mut text = String::new();
+        for row in &self.rows {
+            let mut line = String::new();
+            for (k, (cell, width)) in row.iter().zip(&widths).enumerate() {
+                let _ = if k == 0 { write!(line, "  {cell:<width$}") } else { write!(line, "  {cell:>width$}") };
+            }
+            text.push_str(line.trim_end());
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// A number with about four significant digits, without an exponent where it is readable without.
+pub(crate) fn number(value: f64) -> String {
+    let size = value.abs();
+    if !value.is_finite() {
+        if value.is_nan() { "-".to_owned() } else { format!("{value}") }
+    } else if size == 0.0 {
+        "0".to_owned()
+    } else if !(1e-4..1e5).contains(&size) {
+        format!("{value:.2e}")
+    } else {
+        let decimals = (3 - size.log10().floor() as i32).clamp(0, 5) as usize;
+        format!("{value:.decimals$}")
+    }
+}
+
+/// An interval, `[low, high]`; without bounds where the data set none.
+pub(crate) fn interval([low, high]: [f64; 2]) -> String {
+    if low == f64::NEG_INFINITY && high == f64::INFINITY {
+        return "not pinned".to_owned();
+    }
+    format!("[{}, {}]", number(low), number(high))
+}

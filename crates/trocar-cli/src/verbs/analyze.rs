@@ -1,0 +1,153 @@
+//! `trocar analyze`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, Sense, SteadyState, analyze};
+use trocar::model_file::ModelFile;
+
+use crate::Done;
+use crate::console::{self, Console};
+use crate::table::{Table, number};
+
+/// Check the paper's propositions for a model, and what happens where they fail
+///
+/// Proposition III.1 (the seal reaches sliding), III.2 (steady force and deflection) and III.3 (stability), stick-slip
+/// and snap-through, the energy of closed motions, and the error of the 1 kHz step, each against simulations.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Model file (model.json)
+    model: PathBuf,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+    /// Seed of the random motions
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+}
+
+pub(crate) fn run(_: &Console, args: &Args) -> anyhow::Result<Done> {
+    let model = ModelFile::read(&args.model)?;
+    let analysis = analyze(&model.elements, args.seed);
+    let text = if args.json { serde_json::to_string_pretty(&analysis)? + "\n" } else { text(&analysis) };
+    console::print(&text)?;
+    Ok(Done::Clean)
+}
+
+fn text(analysis: &Analysis) -> String {
+    let mut text = String::new();
+    for (i, element) in analysis.elements.iter().enumerate() {
+        if analysis.elements.len() > 1 {
+            let _ = writeln!(text, "ELEMENT {}\n", i + 1);
+        }
+        element_text(&mut text, element);
+    }
+    heading(&mut text, analysis.cycle_work.holds, "Energy of full cycles", &analysis.cycle_work.verdict);
+    let mut table = Table::headed(["speed mm/s", "work mJ", "of it sliding mJ"]);
+    for cycle in &analysis.cycle_work.cycles {
+        table.row([1e3 * cycle.speed_m_s, 1e3 * cycle.work_j, 1e3 * cycle.sliding_work_j].map(number));
+    }
+    let _ = writeln!(text, "{}", table.to_text());
+    let loops = &analysis.random_loops;
+    heading(
+        &mut text,
+        loops.holds,
+        "Passivity",
+        &format!("{} (least work {:.3e} J)", loops.verdict, loops.least_work_j),
+    );
+    heading(&mut text, analysis.step_error.holds, "Step", &analysis.step_error.verdict);
+    text
+}
+
+fn heading(text: &mut String, holds: bool, what: &str, verdict: &str) {
+    let _ = writeln!(text, "{} {what}: {verdict}", if holds { "[holds]" } else { "[FAILS]" });
+}
+
+fn element_text(text: &mut String, element: &ElementAnalysis) {
+    let reaches = &element.reaches_sliding;
+    heading(text, reaches.holds, "Proposition III.1", "at constant velocity the seal reaches sliding");
+    for branch in &reaches.branches {
+        branch_text(text, branch);
+    }
+    if let Some(partial) = reaches.softening_of_partial_reversals {
+        let _ = writeln!(
+            text,
+            "    partial reversals: the force rises outside z = {} to {} mm",
+            number(1e3 * partial.from_m),
+            number(1e3 * partial.to_m)
+        );
+    }
+    text.push('\n');
+    let steady = &element.steady_state;
+    heading(text, steady.holds, "Proposition III.2", &steady.verdict);
+    heading(text, element.stability.holds, "Proposition III.3", &element.stability.verdict);
+    let _ = writeln!(text, "{}", steady_table(steady));
+    for found in &element.stability.stick_slip {
+        let _ = writeln!(
+            text,
+            "    stick-slip on {}: {} to {} N at {} mm/s, {} Hz; unstable from {} to {} mm/s\n",
+            sense(found.sense),
+            number(found.lowest_force_n),
+            number(found.highest_force_n),
+            number(1e3 * found.speed_m_s),
+            number(found.frequency_hz),
+            number(1e3 * found.unstable.from_m_s),
+            number(1e3 * found.unstable.to_m_s)
+        );
+    }
+}
+
+fn sense(sense: Sense) -> &'static str {
+    match sense {
+        Sense::Insertion => "insertion",
+        Sense::Withdrawal => "withdrawal",
+    }
+}
+
+fn branch_text(text: &mut String, branch: &BranchPassage) {
+    let _ = writeln!(text, "    {}: {}", sense(branch.sense), branch.verdict);
+    for interval in &branch.softening {
+        let _ = writeln!(
+            text,
+            "      d(k z)/dz <= 0 from z = {} to {} mm",
+            number(1e3 * interval.from_m),
+            number(1e3 * interval.to_m)
+        );
+    }
+    if let Some(travel) = branch.longest_travel_to_sliding_m {
+        let _ = writeln!(text, "      slides after at most {} mm of travel", number(1e3 * travel));
+    }
+    if let Some(range) = branch.bistable {
+        let _ = writeln!(
+            text,
+            "      two resting places from {} to {} mm/s: which one depends on the past",
+            number(1e3 * range.from_m_s),
+            number(1e3 * range.to_m_s)
+        );
+    }
+}
+
+fn steady_table(steady: &SteadyState) -> String {
+    let mut table = Table::headed([
+        "speed mm/s",
+        "force N (16)",
+        "deflection mm (17)",
+        "eigenvalue 1/s (22)",
+        "time constant ms",
+        "simulated - (16) N",
+        "stable",
+    ]);
+    for point in &steady.table {
+        let [a, b, c, d, e, f] = [
+            1e3 * point.velocity_m_s,
+            point.force_n,
+            1e3 * point.deflection_m,
+            point.eigenvalue_1_s,
+            1e3 * point.time_constant_s,
+            point.simulated_difference_n,
+        ]
+        .map(number);
+        table.row([a, b, c, d, e, f, if point.stable { "yes" } else { "NO" }.to_owned()]);
+    }
+    table.to_text()
+}

@@ -1,0 +1,141 @@
+//! `trocar bench`
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use trocar::bench::config::DEFAULT_TOML;
+use trocar::bench::{self, BenchConfig, BenchRun, Protocol};
+use trocar::model_file::ModelFile;
+use trocar::output::AtomicFile;
+use trocar::recording;
+use trocar_model::Element;
+
+use crate::Done;
+use crate::console::{self, Console};
+use crate::progress::Progress;
+
+/// Record an experiment on the virtual test bench
+///
+/// A linear motor moves a rod through a seal; position and force are recorded through an encoder and a force sensor,
+/// as on a rig. Writes the columns time_s, position_m, velocity_m_s and force_n.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Experiment: steady (cycles from 15 to 100 mm/s), dynamic (cycles under constant force), validation (40 mm
+    /// strokes), step (one reversal), surgeon (hand-like motion)
+    #[arg(required_unless_present = "print_config")]
+    protocol: Option<Protocol>,
+    /// Recording to write, '-' for standard output
+    #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
+    out: Option<PathBuf>,
+    /// Rig and protocol, TOML; keys left out keep their defaults (see --print-config)
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// Seal to test, model.json [default: a plausible, made-up one-stage 10.5 mm trocar]
+    #[arg(long, value_name = "MODEL")]
+    seal: Option<PathBuf>,
+    /// Seed of noise, fluctuation and hand-like motion
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Also write what only a simulation knows (true motion, forces and deflections), CSV
+    #[arg(long, value_name = "FILE")]
+    truth_out: Option<PathBuf>,
+    /// Print the rig and protocol as a documented TOML file and stop
+    #[arg(long)]
+    print_config: bool,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+    let config = args.rig.as_deref().map(read_config).transpose()?;
+    let (false, Some(protocol), Some(out)) = (args.print_config, args.protocol, &args.out) else {
+        console::print(&config.map_or(DEFAULT_TOML.to_owned(), |config| config.to_toml()))?;
+        return Ok(Done::Clean);
+    };
+    let elements = seal(console, args.seal.as_deref())?;
+    let progress = Progress::new(console);
+    progress.report(protocol.name(), 0.0);
+    let run = bench::run(&config.unwrap_or_default(), protocol, &elements, args.seed)?;
+    drop(progress);
+    write_recording(&run, out)?;
+    if let Some(path) = &args.truth_out {
+        write_truth(&run, path)?;
+    }
+    console.remark(&format!("{} samples -> {}", run.time.len(), out.display()));
+    Ok(Done::doubtful_if(warn_of_events(console, &run)))
+}
+
+fn read_config(path: &Path) -> anyhow::Result<BenchConfig> {
+    let name = || path.display().to_string();
+    let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot read the rig", name()))?;
+    BenchConfig::from_toml(&text).with_context(name)
+}
+
+fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> {
+    let model = match path {
+        Some(path) => ModelFile::read(path)?,
+        None => {
+            console.remark("seal: a plausible, made-up 10.5 mm trocar; give another with --seal");
+            ModelFile::plausible_10_5_mm()?
+        }
+    };
+    Ok(model.elements)
+}
+
+pub(crate) fn write_recording(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    let outcome = recording::write(&mut file, &run.time, &run.position, Some(&run.velocity), &run.force);
+    outcome.map_err(|source| file.write_error(source))?;
+    Ok(file.commit()?)
+}
+
+fn write_truth(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    let outcome = file.write_all(truth_text(run).as_bytes());
+    outcome.map_err(|source| file.write_error(source))?;
+    Ok(file.commit()?)
+}
+
+/// The truth as CSV; several elements have a deflection each.
+fn truth_text(run: &BenchRun) -> String {
+    let truth = &run.truth;
+    let columns = [
+        ("time_s", &run.time),
+        ("position_m", &truth.position),
+        ("velocity_m_s", &truth.velocity),
+        ("acceleration_m_s2", &truth.acceleration),
+        ("reference_velocity_m_s", &truth.reference_velocity),
+        ("motor_force_n", &truth.motor_force),
+        ("seal_force_n", &truth.seal_force),
+    ];
+    let deflections =
+        truth.deflections.iter().enumerate().map(|(i, column)| (format!("deflection_{}_m", i + 1), column));
+    let columns: Vec<(String, &Vec<f64>)> =
+        columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections).collect();
+    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    let mut text = names.join(",");
+    text.push('\n');
+    for row in 0..run.time.len() {
+        for (k, (_, column)) in columns.iter().enumerate() {
+            let separator = if k == 0 { "" } else { "," };
+            let _ = write!(text, "{separator}{}", column[row]);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Tells an experimenter what went wrong on the rig; true when the recording lost data.
+fn warn_of_events(console: &Console, run: &BenchRun) -> bool {
+    let events = &run.events;
+    if events.saturated_samples > 0 {
+        console.warn(&format!("the force sensor was saturated in {} samples", events.saturated_samples));
+    }
+    if events.stop_hits > 0 {
+        console.warn(&format!("the carriage ran into a safety stop {} times", events.stop_hits));
+    }
+    if events.motor_limited_steps > 0 {
+        console.remark(&format!("note: the motor was at its force limit in {} steps", events.motor_limited_steps));
+    }
+    events.saturated_samples > 0 || events.stop_hits > 0
+}

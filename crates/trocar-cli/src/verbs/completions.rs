@@ -1,0 +1,20 @@
+//! `trocar completions`
+
+use clap::CommandFactory;
+use clap_complete::Shell;
+
+use crate::{Cli, Done, console};
+
+/// Print completions for a shell
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Shell to print completions for
+    shell: Shell,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<Done> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "trocar", &mut script);
+    console::print(&String::from_utf8_lossy(&script))?;
+    Ok(Done::Clean)
+}

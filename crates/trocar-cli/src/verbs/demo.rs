@@ -1,0 +1,114 @@
+//! `trocar demo`
+
+use std::path::{Path, PathBuf};
+
+use trocar::bench::{self, BenchConfig, Protocol};
+use trocar::identify::IdentifyOptions;
+use trocar::model_file::ModelFile;
+use trocar::output::StagedFolder;
+use trocar::recording::{ReadOptions, Recording, read};
+use trocar::summary::MovingMass;
+use trocar_model::ElementParams;
+
+use crate::Done;
+use crate::console::{self, Console};
+use crate::progress::Progress;
+use crate::table::{Table, interval, number};
+
+use super::bench::write_recording;
+use super::identify::{self, Found, Job};
+
+/// Experiments that the model is identified from; the others validate it.
+const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
+const HELD_BACK: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
+
+/// The whole chain on the virtual bench: record, identify, validate, report
+///
+/// Records all five experiments with a plausible, made-up seal, identifies a model from two of them, validates it on
+/// the other three and compares it with the truth. The recordings and the true model stay in the folder.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Folder for the results; it need not exist
+    #[arg(long, value_name = "DIR", default_value = "trocar-demo")]
+    out: PathBuf,
+    /// Seed of noise, fluctuation, hand-like motion and bootstrap
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+    let staged = StagedFolder::create(&args.out)?;
+    let config = BenchConfig::default();
+    let truth = ModelFile::plausible_10_5_mm()?;
+    staged.write("truth.json", truth.to_json().as_bytes())?;
+    let record = |protocol| record(console, staged.path(), &config, &truth, protocol, args.seed);
+    let recordings = TRAINING.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
+    let held_back = HELD_BACK.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
+    // On a rig the rod has been weighed; its weight may stay in the offset.
+    let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
+    let options = IdentifyOptions { seed: args.seed, inertia_removed: true, ..IdentifyOptions::default() };
+    let found = Job { recordings, held_back, moving_mass, options }.run(console)?;
+    let outcome = found.outcome();
+    identify::write(&staged, &outcome)?;
+    staged.commit()?;
+    console::print(&in_brief(&found, truth.elements[0].params(), &config))?;
+    console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
+    Ok(Done::doubtful_if(outcome.is_doubtful()))
+}
+
+/// Runs one experiment and reads its recording back from its file, as a recording of a rig would be read.
+fn record(
+    console: &Console,
+    folder: &Path,
+    config: &BenchConfig,
+    seal: &ModelFile,
+    protocol: Protocol,
+    seed: u64,
+) -> anyhow::Result<Recording> {
+    let progress = Progress::new(console);
+    progress.report(protocol.name(), 0.0);
+    let run = bench::run(config, protocol, &seal.elements, seed)?;
+    let recordings = folder.join("recordings");
+    std::fs::create_dir_all(&recordings)?;
+    let path = recordings.join(format!("{protocol}.csv"));
+    write_recording(&run, &path)?;
+    Ok(read(&path, &ReadOptions::default())?)
+}
+
+/// Ten lines: what was found beside what it was made with.
+fn in_brief(found: &Found, truth: &ElementParams, config: &BenchConfig) -> String {
+    let mut table = Table::headed(["parameter", "truth", "found", "95 % interval", "unit"]);
+    for row in identify::main_parameters(&found.identification) {
+        let Some(true_value) = true_value(row.name, truth, config) else { continue };
+        let bounds = row.estimate.ci95.map(|bound| row.scale * bound);
+        table.row([
+            row.words,
+            number(row.scale * true_value),
+            number(row.scale * row.estimate.value),
+            interval(bounds),
+            row.unit.to_owned(),
+        ]);
+    }
+    let mut text = table.to_text();
+    for r in found.validation.iter().flat_map(|validation| &validation.recordings) {
+        text.push_str(&format!("  error on {}: {} N rms, fit {:.2} %\n", r.path, number(r.rms_n), r.fit_percent));
+    }
+    text
+}
+
+/// What the recordings were made with, in the unit of the name.
+fn true_value(name: &str, truth: &ElementParams, config: &BenchConfig) -> Option<f64> {
+    let rod = &config.rod;
+    let area = std::f64::consts::PI * (0.5 * rod.diameter_m).powi(2);
+    Some(match name {
+        "coulomb_force_n" => truth.insertion.coulomb_force,
+        "viscous_damping_n_s_m" => truth.insertion.viscous_damping,
+        "half_width_m" => truth.deformation.half_width(),
+        "rising_join_m" => truth.deformation.rising().join(),
+        "falling_join_m" => truth.deformation.falling().join(),
+        "seal_damping_n_s_m" => truth.damping.coefficient(0.0),
+        // What the sensor shows at rest without the seal: gas, weight of the rod, tare.
+        "offset_n" => config.force_sensor.tare_n + area * rod.gas_pressure_pa - rod.mass_kg * rod.gravity_m_s2,
+        _ => return None,
+    })
+}

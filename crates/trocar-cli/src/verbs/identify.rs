@@ -1,0 +1,282 @@
+//! `trocar identify`
+
+use std::path::PathBuf;
+
+use trocar::identify::{Estimate, Identification, IdentifyOptions, Warning, identify};
+use trocar::output::StagedFolder;
+use trocar::recording::Recording;
+use trocar::summary::{MovingMass, Outcome};
+use trocar::survey::Survey;
+use trocar::validate::{Validation, validate};
+use trocar_model::MAX_DEGREE;
+
+use crate::Done;
+use crate::console::{self, Console};
+use crate::input::{Reading, finite, not_negative};
+use crate::progress::Progress;
+use crate::table::{Table, interval, number};
+
+/// Identify a model from recordings, validate it on others, and write a report
+///
+/// Every recording is searched for what it can give; the two experiments of the paper are simply recordings. Writes
+/// model.json, summary.json, report.html and figures into the folder given with --out. Ends with exit code 3 when the
+/// recordings lost data or do not pin every parameter.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recordings to identify from: CSV with time, position and force columns, '-' for standard input
+    #[arg(required = true, value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
+    /// Recordings held back to validate on
+    #[arg(long, value_name = "RECORDING", num_args = 1..)]
+    validate: Vec<PathBuf>,
+    /// Folder for the results; it need not exist
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Resamples of the bootstrap over cycles; 0 takes the quicker jackknife
+    #[arg(long, default_value_t = 200, value_name = "N")]
+    bootstrap: usize,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// Degrees of the two joined polynomials of each branch, 2 to 7
+    #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees)]
+    degrees: Degrees,
+    /// Keep the two-step result instead of refining all parameters against the simulated force
+    #[arg(long)]
+    no_refine: bool,
+    /// Mass between sensor and seal, in kg: its inertia is taken out of the readings
+    #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
+    moving_mass_kg: f64,
+    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81 for a withdrawal
+    /// downwards, -9.81 for an insertion downwards); 0 leaves the weight in the offset
+    #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
+    gravity_m_s2: f64,
+    /// Print summary.json instead of the table
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+/// Degrees of the left and the right polynomial.
+#[derive(Debug, Clone, Copy)]
+struct Degrees([usize; 2]);
+
+fn degrees(text: &str) -> Result<Degrees, String> {
+    let degree = |text: &str| text.trim().parse().ok().filter(|degree| (2..=MAX_DEGREE).contains(degree));
+    let wrong = || format!("expected two degrees between 2 and {MAX_DEGREE}, such as 4,4");
+    let (left, right) = text.split_once(',').ok_or_else(wrong)?;
+    Ok(Degrees([degree(left).ok_or_else(wrong)?, degree(right).ok_or_else(wrong)?]))
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+    let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
+    let mut recordings = args.reading.recordings(console, &paths)?;
+    let held_back = recordings.split_off(args.recordings.len());
+    let moving_mass = MovingMass { mass: args.moving_mass_kg, gravity: args.gravity_m_s2 };
+    let options = IdentifyOptions {
+        bootstrap: args.bootstrap,
+        seed: args.seed,
+        degrees: args.degrees.0,
+        refine: !args.no_refine,
+        inertia_removed: moving_mass.mass > 0.0,
+        ..IdentifyOptions::default()
+    };
+    // Better to learn now than after the work that nothing can be written there.
+    let staged = StagedFolder::create(&args.out)?;
+    let job = Job { recordings, held_back, moving_mass, options };
+    let found = job.run(console)?;
+    let outcome = found.outcome();
+    write(&staged, &outcome)?;
+    staged.commit()?;
+    let text = if args.json { outcome.summary().to_json() } else { found.in_brief() };
+    console::print(&text)?;
+    console.remark(&format!("report: {}", args.out.join("report.html").display()));
+    Ok(Done::doubtful_if(outcome.is_doubtful()))
+}
+
+/// Recordings and what to do with them.
+pub(crate) struct Job {
+    pub(crate) recordings: Vec<Recording>,
+    pub(crate) held_back: Vec<Recording>,
+    pub(crate) moving_mass: MovingMass,
+    pub(crate) options: IdentifyOptions,
+}
+
+/// A finished job.
+pub(crate) struct Found {
+    job: Job,
+    pub(crate) identification: Identification,
+    pub(crate) validation: Option<Validation>,
+}
+
+impl Job {
+    /// Identifies and validates; says beforehand what the recordings can give, and afterwards what is doubtful.
+    pub(crate) fn run(mut self, console: &Console) -> anyhow::Result<Found> {
+        let taken_out = self.moving_mass;
+        let lost = std::mem::take(&mut self.recordings).into_iter().map(|r| without(r, taken_out, 0.0));
+        self.recordings = lost.collect::<anyhow::Result<_>>()?;
+        say_survey(console, &Survey::new(&self.recordings, &self.options.segment));
+        let progress = Progress::new(console);
+        let identification = identify(&self.recordings, &self.options, &|stage, part| progress.report(stage, part))?;
+        drop(progress);
+        let hidden = identification.model.hidden_mass;
+        let held_back = std::mem::take(&mut self.held_back).into_iter().map(|r| without(r, taken_out, hidden));
+        self.held_back = held_back.collect::<anyhow::Result<_>>()?;
+        let elements = std::slice::from_ref(&identification.element);
+        let offset = identification.model.offset;
+        let validation = (!self.held_back.is_empty()).then(|| validate(elements, &self.held_back, offset));
+        let found = Found { job: self, identification, validation };
+        found.say_warnings(console);
+        Ok(found)
+    }
+}
+
+/// The recording without the declared mass and without the hidden one, whose weight is part of the offset.
+fn without(recording: Recording, declared: MovingMass, hidden: f64) -> anyhow::Result<Recording> {
+    let mass = declared.mass + hidden;
+    if mass == 0.0 {
+        return Ok(recording);
+    }
+    Ok(recording.without_moving_mass(mass, declared.gravity * declared.mass / mass)?)
+}
+
+/// What the recordings can and cannot give.
+fn say_survey(console: &Console, survey: &Survey) {
+    for r in &survey.recordings {
+        console.remark(&format!(
+            "{}: {} samples, {:.1} s, stroke {:.1} mm, {}, {}; constant velocity {}",
+            r.name,
+            r.samples,
+            r.duration,
+            1e3 * r.stroke,
+            counted(r.passes, "pass", "passes"),
+            counted(r.reversals, "reversal", "reversals"),
+            speeds(&r.insertion_speeds, &r.withdrawal_speeds)
+        ));
+    }
+    for limit in &survey.limits {
+        console.remark(&format!("note: {limit}"));
+    }
+}
+
+fn counted(count: usize, one: &str, many: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {many}") }
+}
+
+fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
+    let range = |speeds: &[f64]| match speeds {
+        [] => "none".to_owned(),
+        [one] => format!("{:.1} mm/s", 1e3 * one),
+        [slowest, .., fastest] => {
+            format!("{} speeds of {:.1} to {:.1} mm/s", speeds.len(), 1e3 * slowest, 1e3 * fastest)
+        }
+    };
+    match (insertion, withdrawal) {
+        ([], []) => "nowhere".to_owned(),
+        _ => format!("in insertion {}, in withdrawal {}", range(insertion), range(withdrawal)),
+    }
+}
+
+/// Stages everything that the folder gets.
+pub(crate) fn write(staged: &StagedFolder, outcome: &Outcome) -> anyhow::Result<()> {
+    staged.write("model.json", outcome.model_file().to_json().as_bytes())?;
+    staged.write("summary.json", outcome.summary().to_json().as_bytes())?;
+    Ok(())
+}
+
+impl Found {
+    pub(crate) fn outcome(&self) -> Outcome<'_> {
+        Outcome {
+            identification: &self.identification,
+            options: &self.job.options,
+            recordings: &self.job.recordings,
+            held_back: &self.job.held_back,
+            validation: self.validation.as_ref(),
+            moving_mass: self.job.moving_mass,
+        }
+    }
+
+    /// Warnings about files were printed when they were read; one reason for several parameters is given once.
+    fn say_warnings(&self, console: &Console) {
+        let read = |subject: &str| self.job.recordings.iter().any(|recording| recording.name == subject);
+        let mut left: Vec<&Warning> = self.identification.warnings.iter().filter(|w| !read(&w.subject)).collect();
+        while let Some(&first) = left.first() {
+            let (same, others): (Vec<&Warning>, Vec<&Warning>) =
+                left.into_iter().partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
+            let subjects: Vec<&str> = same.iter().map(|w| w.subject.as_str()).collect();
+            let text = format!("{}: {}", subjects.join(", "), first.message);
+            if first.doubtful {
+                console.warn(&text)
+            } else {
+                console.remark(&format!("note: {text}"))
+            }
+            left = others;
+        }
+        let results = self.validation.iter().flat_map(|validation| &validation.recordings);
+        for result in results {
+            for warning in &result.warnings {
+                console.warn(&format!("{}: {warning}", result.path));
+            }
+        }
+    }
+
+    /// The main parameters and the errors, for people.
+    fn in_brief(&self) -> String {
+        let mut table = Table::headed(["parameter", "value", "95 % interval", "unit"]);
+        for row in main_parameters(&self.identification) {
+            let [low, high] = row.estimate.ci95.map(|bound| row.scale * bound);
+            table.row([row.words, number(row.scale * row.estimate.value), interval([low, high]), row.unit.to_owned()]);
+        }
+        let mut text = table.to_text();
+        text.push_str(&format!(
+            "\nerror over the recordings identified from: {} N rms\n",
+            number(self.identification.residual_rms)
+        ));
+        for r in self.validation.iter().flat_map(|validation| &validation.recordings) {
+            text.push_str(&format!(
+                "validation on {}: {} N rms, fit {:.2} %\n",
+                r.path,
+                number(r.rms_n),
+                r.fit_percent
+            ));
+        }
+        text
+    }
+}
+
+/// One line of the table.
+pub(crate) struct Row<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) words: String,
+    pub(crate) estimate: &'a Estimate,
+    pub(crate) scale: f64,
+    pub(crate) unit: &'static str,
+}
+
+/// The parameters that people ask for first, in units that they think in.
+pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
+    const MAIN: [(&str, &str, f64, &str); 13] = [
+        ("coulomb_force_n", "Coulomb force F_c", 1.0, "N"),
+        ("viscous_damping_n_s_m", "viscous damping β", 1.0, "N s/m"),
+        ("viscous_damping_n_s_m_positive", "  β of insertion", 1.0, "N s/m"),
+        ("viscous_damping_n_s_m_negative", "  β of withdrawal", 1.0, "N s/m"),
+        ("static_force_n", "static force F_s", 1.0, "N"),
+        ("stribeck_velocity_m_s", "Stribeck velocity v_s", 1e3, "mm/s"),
+        ("half_width_m", "half width c", 1e3, "mm"),
+        ("rising_join_m", "join a, insertion", 1e3, "mm"),
+        ("falling_join_m", "join a, withdrawal", 1e3, "mm"),
+        ("seal_damping_n_s_m", "seal damping σ", 1.0, "N s/m"),
+        ("offset_n", "sensor offset F_0", 1.0, "N"),
+        ("hidden_mass_kg", "undeclared mass", 1e3, "g"),
+        ("yield_stiffness_n_m", "yield stiffness κ", 1e-3, "N/mm"),
+    ];
+    let asymmetric = found.steady.is_asymmetric();
+    let wanted = MAIN.into_iter().filter(|(name, ..)| asymmetric || !name.ends_with("tive"));
+    wanted
+        .filter_map(|(name, words, scale, unit)| {
+            let estimate = found.parameter(name)?;
+            Some(Row { name, words: words.to_owned(), estimate, scale, unit })
+        })
+        .collect()
+}

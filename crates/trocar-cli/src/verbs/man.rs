@@ -1,0 +1,41 @@
+//! `trocar man`
+
+use std::path::PathBuf;
+
+use clap::{Command, CommandFactory};
+use clap_mangen::Man;
+use trocar::output::StagedFolder;
+
+use crate::{Cli, Done, console};
+
+/// Print the man page, or write it and one page per command into a folder
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Folder for trocar.1 and one page per command
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<Done> {
+    let mut command = Cli::command();
+    command.build();
+    match &args.out {
+        None => console::print(&String::from_utf8_lossy(&page(&command)?))?,
+        Some(folder) => {
+            let staged = StagedFolder::create(folder)?;
+            staged.write("trocar.1", &page(&command)?)?;
+            for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+                let name = format!("trocar-{}", verb.get_name());
+                staged.write(format!("{name}.1"), &page(verb)?)?;
+            }
+            staged.commit()?;
+        }
+    }
+    Ok(Done::Clean)
+}
+
+fn page(command: &Command) -> std::io::Result<Vec<u8>> {
+    let mut page = Vec::new();
+    Man::new(command.clone()).render(&mut page)?;
+    Ok(page)
+}

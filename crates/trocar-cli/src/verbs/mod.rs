@@ -1,0 +1,10 @@
+//! One file per verb: its arguments, and what it prints.
+
+pub(crate) mod analyze;
+pub(crate) mod bench;
+pub(crate) mod completions;
+pub(crate) mod demo;
+pub(crate) mod identify;
+pub(crate) mod man;
+pub(crate) mod simulate;
+pub(crate) mod validate;

@@ -1,0 +1,486 @@
+//! What needs a process: exit codes, messages, pipes, interruption, and that nothing half-written stays behind.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+/// A folder of its own for one test, and the program run inside it.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
+        command.current_dir(self.0.path()).args(arguments.split_whitespace());
+        command
+    }
+
+    fn run(&self, arguments: &str) -> Ran {
+        Ran::from(self.command(arguments).output().unwrap())
+    }
+
+    fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    fn put(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    /// Everything in the folder, hidden files included, in order.
+    fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    /// A small rig: few speeds and short strokes, so that a test takes no time.
+    fn rig(&self) -> &'static str {
+        let speeds = "slowest_m_s = 0.02\nfastest_m_s = 0.08\nincrement_m_s = 0.02\nstroke_m = 0.06\n";
+        self.put("rig.toml", &format!("[protocol.steady]\n{speeds}\n[protocol.validation]\n{speeds}"));
+        "--rig rig.toml"
+    }
+
+    /// A recording that pins everything, as `name`.
+    fn recording(&self, name: &str) {
+        let rig = self.rig();
+        self.run(&format!("bench steady {rig} --out {name}")).done();
+    }
+
+    /// The made-up seal as a model file.
+    fn model(&self) -> &'static str {
+        self.recording("for-model.csv");
+        self.run("identify for-model.csv --bootstrap 0 --moving-mass-kg 0.04 --out model").done();
+        fs::rename(self.path("model/model.json"), self.path("model.json")).unwrap();
+        fs::remove_dir_all(self.path("model")).unwrap();
+        fs::remove_file(self.path("for-model.csv")).unwrap();
+        "model.json"
+    }
+}
+
+/// A finished run.
+#[derive(Debug)]
+struct Ran {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+impl Ran {
+    fn from(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+
+    fn ends_with(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{self:#?}");
+        self
+    }
+
+    fn done(self) -> Self {
+        self.ends_with(0)
+    }
+
+    /// Failed with one error that says all of `essentials`.
+    fn fails_saying(self, essentials: &[&str]) -> Self {
+        let ran = self.ends_with(1);
+        ran.says(essentials);
+        assert!(ran.stderr.contains("error: ") && ran.stdout.is_empty(), "{ran:#?}");
+        ran
+    }
+
+    fn says(&self, essentials: &[&str]) {
+        for essential in essentials {
+            assert!(self.stderr.contains(essential), "no {essential:?} in {self:#?}");
+        }
+    }
+}
+
+/// A saw tooth of 50 mm strokes with a plausible force, changed row by row: (row, time, position, force).
+fn saw(change: impl Fn(usize, [f64; 3]) -> String) -> String {
+    let mut text = String::from("time_s,position_m,force_n\n");
+    for k in 0..4000 {
+        let t = 1e-3 * k as f64;
+        let phase = t % 2.0;
+        let (position, sign) = if phase < 1.0 { (0.05 * phase, 1.0) } else { (0.05 * (2.0 - phase), -1.0) };
+        let since_reversal = 0.05 * (phase % 1.0);
+        let noise = 0.01 * ((k * 7919 % 101) as f64 / 50.0 - 1.0);
+        let force = 2.0 * sign * (since_reversal / 0.003 - 1.0).min(1.0) + noise;
+        let _ = writeln!(text, "{}", change(k, [t, position, force]));
+    }
+    text
+}
+
+fn row([time, position, force]: [f64; 3]) -> String {
+    format!("{time:.3},{position:.6},{force:.4}")
+}
+
+#[test]
+fn unreadable_recordings_are_refused_with_file_line_and_way_out() {
+    let at = |line: usize, text: &'static str| {
+        saw(move |k, values| if k + 2 == line { text.to_owned() } else { row(values) })
+    };
+    let cases = [
+        ("empty", String::new(), vec!["empty.csv", "empty", "header"]),
+        ("header", "time_s,position_m,force_n\n".into(), vec!["header.csv line 1", "without any row"]),
+        (
+            "columns",
+            at(1, "").replace("time_s,position_m", "a,b"),
+            vec!["columns.csv line 1", "a, b", "hint:", "--columns"],
+        ),
+        ("text", at(700, "0.698,oops,1.0"), vec!["text.csv line 700", "'oops'", "position_m", "number"]),
+        ("back", at(900, "0.1,0.04,1.0"), vec!["back.csv line 900", "goes back", "0.1 s", "hint:"]),
+        ("still", saw(|_, [_, x, f]| row([3.0, x, f])), vec!["still.csv line 2", "time stays at 3 s", "hint:"]),
+        ("one", "time_s,position_m,force_n\n0,0,0\n".into(), vec!["one.csv", "1 usable", "at least 8"]),
+        (
+            "metres",
+            saw(|_, [t, x, f]| row([t, 200.0 * x, f])),
+            vec!["metres.csv", "10 m", "at most 2 m", "position_mm"],
+        ),
+        ("cut", at(4001, "3.999,0.0"), vec!["cut.csv line 4001", "2 fields", "expected 3", "cut off"]),
+    ];
+    let place = Place::new();
+    for (name, text, essentials) in cases {
+        place.put(&format!("{name}.csv"), &text);
+        place.run(&format!("identify {name}.csv --out result")).fails_saying(&essentials);
+        assert!(!place.path("result").exists(), "{name}");
+        fs::remove_file(place.path(&format!("{name}.csv"))).unwrap();
+    }
+    place.run("identify nowhere.csv --out result").fails_saying(&["nowhere.csv", "No such file"]);
+    assert_eq!(place.names(), Vec::<String>::new(), "nothing is left behind");
+}
+
+#[test]
+fn lost_data_are_reported_and_end_with_3() {
+    let cases = [
+        (
+            "nan",
+            saw(|k, v| if k == 1233 { "1.233,nan,1".into() } else { row(v) }),
+            vec!["nan.csv", "line 1235", "left out"],
+        ),
+        (
+            "saturated",
+            saw(|_, [t, x, f]| row([t, x, f.clamp(-1.5, 1.5)])),
+            vec!["saturated.csv", "stuck at 1.5 N", "hint:"],
+        ),
+    ];
+    let place = Place::new();
+    for (name, text, essentials) in cases {
+        place.put(&format!("{name}.csv"), &text);
+        let ran = place.run(&format!("--quiet identify {name}.csv --bootstrap 0 --out result")).ends_with(3);
+        ran.says(&essentials);
+        assert!(place.path("result/summary.json").exists(), "{name}");
+    }
+}
+
+#[test]
+fn a_sensor_mounted_the_other_way_round_is_noticed_and_can_be_turned() {
+    let place = Place::new();
+    place.put("flipped.csv", &saw(|_, [t, x, f]| row([t, x, -f])));
+    let ran = place.run("identify flipped.csv --bootstrap 0 --out result");
+    ran.says(&["warning: flipped.csv", "opposes the motion", "hint:", "--flip-force"]);
+    assert_ne!(ran.code, Some(0));
+    let turned = place.run("identify flipped.csv --flip-force --bootstrap 0 --out result");
+    assert!(!turned.stderr.contains("opposes"), "{turned:#?}");
+    turned.says(&["sign of the force reversed"]);
+}
+
+#[test]
+fn what_the_data_cannot_pin_is_said_before_fitting_and_ends_with_3() {
+    let place = Place::new();
+    place.put("one-speed.csv", &saw(|_, values| row(values)));
+    let ran = place.run("identify one-speed.csv --bootstrap 0 --json --out result").ends_with(3);
+    let (before, after) = ran.stderr.split_once("warning:").unwrap();
+    assert!(before.contains("one speed: the viscous part cannot be told"), "{before}");
+    assert!(after.contains("viscous_damping_n_s_m") && after.contains("not pinned"), "{after}");
+    let summary: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let damping = &summary["parameters"]["viscous_damping_n_s_m"];
+    assert_eq!(damping["pinned"], false);
+    assert_eq!(damping["ci95"], serde_json::json!([null, null]));
+    assert_eq!(ran.stdout, place.text("result/summary.json"));
+
+    let text = saw(|_, values| row(values));
+    let sliding: Vec<&str> = text.lines().take(1).chain(text.lines().skip(400).take(600)).collect();
+    place.put("no-reversal.csv", &sliding.join("\n"));
+    let ran = place.run("identify no-reversal.csv --bootstrap 0 --out result").ends_with(3);
+    ran.says(&["no reversal", "in one direction only", "half_width_m: not pinned"]);
+}
+
+#[test]
+fn models_that_cannot_be_read_are_explained() {
+    let place = Place::new();
+    let model = place.text(place.model());
+    let cases = [
+        ("cut", model[..200].to_owned(), vec!["cut.json: line", "not JSON"]),
+        (
+            "newer",
+            model.replace("\"version\": 1", "\"version\": 2"),
+            vec!["newer.json", "newer trocar", "hint: update"],
+        ),
+        ("other", "{}".to_owned(), vec!["other.json", "not a model", "format"]),
+        ("key", model.replace("half_width_m", "half_width_mm"), vec!["key.json: line", "half_width_mm"]),
+    ];
+    place.put("motion.csv", &saw(|_, values| row(values)));
+    for (name, text, essentials) in cases {
+        place.put(&format!("{name}.json"), &text);
+        place.run(&format!("analyze {name}.json")).fails_saying(&essentials);
+        place.run(&format!("simulate {name}.json motion.csv --out force.csv")).fails_saying(&essentials);
+        place.run(&format!("validate {name}.json motion.csv")).fails_saying(&essentials);
+    }
+    assert!(!place.path("force.csv").exists());
+}
+
+#[test]
+fn bad_arguments_end_with_2() {
+    let place = Place::new();
+    place.put("saw.csv", &saw(|_, values| row(values)));
+    for arguments in [
+        "",
+        "identify",
+        "identify saw.csv",
+        "identify saw.csv --out result --degrees 9,4",
+        "identify saw.csv --out result --moving-mass-kg -1",
+        "identify saw.csv --out result --moving-mass-kg nan",
+        "identify saw.csv --out result --columns time_s,nonsense,force_n",
+        "identify - --validate - --out result",
+        "simulate model.json saw.csv",
+        "bench sideways --out x.csv",
+        "bench steady",
+        "completions abacus",
+    ] {
+        let ran = place.run(arguments).ends_with(2);
+        assert!(!ran.stderr.is_empty() && ran.stdout.is_empty(), "{ran:#?}");
+    }
+    assert_eq!(place.names(), ["saw.csv"]);
+}
+
+#[test]
+fn places_that_cannot_be_written_are_refused_before_the_work() {
+    let place = Place::new();
+    place.put("saw.csv", &saw(|_, values| row(values)));
+    place.put("file", "");
+    for out in ["file", "file/result", "/proc/result"] {
+        let ran = place.run(&format!("identify saw.csv --out {out}"));
+        ran.fails_saying(&[out, "cannot create", "hint:", "--out"]);
+    }
+    place.run("bench step --out missing/step.csv").fails_saying(&["missing/step.csv", "cannot create", "hint:"]);
+    assert_eq!(place.names(), ["file", "saw.csv"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_an_error_and_not_a_success() {
+    let place = Place::new();
+    let model = place.model();
+    place.put("saw.csv", &saw(|_, values| row(values)));
+    place.run("bench step --out /dev/full").fails_saying(&["/dev/full", "No space left", "hint:"]);
+    let ran = place.run(&format!("simulate {model} saw.csv --out /dev/full"));
+    ran.fails_saying(&["/dev/full", "No space left"]);
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let ran = place.command(&format!("analyze {model}")).stdout(full).output().unwrap();
+    let ran = Ran::from(ran).ends_with(1);
+    assert!(ran.stderr.contains("No space left"), "{ran:#?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interruption_leaves_nothing_half_written() {
+    let place = Place::new();
+    let model = place.model();
+    let before = place.names();
+    // A motion that never ends keeps the program in the middle of its work.
+    let mut child = place
+        .command(&format!("simulate {model} - --out force.csv"))
+        .stdin(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut motion = child.stdin.take().unwrap();
+    motion.write_all(saw(|_, values| row(values)).as_bytes()).unwrap();
+    while !place.names().iter().any(|name| name.starts_with(".trocar-")) {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let ran = Ran::from(child.wait_with_output().unwrap());
+    drop(motion);
+    assert_eq!(ran.code, Some(130), "{ran:#?}");
+    assert_eq!(place.names(), before);
+}
+
+#[test]
+fn a_failed_replay_leaves_the_earlier_result_untouched() {
+    let place = Place::new();
+    let model = place.model();
+    place.put("force.csv", "earlier\n");
+    place.put("broken.csv", &saw(|k, values| if k == 3000 { "3.0,x,1".into() } else { row(values) }));
+    place.run(&format!("simulate {model} broken.csv --out force.csv")).fails_saying(&["broken.csv line 3002", "'x'"]);
+    assert_eq!(place.text("force.csv"), "earlier\n");
+    assert!(place.names().iter().all(|name| !name.starts_with('.')));
+}
+
+#[test]
+fn motion_and_force_pass_through_pipes() {
+    let place = Place::new();
+    let model = place.model();
+    place.put("saw.csv", &saw(|_, values| row(values)));
+    place.run(&format!("simulate {model} saw.csv --out force.csv")).done();
+    let piped = place
+        .command(&format!("--quiet simulate {model} - --out -"))
+        .stdin(fs::File::open(place.path("saw.csv")).unwrap())
+        .output()
+        .unwrap();
+    let piped = Ran::from(piped).done();
+    assert_eq!(piped.stdout, place.text("force.csv"));
+    assert_eq!(piped.stderr, "");
+    assert_eq!(piped.stdout.lines().count(), 4001);
+    assert_eq!(piped.stdout.lines().next(), Some("time_s,position_m,force_n,deflection_m,mode"));
+}
+
+#[test]
+fn the_start_is_taken_from_the_first_reading_or_as_given() {
+    let place = Place::new();
+    let model = place.model();
+    place.put("saw.csv", &saw(|_, values| row(values)));
+    let first = |place: &Place| place.text("force.csv").lines().nth(1).unwrap().to_owned();
+    let run = |more: &str| place.run(&format!("simulate {model} saw.csv --out force.csv {more}")).done();
+    run("").says(&["first reading", "deflection -"]);
+    assert!(first(&place).split(',').nth(3).unwrap().starts_with("-0.00"), "{}", first(&place));
+    run("--initial-deflection-mm 2");
+    assert!(first(&place).ends_with(",0.002,deforming"), "{}", first(&place));
+    run("--initial-deflection-mm 2 --literal");
+    assert!(first(&place).ends_with(",0.002,deforming"), "{}", first(&place));
+    let motion: String =
+        place.text("saw.csv").lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned() + "\n").collect();
+    place.put("saw.csv", &motion);
+    run("").says(&["has no force"]);
+    assert!(first(&place).ends_with(",0.0,deforming"), "{}", first(&place));
+}
+
+#[test]
+fn a_reader_that_stops_early_is_no_error() {
+    let place = Place::new();
+    let model = place.model();
+    place.recording("long.csv");
+    let mut child = place
+        .command(&format!("--quiet simulate {model} long.csv --out -"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let ran = Ran::from(child.wait_with_output().unwrap()).done();
+    assert_eq!(ran.stderr, "");
+}
+
+#[test]
+fn equal_seeds_give_equal_bytes() {
+    let place = Place::new();
+    let rig = place.rig();
+    for (name, seed) in [("a", 5), ("b", 5), ("c", 6)] {
+        place.run(&format!("bench steady {rig} --seed {seed} --out {name}.csv --truth-out {name}-truth.csv")).done();
+    }
+    assert_eq!(place.text("a.csv"), place.text("b.csv"));
+    assert_eq!(place.text("a-truth.csv"), place.text("b-truth.csv"));
+    assert_ne!(place.text("a.csv"), place.text("c.csv"));
+    for out in ["one", "two"] {
+        place.run(&format!("identify a.csv --validate c.csv --bootstrap 30 --seed 3 --out {out}")).done();
+    }
+    for file in files(&place.path("one")) {
+        let read = |folder: &str| fs::read(place.path(folder).join(&file)).unwrap();
+        assert_eq!(read("one"), read("two"), "{}", file.display());
+        let text = String::from_utf8_lossy(&read("one")).into_owned();
+        assert!(!text.contains(place.0.path().to_str().unwrap()), "a path of this machine in {}", file.display());
+    }
+}
+
+/// Files below a folder, relative to it.
+fn files(folder: &std::path::Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = PathBuf::from(path.file_name().unwrap());
+        if path.is_dir() {
+            found.extend(files(&path).into_iter().map(|inner| name.join(inner)));
+        } else {
+            found.push(name);
+        }
+    }
+    found
+}
+
+#[test]
+fn validation_names_the_recordings_as_given() {
+    let place = Place::new();
+    let model = place.model();
+    fs::create_dir(place.path("held")).unwrap();
+    let rig = place.rig();
+    place.run(&format!("bench validation {rig} --seed 9 --out held/v.csv")).done();
+    let ran = place.run(&format!("validate {model} held/v.csv --json")).done();
+    let found: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(found["recordings"][0]["path"], "held/v.csv");
+    // The bench's noise is 0.025 N rms and its seal fluctuates by one percent.
+    let rms = found["rms_n"].as_f64().unwrap();
+    assert!((0.02..0.08).contains(&rms), "{rms}");
+    let without_offset = place.run(&format!("validate {model} held/v.csv --json --offset-n 0")).done();
+    let found: serde_json::Value = serde_json::from_str(&without_offset.stdout).unwrap();
+    assert!((found["recordings"][0]["bias_n"].as_f64().unwrap() + 0.342).abs() < 0.05, "tare and weight: {found:#}");
+    let table = place.run(&format!("validate {model} held/v.csv")).done().stdout;
+    assert!(table.contains("held/v.csv") && table.contains("fit %"), "{table}");
+}
+
+#[test]
+fn an_analysis_is_data_and_ends_with_0() {
+    let place = Place::new();
+    let model = place.model();
+    let ran = place.run(&format!("analyze {model}")).done();
+    for essential in ["Proposition III.1", "Proposition III.2", "Proposition III.3", "mm/s", "Passivity", "Step"] {
+        assert!(ran.stdout.contains(essential), "{essential}");
+    }
+    let json: serde_json::Value =
+        serde_json::from_str(&place.run(&format!("analyze {model} --json")).done().stdout).unwrap();
+    assert_eq!(json["elements"][0]["steady_state"]["holds"], true);
+    assert!(json["random_loops"]["least_work_j"].is_number());
+}
+
+#[test]
+fn the_demo_runs_the_whole_chain() {
+    let place = Place::new();
+    let ran = place.run("demo").done();
+    assert!(ran.stdout.lines().count() <= 14, "{}", ran.stdout);
+    assert!(ran.stdout.contains("truth") && ran.stdout.contains("Coulomb force"), "{}", ran.stdout);
+    for name in ["model.json", "summary.json", "truth.json", "recordings/steady.csv", "recordings/surgeon.csv"] {
+        assert!(place.path("trocar-demo").join(name).exists(), "{name}");
+    }
+    assert_eq!(place.names(), ["trocar-demo"]);
+    let summary: serde_json::Value = serde_json::from_str(&place.text("trocar-demo/summary.json")).unwrap();
+    let rms = summary["validation"]["rms_n"].as_f64().unwrap();
+    assert!(rms < 0.06, "{rms}");
+    place.run("validate trocar-demo/model.json trocar-demo/recordings/validation.csv").done();
+    place.run("simulate trocar-demo/truth.json trocar-demo/recordings/step.csv --out force.csv").done();
+}
+
+#[test]
+fn helpers_print_what_they_are_asked_for() {
+    let place = Place::new();
+    assert!(place.run("completions bash").done().stdout.contains("_trocar()"));
+    assert!(place.run("man").done().stdout.contains(".TH trocar 1"));
+    place.run("man --out man").done();
+    assert!(place.text("man/trocar-identify.1").contains("moving\\-mass\\-kg"));
+    let config = place.run("bench --print-config").done().stdout;
+    place.put("rig.toml", &config);
+    let same = place.run("bench --print-config --rig rig.toml").done().stdout;
+    assert!(same.contains("stroke_limit_m = 0.16"), "{same}");
+    place.put("rig.toml", "[motor]\npeak_force_n = -1.0\n");
+    place.run("bench step --rig rig.toml --out x.csv").fails_saying(&["rig.toml: line 2", "peak_force_n", "-1"]);
+}

@@ -1,0 +1,210 @@
+//! Energy over closed motions, and the error of the step.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+use trocar_model::{Element, State, step_parallel};
+
+use super::is_exact;
+
+/// Sampling interval of the motions, s: what a recording or a controller has.
+const SAMPLE: f64 = 1e-3;
+
+/// Speeds of the full cycles, m/s.
+const CYCLE_SPEEDS: [f64; 4] = [0.001, 0.015, 0.05, 0.1];
+
+/// Random closed motions tried.
+const LOOPS: u32 = 200;
+
+/// Parts of a sample that stand for the converged solution.
+const FINE_PARTS: u32 = 64;
+
+/// Largest error allowed where the step is exact, N, and where it is not.
+const EXACT_BOUND: f64 = 0.3e-3;
+const GENERAL_BOUND: f64 = 40e-3;
+
+/// Work of one full cycle at one speed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Cycle {
+    /// Speed, m/s.
+    pub speed_m_s: f64,
+    /// Travel of each pass, m.
+    pub stroke_m: f64,
+    /// Work dissipated in one cycle, J.
+    pub work_j: f64,
+    /// The part of Coulomb and viscous sliding over the whole stroke, (16) times the travel, J.
+    pub sliding_work_j: f64,
+}
+
+/// Work dissipated over full cycles.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CycleWork {
+    /// One entry a speed.
+    pub cycles: Vec<Cycle>,
+    /// Whether every cycle dissipates.
+    pub holds: bool,
+    /// The same in words.
+    pub verdict: String,
+}
+
+/// Energy of random closed motions, repeated until the seal repeats itself.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RandomLoops {
+    /// Motions tried.
+    pub loops: u32,
+    /// Seed they were drawn with.
+    pub seed: u64,
+    /// Least work of one repetition, J; negative would be energy out of nothing.
+    pub least_work_j: f64,
+    /// Whether it is negative by no more than rounding.
+    pub holds: bool,
+    /// The same in words.
+    pub verdict: String,
+}
+
+/// Error of the step at 1 kHz on a 40 mm stroke at 80 mm/s with 2 m/s² at its ends.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StepError {
+    /// Largest difference from steps of 1/64 ms, N.
+    pub largest_error_n: f64,
+    /// What is allowed, N.
+    pub bound_n: f64,
+    /// Whether it is kept.
+    pub holds: bool,
+    /// The same in words.
+    pub verdict: String,
+}
+
+/// The elements of a seal and their states.
+struct Run<'a> {
+    elements: &'a [Element],
+    states: Vec<State>,
+    force: f64,
+}
+
+impl<'a> Run<'a> {
+    fn new(elements: &'a [Element]) -> Self {
+        Self { elements, states: elements.iter().map(|e| e.rest_state(0.0)).collect(), force: 0.0 }
+    }
+
+    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
+        self.force = step_parallel(self.elements, &mut self.states, displacement, duration);
+        self.force
+    }
+
+    /// Work of the displacements, J, by the trapezoidal rule.
+    fn work(&mut self, displacements: impl Iterator<Item = f64>) -> f64 {
+        let mut work = 0.0;
+        for displacement in displacements {
+            let before = self.force;
+            work += 0.5 * (before + self.step(displacement, SAMPLE)) * displacement;
+        }
+        work
+    }
+}
+
+fn widest(elements: &[Element]) -> f64 {
+    elements.iter().map(|e| e.params().deformation.half_width()).fold(0.0, f64::max)
+}
+
+impl CycleWork {
+    pub(super) fn of(elements: &[Element]) -> Self {
+        let cycles: Vec<Cycle> = CYCLE_SPEEDS.map(|speed| Cycle::of(elements, speed)).to_vec();
+        let holds = cycles.iter().all(|cycle| cycle.work_j > 0.0);
+        let verdict =
+            if holds { "every full cycle dissipates work" } else { "a full cycle gives work: the seal is not passive" };
+        Self { cycles, holds, verdict: verdict.to_owned() }
+    }
+}
+
+impl Cycle {
+    fn of(elements: &[Element], speed_m_s: f64) -> Self {
+        let stroke_m = 5.0 * widest(elements);
+        let steps = (stroke_m / (speed_m_s * SAMPLE)).ceil() as usize;
+        let pass = |s: f64| std::iter::repeat_n(s * stroke_m / steps as f64, steps);
+        let mut run = Run::new(elements);
+        run.work(pass(1.0).chain(pass(-1.0)));
+        let work_j = run.work(pass(1.0).chain(pass(-1.0)));
+        let sliding = |e: &Element| e.params().insertion.force(speed_m_s) + e.params().withdrawal.force(speed_m_s);
+        let sliding_work_j = stroke_m * elements.iter().map(sliding).sum::<f64>();
+        Self { speed_m_s, stroke_m, work_j, sliding_work_j }
+    }
+}
+
+impl RandomLoops {
+    pub(super) fn of(elements: &[Element], seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let scale = widest(elements);
+        let least = (0..LOOPS).map(|_| closed_work(elements, scale, &mut random)).fold(f64::INFINITY, f64::min);
+        let friction: f64 = elements.iter().map(|e| e.params().insertion.static_force).sum();
+        // Rounding and the trapezoidal rule at the corners of the force.
+        let holds = least >= -1e-6 * friction * scale;
+        let verdict = if holds {
+            format!("none of {LOOPS} random closed motions gives work")
+        } else {
+            format!("a random closed motion gives {:.2e} J: the seal is not passive", -least)
+        };
+        Self { loops: LOOPS, seed, least_work_j: least, holds, verdict }
+    }
+}
+
+/// Work of the third repetition of a random closed motion: by then the seal repeats itself.
+fn closed_work(elements: &[Element], scale: f64, random: &mut ChaCha8Rng) -> f64 {
+    const TURNS: usize = 8;
+    let reach = scale * 10_f64.powf(random.random_range(-1.5..0.5));
+    let mut corners: Vec<f64> = (0..TURNS).map(|_| reach * random.random_range(-1.0..1.0)).collect();
+    corners.push(corners[0]);
+    let speed = 10_f64.powf(random.random_range(-2.5..-0.8));
+    let path: Vec<f64> = corners
+        .windows(2)
+        .flat_map(|pair| {
+            let way = pair[1] - pair[0];
+            let steps = (way.abs() / (speed * SAMPLE)).ceil().max(1.0);
+            std::iter::repeat_n(way / steps, steps as usize)
+        })
+        .collect();
+    let mut run = Run::new(elements);
+    run.work(path.iter().copied());
+    run.work(path.iter().copied());
+    run.work(path.iter().copied())
+}
+
+impl StepError {
+    pub(super) fn of(elements: &[Element]) -> Self {
+        let (mut coarse, mut fine) = (Run::new(elements), Run::new(elements));
+        let mut largest = 0.0_f64;
+        for displacement in trapezoids() {
+            let part = f64::from(FINE_PARTS);
+            let force = coarse.step(displacement, SAMPLE);
+            for _ in 0..FINE_PARTS {
+                fine.step(displacement / part, SAMPLE / part);
+            }
+            largest = largest.max((force - fine.force).abs());
+        }
+        let bound_n = if elements.iter().all(is_exact) { EXACT_BOUND } else { GENERAL_BOUND };
+        let holds = largest <= bound_n;
+        let verdict = format!(
+            "at 1 kHz the force is within {:.3} mN of the converged solution (allowed: {:.1} mN)",
+            1e3 * largest,
+            1e3 * bound_n
+        );
+        Self { largest_error_n: largest, bound_n, holds, verdict }
+    }
+}
+
+/// Displacements, m, of two cycles of 40 mm strokes at 80 mm/s, 2 m/s² at their ends.
+fn trapezoids() -> impl Iterator<Item = f64> {
+    const SPEED: f64 = 0.08;
+    const ACCELERATION: f64 = 2.0;
+    const STROKE: f64 = 0.04;
+    let ramp = SPEED / ACCELERATION;
+    let pass = STROKE / SPEED + ramp;
+    let steps = (pass / SAMPLE).round() as usize;
+    let place = move |t: f64| {
+        let (first, last) = (t.min(ramp), (t - (pass - ramp)).max(0.0));
+        0.5 * ACCELERATION * first * first + SPEED * (t - first) - 0.5 * ACCELERATION * last * last
+    };
+    let moves = (0..steps).map(move |k| place((k + 1) as f64 * SAMPLE) - place(k as f64 * SAMPLE));
+    let moves: Vec<f64> = moves.collect();
+    [1.0, -1.0, 1.0, -1.0].into_iter().flat_map(move |s| moves.clone().into_iter().map(move |m| s * m))
+}

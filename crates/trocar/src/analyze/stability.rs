@@ -1,0 +1,175 @@
+//! Proposition III.3, and the stick-slip where it fails.
+
+use serde::Serialize;
+use trocar_model::{Element, Folding};
+
+use super::{STEP, Sense, SteadyPoint};
+
+/// Speeds, m/s, between which instability is looked for.
+const SLOWEST: f64 = 1e-6;
+const FASTEST: f64 = 1.0;
+
+/// A range of speeds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SpeedRange {
+    /// Lower end, m/s.
+    pub from_m_s: f64,
+    /// Upper end, m/s.
+    pub to_m_s: f64,
+}
+
+/// Self-excited oscillation of the seal at a constant speed in the unstable range, simulated.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct StickSlip {
+    /// Sense of the motion.
+    pub sense: Sense,
+    /// Speeds at which steady sliding is unstable.
+    pub unstable: SpeedRange,
+    /// Speed simulated, m/s.
+    pub speed_m_s: f64,
+    /// Lowest force, in the sense of the motion, N.
+    pub lowest_force_n: f64,
+    /// Highest force, in the sense of the motion, N.
+    pub highest_force_n: f64,
+    /// Oscillations per second; 0 when fewer than two were seen.
+    pub frequency_hz: f64,
+}
+
+/// Proposition III.3 for the element's own sliding law.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stability {
+    /// Whether one force belongs to one slip speed at all times, both senses.
+    pub unique_slip_speed: bool,
+    /// Slip speeds between which the sliding force falls with speed, for insertion and withdrawal.
+    pub folds: [Option<SpeedRange>; 2],
+    /// Longest time constant among the stable steady states, s.
+    pub longest_time_constant_s: f64,
+    /// What happens where steady sliding is unstable.
+    pub stick_slip: Vec<StickSlip>,
+    /// Whether every steady state from 1 um/s to 1 m/s is stable.
+    pub holds: bool,
+    /// The same in words.
+    pub verdict: String,
+}
+
+/// Linearised answer of the deflection at a steady state.
+pub(super) struct Rate {
+    /// A of (22), 1/s.
+    pub(super) eigenvalue: f64,
+    /// A < 0 with a positive denominator.
+    pub(super) stable: bool,
+}
+
+/// EMS (22) with g'(V) and σ(0) in the denominator, at `deflection`.
+pub(super) fn rate(element: &Element, sense: Sense, speed: f64, deflection: f64) -> Rate {
+    let deformation = &element.params().deformation;
+    let (negative, positive) = deformation.end_stiffness();
+    let stiffness = if deflection >= deformation.half_width() {
+        positive
+    } else if deflection <= -deformation.half_width() {
+        negative
+    } else {
+        deformation.rising().stiffness(deflection).min(deformation.falling().stiffness(deflection))
+    };
+    let drag = drag(element, sense, speed);
+    Rate { eigenvalue: -stiffness / drag, stable: stiffness > 0.0 && drag >= 0.0 }
+}
+
+/// β + σ(0) + g'(V), N·s/m.
+fn drag(element: &Element, sense: Sense, speed: f64) -> f64 {
+    let friction = sense.friction(element);
+    let damping = friction.viscous_damping + element.params().damping.coefficient(0.0);
+    if friction.is_constant() {
+        return damping;
+    }
+    let step = 1e-4 * speed;
+    damping + (friction.level(speed + step) - friction.level(speed - step)) / (2.0 * step)
+}
+
+impl Stability {
+    pub(super) fn of(element: &Element, table: &[SteadyPoint]) -> Self {
+        let (insertion, withdrawal) = element.folded();
+        let folds = [insertion, withdrawal].map(|folding| match folding {
+            Folding::Folded { from, to } => Some(SpeedRange { from_m_s: from, to_m_s: to }),
+            _ => None,
+        });
+        let stick_slip: Vec<StickSlip> =
+            Sense::BOTH.into_iter().filter_map(|sense| StickSlip::of(element, sense)).collect();
+        let stable = table.iter().filter(|point| point.stable);
+        let longest = stable.map(|point| point.time_constant_s).fold(0.0, f64::max);
+        let holds = stick_slip.is_empty() && table.iter().all(|point| point.stable);
+        let verdict = match stick_slip.first() {
+            None if holds => "steady sliding is stable at every speed".to_owned(),
+            None => "at some speeds the seal comes to rest where it softens".to_owned(),
+            Some(found) => format!(
+                "steady sliding is unstable from {:.2} to {:.2} mm/s (β + σ + g' <= 0): the seal sticks and slips by \
+                 itself, at {:.2} mm/s between {:.3} and {:.3} N",
+                1e3 * found.unstable.from_m_s,
+                1e3 * found.unstable.to_m_s,
+                1e3 * found.speed_m_s,
+                found.lowest_force_n,
+                found.highest_force_n
+            ),
+        };
+        let unique_slip_speed = folds.iter().all(Option::is_none);
+        Self { unique_slip_speed, folds, longest_time_constant_s: longest, stick_slip, holds, verdict }
+    }
+}
+
+impl StickSlip {
+    /// Simulates at the middle (geometric) of the unstable speeds; `None` when there are none.
+    fn of(element: &Element, sense: Sense) -> Option<Self> {
+        let unstable = unstable_speeds(element, sense)?;
+        let speed = (unstable.from_m_s * unstable.to_m_s).sqrt();
+        let params = element.params();
+        let c = params.deformation.half_width();
+        let relaxed = params.deformation.end_stiffness();
+        // The seal is reloaded from F_c to F_s at this speed; ten such times and the way to the limit are enough to see.
+        let friction = sense.friction(element);
+        let reload = (friction.static_force - friction.coulomb_force) / (relaxed.0.min(relaxed.1) * speed);
+        let step = STEP.min(reload / 500.0);
+        let mut state = element.rest_state(0.0);
+        let way = (10.0 * c / speed / step) as usize;
+        let mut run = |steps: usize, mut see: Box<dyn FnMut(f64) + '_>| {
+            for _ in 0..steps {
+                see(sense.sign() * element.step_velocity(&mut state, sense.sign() * speed, step));
+            }
+        };
+        run(way.min(2_000_000), Box::new(|_| ()));
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let watched = (10.0 * reload / step) as usize;
+        let mut forces = Vec::with_capacity(watched);
+        run(
+            watched,
+            Box::new(|force| {
+                (low, high) = (low.min(force), high.max(force));
+                forces.push(force);
+            }),
+        );
+        let middle = 0.5 * (low + high);
+        let rises = forces.windows(2).filter(|pair| pair[0] < middle && pair[1] >= middle).count();
+        let frequency_hz = if rises > 1 { rises as f64 / (watched as f64 * step) } else { 0.0 };
+        Some(Self { sense, unstable, speed_m_s: speed, lowest_force_n: low, highest_force_n: high, frequency_hz })
+    }
+}
+
+/// Speeds at which β + σ + g'(V) <= 0, from 1 um/s to 1 m/s.
+fn unstable_speeds(element: &Element, sense: Sense) -> Option<SpeedRange> {
+    const POINTS: i32 = 600;
+    let at = |k: i32| SLOWEST * (FASTEST / SLOWEST).powf(f64::from(k) / f64::from(POINTS));
+    let unstable = |k: &i32| drag(element, sense, at(*k)) < 0.0;
+    let first = (0..=POINTS).find(unstable)?;
+    let last = (0..=POINTS).rev().find(unstable)?;
+    let edge = |inside: i32, outside: i32| {
+        if !(0..=POINTS).contains(&outside) {
+            return at(inside);
+        }
+        let (mut yes, mut no) = (at(inside), at(outside));
+        for _ in 0..50 {
+            let middle = 0.5 * (yes + no);
+            if drag(element, sense, middle) < 0.0 { yes = middle } else { no = middle }
+        }
+        0.5 * (yes + no)
+    };
+    Some(SpeedRange { from_m_s: edge(first, first - 1), to_m_s: edge(last, last + 1) })
+}

@@ -1,0 +1,233 @@
+//! What an identification leaves behind: `model.json` and `summary.json`.
+//!
+//! Both hold names, hashes and seeds instead of folders and times, so the same recordings give the same bytes.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::identify::{
+    DampingTest, DeformationFit, Estimate, Identification, IdentifyOptions, Parameter, Refinement, SteadyFit, Warning,
+};
+use crate::model_file::{Interval, ModelFile, Origin, OriginKind, RecordingInfo, SensorInfo};
+use crate::recording::{Quality, Recording};
+use crate::validate::Validation;
+
+/// Value of the key `program`.
+const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
+
+/// Mass between sensor and seal whose inertia and weight were taken out of the readings.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct MovingMass {
+    /// Mass, kg, ≥ 0.
+    #[serde(rename = "mass_kg")]
+    pub mass: f64,
+    /// Component of gravity along the insertion, m/s², as in
+    /// [`Recording::without_moving_mass`](crate::recording::Recording::without_moving_mass).
+    #[serde(rename = "gravity_m_s2")]
+    pub gravity: f64,
+}
+
+/// Everything an identification started from and came to.
+#[derive(Debug, Clone, Copy)]
+pub struct Outcome<'a> {
+    /// The result.
+    pub identification: &'a Identification,
+    /// How it was asked for.
+    pub options: &'a IdentifyOptions,
+    /// The recordings it was identified from, the moving mass taken out.
+    pub recordings: &'a [Recording],
+    /// The recordings it was validated on, the moving mass taken out.
+    pub held_back: &'a [Recording],
+    /// The validation on them; `None` without any.
+    pub validation: Option<&'a Validation>,
+    /// What was taken out.
+    pub moving_mass: MovingMass,
+}
+
+/// A recording in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct RecordingSummary<'a> {
+    /// File name without its folder.
+    pub name: &'a str,
+    /// SHA-256 of the file's bytes.
+    pub sha256: &'a str,
+    /// `identification` or `validation`.
+    pub used_for: &'static str,
+    /// Samples.
+    pub samples: usize,
+    /// Time from the first to the last sample, s.
+    pub duration_s: f64,
+    /// What was found about the data.
+    pub quality: &'a Quality,
+}
+
+/// One branch of the deformation force in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct BranchSummary {
+    /// Where the two polynomials of EMS (25) meet, m.
+    pub join_m: f64,
+    /// Root mean square residual, N, of the joined polynomials to the mean curve.
+    pub joined_rms_n: f64,
+    /// The same of a single polynomial of degree 7 (EMS figure 8).
+    pub single_polynomial_rms_n: f64,
+}
+
+/// The dynamic step in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct DeformationSummary<'a> {
+    /// c of the two-step result.
+    pub half_width_m: &'a Estimate,
+    /// Standard deviation of c over the traverses, m: the error of the rebuilt deflection.
+    pub half_width_spread_m: f64,
+    /// p value of c changing with speed; `None` with too few speeds.
+    pub speed_dependence_p_value: Option<f64>,
+    /// Full traverses found.
+    pub traverses: usize,
+    /// Branch of the insertion.
+    pub rising: BranchSummary,
+    /// Branch of the withdrawal.
+    pub falling: BranchSummary,
+}
+
+/// `summary.json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary<'a> {
+    /// Program and version.
+    pub program: &'static str,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Resamples of the bootstrap.
+    pub bootstrap: usize,
+    /// Whether data were lost or parameters are not pinned (exit code 3).
+    pub doubtful: bool,
+    /// Parameters of the model by name with unit.
+    pub parameters: BTreeMap<&'a str, &'a Estimate>,
+    /// The same by the paper's two steps alone.
+    pub two_step_parameters: BTreeMap<&'a str, &'a Estimate>,
+    /// Error of the model over the recordings it was identified from, N.
+    pub residual_rms_n: f64,
+    /// The refinement beside the two steps; `None` when it was not made.
+    pub refinement: Option<&'a Refinement>,
+    /// Validation on the recordings held back; `None` without any.
+    pub validation: Option<&'a Validation>,
+    /// Steady-state step with its data.
+    pub steady: &'a SteadyFit,
+    /// Dynamic step; `None` when the deformation was not resolved.
+    pub deformation: Option<DeformationSummary<'a>>,
+    /// Why there is no dynamic step.
+    pub deformation_missing: Option<&'a str>,
+    /// Test of the influence of the deformation velocity; `None` where it could not be made.
+    pub damping_test: Option<&'a DampingTest>,
+    /// What was taken out of the readings.
+    pub moving_mass: MovingMass,
+    /// All recordings.
+    pub recordings: Vec<RecordingSummary<'a>>,
+    /// What to know about the result.
+    pub warnings: &'a [Warning],
+}
+
+impl<'a> Outcome<'a> {
+    /// The contents of `summary.json`.
+    pub fn summary(&self) -> Summary<'a> {
+        let found = self.identification;
+        let deformation = found.deformation.as_ref();
+        Summary {
+            program: PROGRAM,
+            seed: self.options.seed,
+            bootstrap: self.options.bootstrap,
+            doubtful: self.is_doubtful(),
+            parameters: by_name(&found.parameters),
+            two_step_parameters: by_name(&found.two_step_parameters),
+            residual_rms_n: found.residual_rms,
+            refinement: found.refinement.as_ref(),
+            validation: self.validation,
+            steady: &found.steady,
+            deformation: deformation.ok().map(deformation_summary),
+            deformation_missing: deformation.err().map(String::as_str),
+            damping_test: deformation.ok().and_then(|d| d.damping.as_ref()),
+            moving_mass: self.moving_mass,
+            recordings: self.recording_summaries(),
+            warnings: &found.warnings,
+        }
+    }
+
+    /// Whether data were lost or parameters are not pinned, in identification or validation.
+    pub fn is_doubtful(&self) -> bool {
+        let lost = self.held_back.iter().any(|recording| !recording.quality.warnings.is_empty());
+        let unknown = self.validation.is_some_and(Validation::is_doubtful);
+        self.identification.is_doubtful() || lost || unknown
+    }
+
+    /// The identified seal with its origin, sensor and intervals.
+    ///
+    /// The offset is the sensor's reading at rest without any force of the seal, weight of the moving mass included.
+    pub fn model_file(&self) -> ModelFile {
+        let found = self.identification;
+        let MovingMass { mass, gravity } = self.moving_mass;
+        let mut origin = Origin::new(OriginKind::Identified);
+        origin.seed = Some(self.options.seed);
+        origin.note = found.deformation.as_ref().err().map(|why| format!("deformation assumed, not identified: {why}"));
+        origin.recordings = self
+            .recordings
+            .iter()
+            .map(|recording| RecordingInfo { name: recording.name.clone(), sha256: recording.sha256.clone() })
+            .collect();
+        let mut model = ModelFile::new(vec![found.element], origin);
+        model.sensor = Some(SensorInfo {
+            offset_n: found.model.offset + mass * gravity,
+            moving_mass_kg: mass + found.model.hidden_mass.max(0.0),
+        });
+        model.intervals = found.parameters.iter().filter_map(interval).collect();
+        model
+    }
+
+    fn recording_summaries(&self) -> Vec<RecordingSummary<'a>> {
+        let of = |used_for: &'static str, recordings: &'a [Recording]| {
+            recordings.iter().map(move |recording| RecordingSummary {
+                name: &recording.name,
+                sha256: &recording.sha256,
+                used_for,
+                samples: recording.len(),
+                duration_s: recording.duration(),
+                quality: &recording.quality,
+            })
+        };
+        of("identification", self.recordings).chain(of("validation", self.held_back)).collect()
+    }
+}
+
+impl Summary<'_> {
+    /// The text of `summary.json`: equal results give equal text. A number without bound is `null`.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("every key is a string");
+        text.push('\n');
+        text
+    }
+}
+
+fn by_name(parameters: &[Parameter]) -> BTreeMap<&str, &Estimate> {
+    parameters.iter().map(|parameter| (parameter.name.as_str(), &parameter.estimate)).collect()
+}
+
+fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
+    let branch = |fit: &crate::identify::BranchFit| BranchSummary {
+        join_m: fit.shape.join * found.half_width.value,
+        joined_rms_n: fit.rms,
+        single_polynomial_rms_n: fit.single_polynomial_rms,
+    };
+    DeformationSummary {
+        half_width_m: &found.half_width,
+        half_width_spread_m: found.deflection_error,
+        speed_dependence_p_value: found.speed_dependence_p_value,
+        traverses: found.traverses.len(),
+        rising: branch(&found.rising),
+        falling: branch(&found.falling),
+    }
+}
+
+fn interval(parameter: &Parameter) -> Option<(String, Interval)> {
+    let Estimate { value, ci95, .. } = parameter.estimate;
+    let bound = |bound: f64| bound.is_finite().then_some(bound);
+    value.is_finite().then(|| (parameter.name.clone(), Interval { value, ci95: ci95.map(bound) }))
+}

@@ -1,0 +1,163 @@
+//! What recordings can give, seen before anything is fitted.
+//!
+//! Passes and stretches of constant velocity decide what an identification can pin. Whoever records learns here what
+//! to record, without waiting for the fit.
+
+use rayon::prelude::*;
+
+use crate::recording::Recording;
+use crate::segment::{Direction, SegmentOptions, passes, reversal_threshold, stretches};
+
+/// Speeds closer than this part of each other count as one.
+const SAME_SPEED: f64 = 0.05;
+
+/// What one recording holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordingSurvey {
+    /// File name without its folder.
+    pub name: String,
+    /// Samples.
+    pub samples: usize,
+    /// Time from the first to the last sample, s.
+    pub duration: f64,
+    /// Range of the position, m.
+    pub stroke: f64,
+    /// Passes between reversals.
+    pub passes: usize,
+    /// Passes that begin at a reversal.
+    pub reversals: usize,
+    /// Stretches of constant velocity.
+    pub stretches: usize,
+    /// Different speeds of insertion, m/s, in rising order.
+    pub insertion_speeds: Vec<f64>,
+    /// Different speeds of withdrawal, m/s, in rising order.
+    pub withdrawal_speeds: Vec<f64>,
+}
+
+/// What all recordings hold together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Survey {
+    /// One entry a recording.
+    pub recordings: Vec<RecordingSurvey>,
+    /// What they cannot pin, in words.
+    pub limits: Vec<String>,
+}
+
+impl Survey {
+    /// Looks `recordings` over.
+    pub fn new(recordings: &[Recording], options: &SegmentOptions) -> Self {
+        let recordings: Vec<RecordingSurvey> =
+            recordings.par_iter().map(|r| RecordingSurvey::new(r, options)).collect();
+        let limits = limits(&recordings);
+        Self { recordings, limits }
+    }
+}
+
+impl RecordingSurvey {
+    fn new(recording: &Recording, options: &SegmentOptions) -> Self {
+        let passes = passes(recording, reversal_threshold(recording));
+        let stretches = stretches(recording, &passes, options);
+        let speeds = |direction: Direction| {
+            let own = stretches.iter().filter(|s| passes[s.pass].direction == direction);
+            different(own.map(|s| s.velocity.abs()).collect())
+        };
+        Self {
+            name: recording.name.clone(),
+            samples: recording.len(),
+            duration: recording.duration(),
+            stroke: recording.quality.stroke,
+            reversals: passes.iter().filter(|pass| pass.starts_at_reversal).count(),
+            insertion_speeds: speeds(Direction::Positive),
+            withdrawal_speeds: speeds(Direction::Negative),
+            passes: passes.len(),
+            stretches: stretches.len(),
+        }
+    }
+}
+
+/// Speeds in rising order, one for each group that lies together.
+fn different(mut speeds: Vec<f64>) -> Vec<f64> {
+    speeds.sort_by(f64::total_cmp);
+    speeds.dedup_by(|next, kept| *next <= *kept * (1.0 + SAME_SPEED));
+    speeds
+}
+
+fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
+    let all = |of: fn(&RecordingSurvey) -> &Vec<f64>| different(recordings.iter().flat_map(of).copied().collect());
+    let (insertion, withdrawal) = (all(|r| &r.insertion_speeds), all(|r| &r.withdrawal_speeds));
+    let reversals: usize = recordings.iter().map(|r| r.reversals).sum();
+    let stroke = recordings.iter().map(|r| r.stroke).fold(0.0, f64::max);
+    let mut found = Vec::new();
+    if reversals == 0 {
+        found.push(
+            "no reversal: the deformation of the seal (its half width and its branches) cannot be seen".to_owned(),
+        );
+    } else {
+        found.push(format!(
+            "the longest stroke is {:.1} mm: a seal that needs more travel to turn over stays unresolved",
+            1e3 * stroke
+        ));
+    }
+    match (insertion.len(), withdrawal.len()) {
+        (0, 0) => {
+            found.push("no constant velocity: the sliding force can only be had where the motion is steady".to_owned())
+        }
+        (0, _) | (_, 0) => found.push(
+            "steady sliding in one direction only: the sensor offset cannot be told from the Coulomb force".to_owned(),
+        ),
+        (1, 1) if insertion[0].max(withdrawal[0]) <= insertion[0].min(withdrawal[0]) * (1.0 + SAME_SPEED) => {
+            found.push("one speed: the viscous part cannot be told from the Coulomb force".to_owned());
+        }
+        (1, _) | (_, 1) => found
+            .push("one speed in one direction: whether the directions differ in viscous damping stays open".to_owned()),
+        _ => {}
+    }
+    if let Some(slowest) = insertion.iter().chain(&withdrawal).copied().reduce(f64::min) {
+        found.push(format!(
+            "nothing is steady below {:.1} mm/s: a rise of the friction at lower speeds (Stribeck) stays unseen",
+            1e3 * slowest
+        ));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Saw tooth of `passes` passes over 50 mm, one speed for each pass in turn, with a force that nobody looks at.
+    fn saw(passes: usize, speeds: &[f64]) -> Recording {
+        let (mut time, mut position) = (vec![0.0], vec![0.0]);
+        for pass in 0..passes {
+            let speed = speeds[pass % speeds.len()] * if pass % 2 == 0 { 1.0 } else { -1.0 };
+            for _ in 0..(0.05 / speed.abs() / 1e-3) as usize {
+                time.push(time[time.len() - 1] + 1e-3);
+                position.push(position[position.len() - 1] + 1e-3 * speed);
+            }
+        }
+        let force = position.iter().map(|x| x.sin()).collect();
+        Recording::from_columns("saw.csv", time, position, force).unwrap()
+    }
+
+    fn limits_of(recording: Recording) -> String {
+        Survey::new(&[recording], &SegmentOptions::default()).limits.join("\n")
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        assert!(limits_of(saw(1, &[0.03])).contains("no reversal"));
+        assert!(limits_of(saw(1, &[0.03])).contains("in one direction only"));
+        assert!(limits_of(saw(4, &[0.03])).contains("one speed:"));
+        let enough = limits_of(saw(6, &[0.02, 0.02, 0.05, 0.05, 0.08, 0.08]));
+        assert!(!enough.contains("no reversal") && !enough.contains("one speed"), "{enough}");
+    }
+
+    #[test]
+    fn speeds_are_counted_once_for_each_direction() {
+        let survey = Survey::new(&[saw(6, &[0.02, 0.02, 0.05, 0.05, 0.08, 0.08])], &SegmentOptions::default());
+        let found = &survey.recordings[0];
+        assert_eq!((found.passes, found.reversals), (6, 5));
+        assert_eq!((found.insertion_speeds.len(), found.withdrawal_speeds.len()), (3, 3));
+        assert!((found.insertion_speeds[1] - 0.05).abs() < 1e-3, "{:?}", found.insertion_speeds);
+    }
+}
