@@ -20,7 +20,8 @@ pub struct IdentificationReport<'a> {
     /// The recordings it was identified from, as they were given to it: a declared moving mass taken out, an undeclared one
     /// ([`Candidate::hidden_mass`](crate::identify::Candidate)) still inside.
     pub training: &'a [Recording],
-    /// Recordings that the identification has not seen, as they were scored (undeclared mass taken out), and the scores.
+    /// Recordings that the identification has not seen, as they were scored (undeclared mass taken out), and the scores;
+    /// an empty list counts as none.
     pub validation: Option<(&'a [Recording], &'a Validation)>,
     /// The elements a virtual bench was run with, where the data come from one.
     pub truth: Option<&'a [Element]>,
@@ -40,6 +41,8 @@ const ERROR_OF_EMS: &str = "EMS reports 0.17 N on its own data";
 /// Equal input gives equal documents. Figures are numbered in order of appearance; one whose data are missing is replaced by a
 /// sentence that says why.
 pub fn document(input: &IdentificationReport) -> Document {
+    let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
+    let input = &IdentificationReport { validation, ..*input };
     let found = input.identification;
     let scored = figures::scored(found, input.training, input.validation);
     let mut document = Document {
@@ -71,7 +74,7 @@ fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
         ("Error on its own data (rms)", "Fit to its own data")
     };
     let mut tiles = vec![
-        Tile::new(error, format!("{} N", significant(scored.validation.rms_n, 3)), ERROR_OF_EMS),
+        Tile::new(error, format!("{} N", significant(scored.validation.rms_n, 3)), error_note(scored)),
         Tile::new(fit, format!("{} %", fixed(scored.validation.fit_percent, 1)), "100·(1 − rms/sd of the readings)"),
     ];
     for name in ["coulomb_force_n", "viscous_damping_n_s_m", "half_width_m", "offset_n"] {
@@ -84,10 +87,22 @@ fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
     tiles
 }
 
-/// One line for each message; what it concerns, in words, before it.
+/// The error of each recording, where there are few, and that of EMS beside it.
+fn error_note(scored: &Scored) -> String {
+    let recordings = &scored.validation.recordings;
+    if !(2..=3).contains(&recordings.len()) {
+        return ERROR_OF_EMS.to_owned();
+    }
+    let each = recordings.iter().map(|r| format!("{} N on {}", significant(r.rms_n, 3), r.path));
+    format!("{}; {ERROR_OF_EMS}", each.collect::<Vec<_>>().join(", "))
+}
+
+/// One line for each message, what it concerns in words before it; doubts come before remarks.
 fn warnings(found: &Identification, scored: &Scored) -> Vec<String> {
     let mut lines: Vec<(Vec<String>, &str)> = Vec::new();
-    for Warning { subject, message, .. } in &found.warnings {
+    let doubts = found.warnings.iter().filter(|w| w.doubtful);
+    let remarks = found.warnings.iter().filter(|w| !w.doubtful);
+    for Warning { subject, message, .. } in doubts.chain(remarks) {
         let subject = figures::name_of(subject).0;
         match lines.iter_mut().find(|(_, said)| said == message) {
             Some((subjects, _)) => subjects.push(subject),
@@ -107,11 +122,16 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
     let section = |heading: &str, drawn| figures::with(Section::new(heading), drawn);
     let deformation = section("Deformation", figures::deformation_velocity(found));
     let deformation = figures::with(deformation, figures::deformation_force(found, input.truth));
-    let errors = Section::new("Residuals").table(figures::phases(scored)).figure(figures::residuals(scored));
+    let errors = Section::new("Residuals")
+        .table(figures::error_by_recording(scored))
+        .table(figures::error_by_phase(scored))
+        .figure(figures::residuals(scored));
     let errors = figures::with(errors, figures::residual_statistics(scored));
     let mut all = vec![
         parameters(input),
-        Section::new("Recordings").table(figures::data_quality(recordings(input))),
+        Section::new("Recordings")
+            .table(figures::sampling(recordings(input)))
+            .table(figures::resolution(recordings(input))),
         section("Velocity reversal", figures::velocity_step(found, input.training)),
         section("Static friction", figures::static_friction(found)),
         figures::with(deformation, figures::half_width(found)),

@@ -7,6 +7,7 @@ use crate::identify::{
     BINS, BranchFit, BranchShape, DampingTest, DeformationFit, Identification, Pins, Traverse, bin_centres, legendre,
 };
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
+use crate::report::number::significant;
 use crate::segment::Direction;
 
 /// Deflections shown against velocity, as z/c.
@@ -33,7 +34,7 @@ pub(in super::super) fn deformation_velocity(found: &Identification) -> Drawn {
         Panel::new(Axis::new("deformation velocity", "mm/s").with_zero(), Axis::new("deformation force", "N"));
     for (category, level) in LEVELS.into_iter().enumerate() {
         let role = Role::Category(category as u8);
-        let name = format!("z = {:.1} mm", MM * level * c);
+        let name = format!("z = {} mm", significant(MM * level * c, 2));
         for direction in [Direction::Positive, Direction::Negative] {
             let at = Level::new(deformation, direction, level);
             panel = panel.series(at.points(&name, role, test.deflection_error_m)).series(at.line(role, test));
@@ -136,7 +137,7 @@ pub(in super::super) fn deformation_force(found: &Identification, truth: Option<
         let left = |force: &dyn Fn(f64) -> f64| {
             bin_centres().zip(&fit.mean_curve).map(|(u, mean)| mean - force(u)).collect::<Vec<f64>>()
         };
-        let mut panel = Panel::new(axes(), Axis::new("residual", "N").with_zero()).title(title).aspect(0.22);
+        let mut panel = Panel::new(axes(), Axis::new("residual", "N").with_zero()).title(title).aspect(0.28);
         if let Some(joined) = joined {
             panel = panel.series(Series::line(JOINED, Role::Fit, x.clone(), left(&|u| joined.force(u * c))));
         }
@@ -210,6 +211,11 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
     } else {
         " Joins are marked."
     };
+    let damped = if found.model.seal_damping > 0.0 {
+        " The measured force holds the damping force σ·ż as well, which the refined branches leave to σ."
+    } else {
+        ""
+    };
     let true_branches = match truth {
         Some([_]) => " The truth is that of the virtual bench.",
         Some(_) => " The virtual bench ran several elements in parallel; their branches have no counterpart here.",
@@ -218,7 +224,7 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
     format!(
         "(a) Force against deflection in deformation, as in figure 8 of EMS: {} insertions (upper branch) and {} withdrawals (lower \
          branch), sensor offset removed, deflection by EMS (24). The joined polynomials of degrees {left} and {right}, EMS (25), are \
-         fitted to the mean of the turn-overs by EMS (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
+         fitted to the mean of the turn-overs by EMS (26), through the sliding limits at ±c.{refined}{damped} (b), (c) What both fits leave \
          of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
          of degree 7, in insertion and withdrawal.{true_branches}",
         count(Direction::Positive),

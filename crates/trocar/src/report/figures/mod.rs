@@ -22,8 +22,8 @@ pub(super) use deformation::{deformation_force, deformation_velocity};
 pub(super) use half_width::half_width;
 pub(super) use reversal::velocity_step;
 pub(super) use sliding::static_friction;
-pub(super) use speeds::{error_by_speed, phases};
-pub(super) use tables::{branch_coefficients, data_quality, display, name_of, parameters};
+pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
+pub(super) use tables::{branch_coefficients, display, name_of, parameters, resolution, sampling};
 pub(super) use validation::{Scored, cross_validation, residual_statistics, residuals, scored};
 
 /// A figure, or why there is none.

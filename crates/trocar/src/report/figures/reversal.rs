@@ -24,7 +24,7 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
     let shown = clearest(deformation).ok_or("No traverse was found that could show a velocity reversal.")?;
     let recording = &training[shown.recording];
     let window = window(recording, shown);
-    let origin = recording.time[shown.from];
+    let origin = recording.time[turning_point(recording, shown, &window)];
     let time: Vec<f64> = recording.time[window.clone()].iter().map(|t| t - origin).collect();
     let line = |name: &str, role, values: &[f64], scale: f64| {
         let scaled: Vec<f64> = values[window.clone()].iter().map(|v| scale * v).collect();
@@ -37,10 +37,10 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
         .series(line("model", Role::Model, &run.force, 1.0));
     let transients = Transients::of(branch(found, shown.direction));
-    let marked = transients.marks(recording, shown).into_iter().fold(forces, Panel::mark);
+    let marked = transients.marks(recording, shown, origin).into_iter().fold(forces, Panel::mark);
     let speed = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("velocity", "mm/s").with_zero())
         .series(line("velocity", Role::Measured, &velocity, MM))
-        .aspect(0.2);
+        .aspect(0.25);
     Ok(Figure::new("velocity-step", 0, "Force upon a velocity reversal")
         .panel(speed)
         .panel(marked)
@@ -69,13 +69,13 @@ fn branch(found: &Identification, direction: Direction) -> &Branch {
     }
 }
 
-/// Of the traverses in the middle third of the speeds, the one that follows its direction's mean curve most closely at the
+/// Of the traverses in the middle half of the speeds, the one that follows its direction's mean curve most closely at the
 /// steadiest velocity.
 fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
     let mut by_speed: Vec<&Traverse> = deformation.traverses.iter().collect();
     by_speed.sort_by(|a, b| a.speed.total_cmp(&b.speed));
-    let third = by_speed.len() / 3;
-    let middle = &by_speed[third..by_speed.len() - third];
+    let quarter = by_speed.len() / 4;
+    let middle = &by_speed[quarter..by_speed.len() - quarter];
     let unsteadiness = |t: &Traverse| {
         let mean = match t.direction {
             Direction::Positive => &deformation.rising.mean_curve,
@@ -97,6 +97,13 @@ fn window(recording: &Recording, shown: &Traverse) -> Range<usize> {
     let start = recording.time.partition_point(|t| *t < from - before);
     let end = recording.time.partition_point(|t| *t <= to + after);
     start.max(part.start)..end.min(part.end)
+}
+
+/// The sample of the extreme position, at which the velocity changes its sign.
+fn turning_point(recording: &Recording, shown: &Traverse, window: &Range<usize>) -> usize {
+    let s = shown.direction.sign();
+    let before = window.start..=shown.from;
+    before.min_by(|a, b| (s * recording.position[*a]).total_cmp(&(s * recording.position[*b]))).unwrap_or(shown.from)
 }
 
 /// Where, as z/c along the motion, the first rise ends and the second begins.
@@ -125,13 +132,12 @@ impl Transients {
         if marked { Self::Flattening { at: *at } } else { Self::Single }
     }
 
-    fn marks(&self, recording: &Recording, shown: &Traverse) -> Vec<Mark> {
-        let origin = recording.time[shown.from];
-        let end = recording.time[shown.to] - origin;
+    fn marks(&self, recording: &Recording, shown: &Traverse, origin: f64) -> Vec<Mark> {
+        let [start, end] = [shown.from, shown.to].map(|i| recording.time[i] - origin);
         let (first, second) = match *self {
             Self::Softening { from, to } => (from, to),
             Self::Flattening { at } => (at, at),
-            Self::Single => return vec![Mark::x_range(0.0, end, "transient")],
+            Self::Single => return vec![Mark::x_range(start, end, "transient")],
         };
         // A withdrawal passes its branch from +c to -c.
         let (first, second) = match shown.direction {
@@ -139,7 +145,11 @@ impl Transients {
             Direction::Negative => (second, first),
         };
         let [first, second] = [first, second].map(|u| time_at(recording, shown, u) - origin);
-        vec![Mark::x_range(0.0, first, "T1"), Mark::x_range(second, end, "T2")]
+        let mut marks = vec![Mark::x_range(start, first, "T1"), Mark::x_range(second, end, "T2")];
+        if first == second {
+            marks.push(Mark::x(first, ""));
+        }
+        marks
     }
 
     fn in_words(&self) -> String {

@@ -2,7 +2,8 @@
 
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::identify::{DirectionLine, Identification, PassMean, SteadyFit};
-use crate::report::document::{Axis, Figure, Panel, Role, Series};
+use crate::report::document::{Axis, Figure, Kind, Panel, Role, Series};
+use crate::report::number::fixed;
 
 /// Most means drawn with bars; more hide each other.
 const MOST_BARS: usize = 250;
@@ -19,15 +20,20 @@ pub(in super::super) fn static_friction(found: &Identification) -> Drawn {
         return Err("There is no figure of the static friction (EMS figure 6): no steady sliding was found.".to_owned());
     }
     let curves = Curves { steady, offset: found.model.offset };
-    let mut panel = Panel::new(Axis::new("sliding velocity", "mm/s").with_zero(), Axis::new("force", "N").with_zero())
-        .series(curves.means());
-    for series in curves.confidence().into_iter().chain(curves.fitted()) {
-        panel = panel.series(series);
-    }
+    let mut all = vec![curves.means()];
+    all.extend(curves.confidence().into_iter().chain(curves.fitted()));
     if found.refinement.as_ref().is_some_and(|r| r.accepted) {
-        panel = panel.series(curves.model(found));
+        all.push(curves.model(found));
     }
-    Ok(Figure::new("static-friction", 0, "Static friction").panel(panel).caption(caption(found)))
+    let velocity = || Axis::new("sliding velocity", "mm/s").with_zero();
+    let whole = Panel::new(velocity(), Axis::new("force", "N").with_zero());
+    let close = Panel::new(velocity(), Axis::new("force less fit", "N").with_zero()).aspect(0.35);
+    let less_fit = all.iter().cloned().map(|series| curves.less_fit(series));
+    Ok(Figure::new("static-friction", 0, "Static friction")
+        .panel(all.iter().cloned().fold(whole, Panel::series))
+        .panel(less_fit.fold(close, Panel::series))
+        .linked_x()
+        .caption(caption(found)))
 }
 
 struct Curves<'a> {
@@ -44,12 +50,12 @@ impl Curves<'_> {
         let x: Vec<f64> = shown.iter().map(|m| MM * m.velocity_m_s).collect();
         let y: Vec<f64> = shown.iter().map(|m| m.force_n - self.offset).collect();
         if shown.len() > MOST_BARS {
-            return Series::points("measured means", Role::Measured, x, y);
+            return Series::points("mean", Role::Measured, x, y);
         }
         let bar = |m: &PassMean| NORMAL_95 * m.standard_error_n.hypot(self.steady.pass_scatter_n);
         let end = |sign: f64| shown.iter().map(|m| m.force_n - self.offset + sign * bar(m)).collect();
         let (low, high) = (end(-1.0), end(1.0));
-        Series::error_bars("mean of a pass, ± 95 %", Role::Measured, x, y, low, high)
+        Series::error_bars("mean, ± 95 %", Role::Measured, x, y, low, high)
     }
 
     /// A curve over the speeds measured in both directions, broken at rest.
@@ -84,6 +90,21 @@ impl Curves<'_> {
         let common = self.curve("one line for both directions", Role::Alternative, |v| self.reading(v));
         let own = self.curve("fit (23) of each direction", Role::Fit, |v| self.direction(v, |e| e.value));
         vec![common, own]
+    }
+
+    /// The same series with the fit taken out, on a scale on which the intervals are seen.
+    fn less_fit(&self, series: Series) -> Series {
+        let fit = |v: f64| {
+            let v = v / MM;
+            if self.steady.is_asymmetric() { self.direction(v, |e| e.value) } else { self.reading(v) }
+        };
+        let x = series.x.clone();
+        let less = |values: Vec<f64>| values.iter().zip(&x).map(|(force, v)| force - fit(*v)).collect::<Vec<f64>>();
+        let kind = match series.kind {
+            Kind::ErrorBars { low, high } => Kind::ErrorBars { low: less(low), high: less(high) },
+            other => other,
+        };
+        Series { y: less(series.y), kind, ..series }
     }
 
     /// The direction's own line without offset, its parameters picked by `of`.
@@ -128,13 +149,14 @@ fn caption(found: &Identification) -> String {
     let steady = &found.steady;
     let [slowest, fastest] = steady.speed_range_m_s.map(|v| MM * v);
     let mut text = format!(
-        "Force in steady sliding against velocity, as in figure 6 of EMS: one mean per pass and speed ({} in all), the sensor offset \
-         of {:.3} N removed. ",
-        steady.means.len(),
-        found.model.offset
+        "(a) Force in steady sliding against velocity, as in figure 6 of EMS, the sensor offset of {} N removed: {} means, one \
+         per pass and constant speed, or one per 0.1 s of motion where the deformation is negligible and inertia was taken out. (b) The \
+         same less the fit. ",
+        fixed(found.model.offset, 3),
+        steady.means.len()
     );
     if steady.means.len() <= MOST_BARS {
-        text.push_str("Bars hold 95 % of what such a mean scatters, within its pass and between passes. ");
+        text.push_str("Bars hold 95 % of what such a mean scatters, by the scatter within it and between passes. ");
     }
     if steady.coulomb_force_n.pinned && steady.viscous_damping_n_s_m.pinned {
         text.push_str(&format!(
@@ -154,9 +176,9 @@ fn caption(found: &Identification) -> String {
     text.push_str(&symmetry(steady));
     if let Some(test) = &steady.lack_of_fit {
         text.push_str(&format!(
-            "Test of the straight line against a Stribeck curve, EMS (11): {}, {:+.3} N at the slowest speed; {}. ",
+            "Test of the straight line against a Stribeck curve, EMS (11): {}, {} N above the line at the slowest speed; {}. ",
             p_in_words(test.p_value),
-            test.excess_at_slowest_n,
+            fixed(test.excess_at_slowest_n, 3),
             test.verdict
         ));
     }

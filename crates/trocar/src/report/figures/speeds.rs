@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{Drawn, MM, Scored};
 use crate::report::document::{Axis, Cell, Figure, Panel, Role, Series, Table};
-use crate::validate::{Part, Validation};
+use crate::validate::Validation;
 
 /// Samples and sum of squared errors, N², for each speed in mm/s.
 fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {
@@ -40,40 +40,41 @@ pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
     )))
 }
 
-/// Error of each recording by phase of the motion.
-pub(in super::super) fn phases(scored: &Scored) -> Table {
-    let columns = [
-        "Recording",
-        "rms (N)",
-        "Fit (%)",
-        "Bias (N)",
-        "Worst (N)",
-        "Deformation rms (N)",
-        "Sliding rms (N)",
-        "Hold rms (N)",
-        "Share of the squared error in deformation, sliding, hold (%)",
-        "Samples",
-        "Left out at the start",
-    ];
+/// Scores of each recording.
+pub(in super::super) fn error_by_recording(scored: &Scored) -> Table {
+    let columns =
+        ["Recording", "rms (N)", "Fit (%)", "Mean (N)", "Largest (N)", "Samples scored", "Left out at the start"];
     let number = |value, digits| Cell::Number { value, digits };
-    let rms = |part: &Part| number(if part.samples > 0 { part.rms_n } else { f64::NAN }, 3);
-    let mut table = Table::new(format!("Error on {}", scored.kind()), columns);
-    for r in &scored.validation.recordings {
-        let p = &r.by_phase;
-        let share = [p.deformation, p.sliding, p.hold].map(|part| format!("{:.0}", 100.0 * part.share_of_squares));
-        table = table.row([
-            Cell::Code(r.path.clone()),
+    let empty = Table::new(format!("Measured minus computed force on {}", scored.kind()), columns);
+    scored.validation.recordings.iter().fold(empty, |table, r| {
+        table.row([
+            Cell::Text(r.path.clone()),
             number(r.rms_n, 3),
             number(r.fit_percent, 3),
             number(r.bias_n, 2),
             number(r.worst_n, 2),
-            rms(&p.deformation),
-            rms(&p.sliding),
-            rms(&p.hold),
-            Cell::Text(share.join(", ")),
             Cell::Text(r.samples.to_string()),
             Cell::Text(r.samples_before_known.to_string()),
-        ]);
+        ])
+    })
+}
+
+/// Error of each recording by phase of the motion.
+pub(in super::super) fn error_by_phase(scored: &Scored) -> Table {
+    let columns = ["Recording", "Phase", "rms (N)", "Share of the squared error (%)", "Samples"];
+    let mut table = Table::new("Error by phase of the motion (held: slower than 1 mm/s)", columns);
+    for r in &scored.validation.recordings {
+        let phases =
+            [("deformation", &r.by_phase.deformation), ("sliding", &r.by_phase.sliding), ("hold", &r.by_phase.hold)];
+        for (name, part) in phases.into_iter().filter(|(_, part)| part.samples > 0) {
+            table = table.row([
+                Cell::Text(r.path.clone()),
+                Cell::from(name),
+                Cell::Number { value: part.rms_n, digits: 3 },
+                Cell::Number { value: 100.0 * part.share_of_squares, digits: 2 },
+                Cell::Text(part.samples.to_string()),
+            ]);
+        }
     }
     table
 }

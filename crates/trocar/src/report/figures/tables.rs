@@ -35,6 +35,8 @@ pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
         "half_width_m" => ("Half width of the deformation", "c"),
         "seal_damping_n_s_m" => ("Seal damping", "σ"),
         "yield_stiffness_n_m" => ("Minor-loop stiffness", "κ"),
+        "sliding friction" => ("Sliding friction", "F_sl"),
+        "refinement" => ("Refinement", ""),
         "hidden_mass_kg" => ("Undeclared mass before the seal", "m"),
         "rising_join_m" => ("Join, insertion", "a⁺"),
         "falling_join_m" => ("Join, withdrawal", "a⁻"),
@@ -148,36 +150,45 @@ fn at_join(branch: &Branch) -> f64 {
     branch.force(branch.join())
 }
 
-/// What was found about the recordings, one row each.
-pub(in super::super) fn data_quality<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
+/// What was recorded, one row each.
+pub(in super::super) fn sampling<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
     let columns = [
         "Recording",
         "Used for",
         "Samples",
         "Duration (s)",
         "Rate (Hz)",
+        "Jitter (ms)",
         "Stroke (mm)",
-        "Position step (µm)",
-        "Position noise (µm)",
-        "Force step (mN)",
-        "Force noise (mN)",
         "Lost or doubtful",
     ];
-    let number = |value: f64, digits| Cell::Number { value, digits };
-    recordings.fold(Table::new("Recordings", columns), |table, (recording, used_for)| {
+    recordings.fold(Table::new("What was recorded", columns), |table, (recording, used_for)| {
         let q = &recording.quality;
         table.row([
-            Cell::Code(recording.name.clone()),
+            Cell::Text(recording.name.clone()),
             Cell::from(used_for),
             Cell::Text(recording.len().to_string()),
-            number(recording.duration(), 3),
-            number(1.0 / q.median_interval, 3),
-            number(MM * q.stroke, 4),
-            step(1e6 * q.position_resolution),
-            number(1e6 * q.position_noise, 2),
-            step(1e3 * q.force_resolution),
-            number(1e3 * q.force_noise, 2),
+            Cell::Number { value: recording.duration(), digits: 3 },
+            Cell::Number { value: 1.0 / q.median_interval, digits: 3 },
+            Cell::Number { value: (1e6 * q.jitter).round() / 1e3, digits: 2 },
+            Cell::Number { value: MM * q.stroke, digits: 4 },
             losses(q),
+        ])
+    })
+}
+
+/// How finely the sensors saw it, one row each.
+pub(in super::super) fn resolution<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
+    let columns = ["Recording", "Position step (µm)", "Position noise (µm)", "Force step (mN)", "Force noise (mN)"];
+    let empty = Table::new("Resolution and noise (1 sd) of the sensors, seen in the data", columns);
+    recordings.fold(empty, |table, (recording, _)| {
+        let q = &recording.quality;
+        table.row([
+            Cell::Text(recording.name.clone()),
+            step(1e6 * q.position_resolution),
+            Cell::Number { value: 1e6 * q.position_noise, digits: 2 },
+            step(1e3 * q.force_resolution),
+            Cell::Number { value: 1e3 * q.force_noise, digits: 2 },
         ])
     })
 }

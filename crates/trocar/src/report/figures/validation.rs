@@ -11,8 +11,8 @@ use crate::identify::Identification;
 use crate::recording::Recording;
 use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
-use crate::report::number::significant;
-use crate::segment::{Pass, passes, reversal_threshold};
+use crate::report::number::{fixed, significant};
+use crate::segment::{SegmentOptions, passes, reversal_threshold, stretches, travel};
 use crate::validate::{Validation, validate};
 
 /// Most recordings whose residual is drawn.
@@ -22,7 +22,7 @@ const QUANTILES: usize = 150;
 /// Points of the autocorrelation.
 const LAGS: usize = 120;
 /// Cycles count as of one speed within this ratio.
-const ONE_SPEED: f64 = 1.2;
+const ONE_SPEED: f64 = 1.5;
 
 /// Recordings, the model's run over them, and the scores.
 pub(in super::super) struct Scored<'a> {
@@ -68,7 +68,7 @@ impl Scored<'_> {
     /// Samples that are scored: where the state is known, or all if it never is.
     fn known(&self, index: usize) -> Vec<Range<usize>> {
         let known = &self.runs[index].known;
-        if known.is_empty() { vec![0..self.recordings[index].len()] } else { known.clone() }
+        if known.is_empty() { std::iter::once(0..self.recordings[index].len()).collect() } else { known.clone() }
     }
 
     fn error(&self, index: usize, i: usize) -> f64 {
@@ -86,42 +86,40 @@ impl Scored<'_> {
 }
 
 /// An insertion and the withdrawal behind it, or the other way round.
+#[derive(Clone)]
 struct Cycle {
     recording: usize,
     samples: Range<usize>,
-    /// Mean of both passes' speeds over the middle half of their travel, m/s.
+    /// Speed of the first stroke, m/s.
     speed: f64,
+    /// Whether that stroke has a constant velocity.
+    steady: bool,
 }
 
-/// Full cycles inside the samples whose state is known.
+/// Full cycles inside the samples whose state is known; only those of constant velocity, if there are any.
 fn cycles(scored: &Scored) -> Vec<Cycle> {
     let mut found = Vec::new();
     for (index, recording) in scored.recordings.iter().enumerate() {
         let passes = passes(recording, reversal_threshold(recording));
-        let travel = |p: &Pass| (recording.position[p.end] - recording.position[p.start]).abs();
-        let longest = passes.iter().map(travel).fold(0.0, f64::max);
+        let stretches = stretches(recording, &passes, &SegmentOptions::default());
+        let longest = passes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
         let known = scored.known(index);
-        for pair in passes.windows(2) {
+        for (number, pair) in passes.windows(2).enumerate() {
             let [first, second] = pair else { continue };
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
-            let full = pair.iter().all(|p| travel(p) > 0.5 * longest);
+            let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
             if inside && full && first.end == second.start {
-                let speed = 0.5 * (speed(recording, first) + speed(recording, second));
-                found.push(Cycle { recording: index, samples: first.start..second.end + 1, speed });
+                let own = stretches.iter().filter(|s| s.pass == number).max_by_key(|s| s.end - s.start);
+                let duration = recording.time[first.end] - recording.time[first.start];
+                let mean = travel(recording, first, first.end) / duration;
+                let speed = own.map_or(mean, |s| s.velocity.abs());
+                let samples = first.start..second.end + 1;
+                found.push(Cycle { recording: index, samples, speed, steady: own.is_some() });
             }
         }
     }
-    found
-}
-
-/// Speed, m/s, over the middle half of the travel.
-fn speed(recording: &Recording, pass: &Pass) -> f64 {
-    let (x, t) = (&recording.position, &recording.time);
-    let travel = x[pass.end] - x[pass.start];
-    let reached =
-        |part: f64| (pass.start..=pass.end).find(|i| (x[*i] - x[pass.start]) / travel >= part).unwrap_or(pass.end);
-    let (a, b) = (reached(0.25), reached(0.75));
-    if t[b] > t[a] { ((x[b] - x[a]) / (t[b] - t[a])).abs() } else { 0.0 }
+    let steady: Vec<Cycle> = found.iter().filter(|cycle| cycle.steady).cloned().collect();
+    if steady.is_empty() { found } else { steady }
 }
 
 /// Force and deflection over a cycle at the lowest and at the highest speed.
@@ -153,10 +151,10 @@ pub(in super::super) fn cross_validation(scored: &Scored) -> Drawn {
     };
     Ok(figure.caption(format!(
         "Measured force, computed force (upper row) and computed deflection (lower row), as in figure 9 of EMS, on {}. {speeds} The \
-         sensor offset of {:.3} N is taken out of the measured force; the model's force is the seal's alone, from measured positions \
+         sensor offset of {} N is taken out of the measured force; the model's force is the seal's alone, from measured positions \
          only. Over all samples whose state is known the root mean square error is {:.3} N.",
         scored.kind(),
-        scored.offset,
+        fixed(scored.offset, 3),
         scored.validation.rms_n
     )))
 }
@@ -184,7 +182,7 @@ fn deflections(scored: &Scored, cycle: &Cycle) -> Panel {
     let (x, y) = thinned(&time_of(recording, &cycle.samples), &deflection);
     Panel::new(Axis::new("time", "s"), Axis::new("deflection z", "mm").with_zero())
         .series(Series::line("deflection", Role::Deflection, x, y))
-        .aspect(0.4)
+        .aspect(0.6)
 }
 
 fn time_of(recording: &Recording, samples: &Range<usize>) -> Vec<f64> {
@@ -227,7 +225,7 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
     Panel::new(Axis::new("time", "s"), Axis::new("residual", "N").with_zero())
         .title(format!("{}: {} N rms", recording.name, significant(rms, 3)))
         .series(Series::line("measured minus model", Role::Residual, x, y))
-        .aspect(0.24)
+        .aspect(0.3)
 }
 
 /// Distribution and autocorrelation of the residual of the longest recording.
