@@ -13,6 +13,8 @@ use crate::segment::Direction;
 
 /// Shown of the sliding before the reversal and behind the transients, in durations of the traverse.
 const MARGINS: [f64; 2] = [0.5, 0.8];
+/// A slope that softens beyond this z/c leaves no room for a rise outside.
+const OUTERMOST: f64 = 0.9;
 
 /// The force upon one measured reversal against time.
 pub(in super::super) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
@@ -123,7 +125,8 @@ impl Transients {
         let slopes: Vec<(f64, f64)> = spaced(-0.98, 0.98, 400).map(|u| (u, branch.stiffness(u * c))).collect();
         let softens: Vec<f64> = slopes.iter().filter(|(_, k)| *k <= 0.0).map(|(u, _)| *u).collect();
         if let (Some(from), Some(to)) = (softens.first(), softens.last()) {
-            return Self::Softening { from: *from, to: *to };
+            let rises_on_both_sides = *from > -OUTERMOST && *to < OUTERMOST;
+            return if rises_on_both_sides { Self::Softening { from: *from, to: *to } } else { Self::Single };
         }
         let inner = slopes.iter().enumerate().filter(|(_, (u, _))| u.abs() < 0.8);
         let Some((k, (at, least))) = inner.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else { return Self::Single };
@@ -162,8 +165,8 @@ impl Transients {
             Self::Flattening { .. } => "T1 is the first rise, up to the least slope of the branch identified; T2 is the second \
                                         one, from there to sliding. The slope stays positive, so EMS (15) has an empty interval."
                 .to_owned(),
-            Self::Single => "The branch identified has no marked minimum of its slope, so the two transients T1 and T2 of a seal that \
-                             turns over are not told apart: one transient is marked, from the reversal to sliding."
+            Self::Single => "The branch identified has no marked minimum of its slope between two rises, so the transients T1 and T2 of a \
+                             seal that turns over are not told apart: one transient is marked, from the reversal to sliding."
                 .to_owned(),
         }
     }
