@@ -4,13 +4,16 @@
 //! Document -> report.html            one file, no external request, works without JavaScript and on paper
 //!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
-//! **Invariant:** this module draws what it is given; it estimates, simulates and converts nothing.
+//! **Invariant:** drawing knows [`Document`] alone: it estimates, simulates and converts nothing. Only [`identification`] knows
+//! results; it fills a document from them.
 
 mod chart;
 mod decimate;
 mod document;
 mod draw;
+mod figures;
 mod html;
+pub mod identification;
 mod number;
 mod style;
 mod svg;

@@ -1,0 +1,237 @@
+//! The deformation force against deformation velocity (EMS figure 7) and deflection (EMS figure 8).
+
+use trocar_model::{Branch, Element};
+
+use super::{Drawn, MM, in_words, p_in_words, spaced};
+use crate::identify::{
+    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, Identification, Pins, Traverse, bin_centres, legendre,
+};
+use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
+use crate::report::number::significant;
+use crate::segment::Direction;
+
+/// Deflections shown against velocity, as z/c.
+const LEVELS: [f64; 3] = [-0.5, 0.0, 0.5];
+/// Points of a drawn branch.
+const BRANCH_POINTS: usize = 300;
+
+fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a DeformationFit, String> {
+    found
+        .deformation
+        .as_ref()
+        .map_err(|why| format!("There is no figure of {what}, because the deformation is not resolved: {why}."))
+}
+
+/// Force at several deflections against deformation velocity.
+pub(in super::super) fn deformation_velocity(found: &Identification) -> Drawn {
+    let deformation = resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
+    let test = deformation.damping.as_ref().ok_or(
+        "There is no figure of the deformation force against deformation velocity (EMS figure 7): all turn-overs of the seal have one \
+         speed, so its influence cannot be seen. Record several speeds.",
+    )?;
+    let c = deformation.half_width.value;
+    let mut panel =
+        Panel::new(Axis::new("deformation velocity", "mm/s").with_zero(), Axis::new("deformation force", "N"));
+    for (category, level) in LEVELS.into_iter().enumerate() {
+        let role = Role::Category(category as u8);
+        let name = format!("z = {} mm", significant(MM * level * c, 2));
+        for direction in [Direction::Positive, Direction::Negative] {
+            let at = Level::new(deformation, direction, level);
+            panel = panel.series(at.points(&name, role, test.deflection_error_m)).series(at.line(role, test));
+        }
+    }
+    Ok(Figure::new("deformation-velocity", 0, "Influence of the deformation velocity")
+        .panel(panel)
+        .caption(velocity_caption(test)))
+}
+
+/// The force of one direction's traverses at one deflection.
+struct Level {
+    /// Deformation velocity, m/s, and force, N, of each traverse.
+    points: Vec<(f64, f64)>,
+    /// dF/dz of the mean curve, N/m.
+    stiffness: f64,
+}
+
+impl Level {
+    fn new(deformation: &DeformationFit, direction: Direction, level: f64) -> Self {
+        let bin = ((0.5 * (level + 1.0) * BINS as f64) as usize).min(BINS - 1);
+        let own = deformation.traverses.iter().filter(|t: &&Traverse| t.direction == direction);
+        let mean = &fit_of(deformation, direction).mean_curve;
+        let (low, high) = (bin.saturating_sub(4), (bin + 4).min(BINS - 1));
+        let travel = 2.0 * deformation.half_width.value * (high - low) as f64 / BINS as f64;
+        Self {
+            points: own.map(|t| (t.velocity[bin], t.curve[bin])).collect(),
+            stiffness: (mean[high] - mean[low]) / travel,
+        }
+    }
+
+    fn points(&self, name: &str, role: Role, deflection_error: f64) -> Series {
+        let bar = self.stiffness.abs() * deflection_error;
+        let column = |of: &dyn Fn(&(f64, f64)) -> f64| self.points.iter().map(of).collect::<Vec<f64>>();
+        Series::error_bars(
+            name,
+            role,
+            column(&|p| MM * p.0),
+            column(&|p| p.1),
+            column(&|p| p.1 - bar),
+            column(&|p| p.1 + bar),
+        )
+    }
+
+    /// The mean of the points with the slope that the joint test found.
+    fn line(&self, role: Role, test: &DampingTest) -> Series {
+        let n = self.points.len().max(1) as f64;
+        let mean = self.points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+        let velocities = || self.points.iter().map(|p| p.0);
+        let ends = [velocities().fold(f64::INFINITY, f64::min), velocities().fold(f64::NEG_INFINITY, f64::max)];
+        let force = ends.map(|v| mean.1 + test.seal_damping_n_s_m.value * (v - mean.0));
+        Series::line("", role, ends.map(|v| MM * v).to_vec(), force.to_vec())
+    }
+}
+
+fn fit_of(deformation: &DeformationFit, direction: Direction) -> &BranchFit {
+    match direction {
+        Direction::Positive => &deformation.rising,
+        Direction::Negative => &deformation.falling,
+    }
+}
+
+fn velocity_caption(test: &DampingTest) -> String {
+    let verdict = if test.kept {
+        "so σ is kept in the model"
+    } else if test.equivalent_to_zero {
+        "so σ is set to zero, and an influence of more than 0.1 N is excluded at 95 %"
+    } else {
+        "so σ is set to zero, although these data do not exclude a larger influence"
+    };
+    format!(
+        "Force at three deflections against the velocity of the deformation (insertion at the right, withdrawal at the left), as in \
+         figure 7 of EMS. Bars are the change of the force within ± {:.3} mm, one standard deviation of the rebuilt deflection \
+         (EMS (24)). Lines have the one slope σ that all levels and turn-overs give together, with that error as a common \
+         disturbance of the levels of one turn-over: σ = {}, {} against σ = 0. At the fastest deformation it amounts to {:.3} N, and \
+         to {:.3} N at most within its interval, {verdict}.",
+        MM * test.deflection_error_m,
+        in_words(&test.seal_damping_n_s_m),
+        p_in_words(test.p_value),
+        test.largest_force_n,
+        test.largest_force_not_excluded_n
+    )
+}
+
+/// Both branches: measured curves, joined polynomials, single polynomial; residuals of both fits.
+pub(in super::super) fn deformation_force(found: &Identification, truth: Option<&[Element]>) -> Drawn {
+    let deformation = resolved(found, "the deformation force (EMS figure 8)")?;
+    let axes = || Axis::new("deflection z", "mm");
+    let mut branches = Panel::new(axes(), Axis::new("deformation force", "N").with_zero()).aspect(0.6);
+    for series in branch_series(found, deformation, truth) {
+        branches = branches.series(series);
+    }
+    for (label, branch) in [("join, insertion", rising(found)), ("join, withdrawal", falling(found))] {
+        branches = branches.mark(Mark::x(MM * branch.join(), label));
+    }
+    let residual = |title: &str, fit: &BranchFit, shape: &BranchShape| {
+        let joined = fitted(found, deformation, shape);
+        let c = deformation.half_width.value;
+        let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
+        let left = |force: &dyn Fn(f64) -> f64| {
+            bin_centres().zip(&fit.mean_curve).map(|(u, mean)| mean - force(u)).collect::<Vec<f64>>()
+        };
+        let mut panel = Panel::new(axes(), Axis::new("residual", "N").with_zero()).title(title).aspect(0.28);
+        if let Some(joined) = joined {
+            panel = panel.series(Series::line(JOINED, Role::Fit, x.clone(), left(&|u| joined.force(u * c))));
+        }
+        panel.series(Series::line(SINGLE, Role::Alternative, x, left(&|u| single(fit, u))))
+    };
+    Ok(Figure::new("deformation-force", 0, "Deformation force")
+        .panel(branches)
+        .panel(residual("insertion", &deformation.rising, &deformation.rising.shape))
+        .panel(residual("withdrawal", &deformation.falling, &deformation.falling.shape))
+        .linked_x()
+        .caption(force_caption(found, deformation, truth)))
+}
+
+const JOINED: &str = "joined polynomials (25)";
+const SINGLE: &str = "single polynomial, degree 7";
+
+fn rising(found: &Identification) -> &Branch {
+    found.element.params().deformation.rising()
+}
+
+fn falling(found: &Identification) -> &Branch {
+    found.element.params().deformation.falling()
+}
+
+/// The two-step fit of a branch.
+fn fitted(found: &Identification, deformation: &DeformationFit, shape: &BranchShape) -> Option<Branch> {
+    let pins: Pins = found.two_step.pins();
+    shape.branch(deformation.half_width.value, pins).ok()
+}
+
+fn single(fit: &BranchFit, u: f64) -> f64 {
+    fit.single_polynomial.iter().enumerate().map(|(order, a)| a * legendre(order, u)).sum()
+}
+
+fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> Vec<Series> {
+    let c = deformation.half_width.value;
+    let mut all = Vec::new();
+    for fit in [&deformation.rising, &deformation.falling] {
+        let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
+        let edge = |sign: f64| fit.mean_curve.iter().zip(&fit.scatter).map(|(f, s)| f + sign * s).collect::<Vec<f64>>();
+        all.push(Series::band("measured, mean ± 1 sd", Role::Measured, x.clone(), edge(-1.0), edge(1.0)));
+        all.push(Series::line("measured, mean ± 1 sd", Role::Measured, x.clone(), fit.mean_curve.clone()));
+        all.push(Series::line(SINGLE, Role::Alternative, x, bin_centres().map(|u| single(fit, u)).collect()));
+        if let Some(branch) = fitted(found, deformation, &fit.shape) {
+            all.push(drawn(JOINED, Role::Fit, &branch));
+        }
+    }
+    if found.refinement.as_ref().is_some_and(|r| r.accepted) {
+        all.extend([rising(found), falling(found)].map(|branch| drawn("model (refined)", Role::Model, branch)));
+    }
+    if let Some([element]) = truth {
+        let force = &element.params().deformation;
+        all.extend(
+            [force.rising(), force.falling()].map(|branch| drawn("truth of the bench", Role::Reference, branch)),
+        );
+    }
+    all
+}
+
+fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
+    let c = branch.half_width();
+    let z = spaced(-c, c, BRANCH_POINTS);
+    Series::line(name, role, z.clone().map(|z| MM * z).collect(), z.map(|z| branch.force(z)).collect())
+}
+
+fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> String {
+    let count = |d| deformation.traverses.iter().filter(|t| t.direction == d).count();
+    let [left, right] = deformation.rising.shape.degrees();
+    let refined = if found.refinement.as_ref().is_some_and(|r| r.accepted) {
+        " The refined branches fit the force over whole recordings, not this mean; joins marked are theirs."
+    } else {
+        " Joins are marked."
+    };
+    let damped = if found.model.seal_damping > 0.0 {
+        " The measured force holds the damping force σ·ż as well, which the refined branches leave to σ."
+    } else {
+        ""
+    };
+    let true_branches = match truth {
+        Some([_]) => " The truth is that of the virtual bench.",
+        Some(_) => " The virtual bench ran several elements in parallel; their branches have no counterpart here.",
+        None => "",
+    };
+    format!(
+        "(a) Force against deflection in deformation, as in figure 8 of EMS: {} insertions (upper branch) and {} withdrawals (lower \
+         branch), sensor offset removed, deflection by EMS (24). The joined polynomials of degrees {left} and {right}, EMS (25), are \
+         fitted to the mean of the turn-overs by EMS (26), through the sliding limits at ±c.{refined}{damped} (b), (c) What both fits leave \
+         of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
+         of degree 7, in insertion and withdrawal.{true_branches}",
+        count(Direction::Positive),
+        count(Direction::Negative),
+        deformation.rising.rms,
+        deformation.falling.rms,
+        deformation.rising.single_polynomial_rms,
+        deformation.falling.single_polynomial_rms,
+    )
+}

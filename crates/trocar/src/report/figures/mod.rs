@@ -1,0 +1,102 @@
+//! Figures of an identification, each as in the paper's section IV, drawn from the user's own data.
+//!
+//! A figure whose data are missing is a sentence that says what is missing and why.
+
+mod deformation;
+mod half_width;
+mod reversal;
+mod sliding;
+mod speeds;
+mod tables;
+mod validation;
+
+use std::borrow::Cow;
+
+use super::decimate;
+use super::document::{Figure, Section};
+use super::number::{decimals_for, fixed, significant};
+use crate::identify::{Candidate, Estimate};
+use crate::recording::{Recording, local_acceleration};
+
+pub(super) use deformation::{deformation_force, deformation_velocity};
+pub(super) use half_width::half_width;
+pub(super) use reversal::velocity_step;
+pub(super) use sliding::static_friction;
+pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
+pub(super) use tables::{branch_coefficients, display, name_of, parameters, resolution, sampling};
+pub(super) use validation::{Scored, cross_validation, residual_statistics, residuals, scored};
+
+/// A figure, or why there is none.
+pub(super) type Drawn = Result<Figure, String>;
+
+/// Most points handed over per line.
+const MOST_POINTS: usize = 1_500;
+
+/// Millimetres in a metre; also mm/s in m/s.
+pub(super) const MM: f64 = 1e3;
+
+/// The section with the figure, or with the reason why it is missing.
+pub(super) fn with(section: Section, drawn: Drawn) -> Section {
+    match drawn {
+        Ok(figure) => section.figure(figure),
+        Err(why) => section.paragraph(why),
+    }
+}
+
+/// The readings less sensor offset and undeclared inertia: the seal's force, N, as the sensor saw it.
+fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
+    let force = recording.force.iter().map(|force| force - model.offset);
+    if model.hidden_mass == 0.0 {
+        return force.collect();
+    }
+    let acceleration = local_acceleration(recording, recording.acceleration_window());
+    force.zip(acceleration).map(|(force, a)| force - model.hidden_mass * a).collect()
+}
+
+/// The recordings without the undeclared mass that the identification found in their readings.
+pub(super) fn without_hidden_mass<'a>(recordings: &'a [Recording], model: &Candidate) -> Cow<'a, [Recording]> {
+    if model.hidden_mass == 0.0 {
+        return Cow::Borrowed(recordings);
+    }
+    let corrected = |recording: &Recording| {
+        let force = seal_force(recording, model).into_iter().map(|force| force + model.offset).collect();
+        Recording { force, ..recording.clone() }
+    };
+    Cow::Owned(recordings.iter().map(corrected).collect())
+}
+
+/// Samples of `range` that draw the same line as all of them; `x` grows.
+fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (low, high) = (x.first().copied().unwrap_or(0.0), x.last().copied().unwrap_or(1.0));
+    let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);
+    (kept.iter().map(|&i| x[i]).collect(), kept.iter().map(|&i| y[i]).collect())
+}
+
+/// `count` points from `low` to `high`, both included.
+fn spaced(low: f64, high: f64, count: usize) -> impl Iterator<Item = f64> + Clone {
+    (0..count).map(move |k| low + (high - low) * k as f64 / (count - 1) as f64)
+}
+
+/// "2.98 N, 95 % interval [2.95, 3.01]", in the unit for people.
+pub(super) fn in_words(estimate: &Estimate) -> String {
+    let (value, interval) = value_and_interval(estimate);
+    format!("{value}, {interval}")
+}
+
+/// Value with its unit, and the interval as a phrase.
+pub(super) fn value_and_interval(estimate: &Estimate) -> (String, String) {
+    let (scale, unit) = display(estimate.unit);
+    let [low, high] = estimate.ci95.map(|end| scale * end);
+    match decimals_for(low, high) {
+        Some(decimals) if estimate.pinned => {
+            let [value, low, high] = [scale * estimate.value, low, high].map(|number| fixed(number, decimals));
+            (format!("{value} {unit}"), format!("95 % interval [{low}, {high}]"))
+        }
+        _ => (format!("{} {unit}", significant(scale * estimate.value, 3)), "not pinned by the data".to_owned()),
+    }
+}
+
+/// A p value in words: "p = 0.03", "p < 0.0001".
+fn p_in_words(p: f64) -> String {
+    if p < 1e-4 { "p < 0.0001".to_owned() } else { format!("p = {}", significant(p, 2)) }
+}

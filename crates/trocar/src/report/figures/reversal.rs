@@ -1,0 +1,183 @@
+//! Force upon a reversal of the velocity: the two transients T1 and T2 (EMS figure 3).
+
+use std::ops::Range;
+
+use trocar_model::Branch;
+
+use super::{Drawn, MM, seal_force, spaced, thinned};
+use crate::identify::{DeformationFit, Identification, Traverse};
+use crate::recording::{Recording, local_velocity};
+use crate::replay::replay;
+use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
+use crate::segment::Direction;
+
+/// Shown of the sliding before the reversal and behind the transients, in durations of the traverse.
+const MARGINS: [f64; 2] = [0.5, 0.8];
+/// A slope that softens beyond this z/c leaves no room for a rise outside.
+const OUTERMOST: f64 = 0.9;
+
+/// The force upon one measured reversal against time.
+pub(in super::super) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
+    let deformation = found.deformation.as_ref().map_err(|why| {
+        format!(
+            "There is no figure of the force upon a velocity reversal (EMS figure 3), because no reversal turns the seal over: {why}."
+        )
+    })?;
+    let shown = clearest(deformation).ok_or("No traverse was found that could show a velocity reversal.")?;
+    let recording = &training[shown.recording];
+    let window = window(recording, shown);
+    let origin = recording.time[turning_point(recording, shown, &window)];
+    let time: Vec<f64> = recording.time[window.clone()].iter().map(|t| t - origin).collect();
+    let line = |name: &str, role, values: &[f64], scale: f64| {
+        let scaled: Vec<f64> = values[window.clone()].iter().map(|v| scale * v).collect();
+        let (x, y) = thinned(&time, &scaled);
+        Series::line(name, role, x, y)
+    };
+    let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
+    let run = replay(std::slice::from_ref(&found.element), recording, found.model.offset);
+    let forces = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
+        .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
+        .series(line("model", Role::Model, &run.force, 1.0));
+    let transients = Transients::of(branch(found, shown.direction));
+    let marked = transients.marks(recording, shown, origin).into_iter().fold(forces, Panel::mark);
+    let speed = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("velocity", "mm/s").with_zero())
+        .series(line("velocity", Role::Measured, &velocity, MM))
+        .aspect(0.25);
+    Ok(Figure::new("velocity-step", 0, "Force upon a velocity reversal")
+        .panel(speed)
+        .panel(marked)
+        .linked_x()
+        .caption(caption(&recording.name, shown, &transients)))
+}
+
+fn caption(name: &str, shown: &Traverse, transients: &Transients) -> String {
+    let motion = match shown.direction {
+        Direction::Positive => "from withdrawal to insertion",
+        Direction::Negative => "from insertion to withdrawal",
+    };
+    format!(
+        "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {} Sensor offset \
+         and inertia of any mass between sensor and seal are taken out of the measured force; the model's force is the seal's alone.",
+        MM * shown.speed,
+        transients.in_words()
+    )
+}
+
+fn branch(found: &Identification, direction: Direction) -> &Branch {
+    let force = &found.element.params().deformation;
+    match direction {
+        Direction::Positive => force.rising(),
+        Direction::Negative => force.falling(),
+    }
+}
+
+/// Of the traverses in the middle half of the speeds, the one that follows its direction's mean curve most closely at the
+/// steadiest velocity.
+fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
+    let mut by_speed: Vec<&Traverse> = deformation.traverses.iter().collect();
+    by_speed.sort_by(|a, b| a.speed.total_cmp(&b.speed));
+    let quarter = by_speed.len() / 4;
+    let middle = &by_speed[quarter..by_speed.len() - quarter];
+    let unsteadiness = |t: &Traverse| {
+        let mean = match t.direction {
+            Direction::Positive => &deformation.rising.mean_curve,
+            Direction::Negative => &deformation.falling.mean_curve,
+        };
+        let swing = mean.iter().fold(0.0f64, |most, f| most.max(f.abs())).max(f64::MIN_POSITIVE);
+        let force = t.curve.iter().zip(mean).map(|(f, m)| (f - m).powi(2)).sum::<f64>().sqrt() / swing;
+        let velocity = t.velocity.iter().map(|v| (v.abs() - t.speed).powi(2)).sum::<f64>().sqrt() / t.speed;
+        force + velocity
+    };
+    middle.iter().min_by(|a, b| unsteadiness(a).total_cmp(&unsteadiness(b))).copied()
+}
+
+/// Samples around the traverse, inside the same unbroken part of the recording.
+fn window(recording: &Recording, shown: &Traverse) -> Range<usize> {
+    let part = recording.stretches().find(|part| part.contains(&shown.from)).unwrap_or(0..recording.len());
+    let [from, to] = [recording.time[shown.from], recording.time[shown.to]];
+    let [before, after] = MARGINS.map(|margin| margin * (to - from));
+    let start = recording.time.partition_point(|t| *t < from - before);
+    let end = recording.time.partition_point(|t| *t <= to + after);
+    start.max(part.start)..end.min(part.end)
+}
+
+/// The sample of the extreme position, at which the velocity changes its sign.
+fn turning_point(recording: &Recording, shown: &Traverse, window: &Range<usize>) -> usize {
+    let s = shown.direction.sign();
+    let before = window.start..=shown.from;
+    before.min_by(|a, b| (s * recording.position[*a]).total_cmp(&(s * recording.position[*b]))).unwrap_or(shown.from)
+}
+
+/// Where, as z/c along the motion, the first rise ends and the second begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Transients {
+    /// The branch softens in between: its slope is not positive there.
+    Softening { from: f64, to: f64 },
+    /// The slope has a marked minimum, but stays positive.
+    Flattening { at: f64 },
+    /// One rise only.
+    Single,
+}
+
+impl Transients {
+    fn of(branch: &Branch) -> Self {
+        let c = branch.half_width();
+        let slopes: Vec<(f64, f64)> = spaced(-0.98, 0.98, 400).map(|u| (u, branch.stiffness(u * c))).collect();
+        let softens: Vec<f64> = slopes.iter().filter(|(_, k)| *k <= 0.0).map(|(u, _)| *u).collect();
+        if let (Some(from), Some(to)) = (softens.first(), softens.last()) {
+            let rises_on_both_sides = *from > -OUTERMOST && *to < OUTERMOST;
+            return if rises_on_both_sides { Self::Softening { from: *from, to: *to } } else { Self::Single };
+        }
+        let inner = slopes.iter().enumerate().filter(|(_, (u, _))| u.abs() < 0.8);
+        let Some((k, (at, least))) = inner.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else { return Self::Single };
+        let steepest = |part: &[(f64, f64)]| part.iter().map(|(_, k)| *k).fold(0.0, f64::max);
+        let marked = *least < 0.5 * steepest(&slopes[..k]).min(steepest(&slopes[k..]));
+        if marked { Self::Flattening { at: *at } } else { Self::Single }
+    }
+
+    fn marks(&self, recording: &Recording, shown: &Traverse, origin: f64) -> Vec<Mark> {
+        let [start, end] = [shown.from, shown.to].map(|i| recording.time[i] - origin);
+        let (first, second) = match *self {
+            Self::Softening { from, to } => (from, to),
+            Self::Flattening { at } => (at, at),
+            Self::Single => return vec![Mark::x_range(start, end, "transient")],
+        };
+        // A withdrawal passes its branch from +c to -c.
+        let (first, second) = match shown.direction {
+            Direction::Positive => (first, second),
+            Direction::Negative => (second, first),
+        };
+        let [first, second] = [first, second].map(|u| time_at(recording, shown, u) - origin);
+        let mut marks = vec![Mark::x_range(start, first, "T1"), Mark::x_range(second, end, "T2")];
+        if first == second {
+            marks.push(Mark::x(first, ""));
+        }
+        marks
+    }
+
+    fn in_words(&self) -> String {
+        match self {
+            Self::Softening { .. } => {
+                "T1 is the first rise, up to where the seal begins to turn over; T2 is the second one, from where it has turned over \
+                 to sliding. Between them the slope of the branch identified is not positive, which is EMS (15)."
+                    .to_owned()
+            }
+            Self::Flattening { .. } => "T1 is the first rise, up to the least slope of the branch identified; T2 is the second \
+                                        one, from there to sliding. The slope stays positive, so EMS (15) has an empty interval."
+                .to_owned(),
+            Self::Single => "The branch identified has no marked minimum of its slope between two rises, so the transients T1 and T2 of a \
+                             seal that turns over are not told apart: one transient is marked, from the reversal to sliding."
+                .to_owned(),
+        }
+    }
+}
+
+/// Time, s, at which the traverse passes z = `u`·c.
+fn time_at(recording: &Recording, shown: &Traverse, u: f64) -> f64 {
+    let s = shown.direction.sign();
+    let start = recording.position[shown.from];
+    let wanted = (u * s + 1.0) * shown.half_travel;
+    let inside = shown.from..=shown.to;
+    let at = inside.clone().find(|i| s * (recording.position[*i] - start) >= wanted).unwrap_or(shown.to);
+    recording.time[at]
+}

@@ -1,0 +1,219 @@
+//! Tables of parameters and of data quality.
+
+use trocar_model::{Branch, Element};
+
+use super::MM;
+use crate::identify::{Estimate, Identification, Parameter};
+use crate::recording::{Quality, Recording};
+use crate::report::document::{Cell, Table};
+
+/// Factor from SI and the unit for people.
+pub(in super::super) fn display(unit: &str) -> (f64, String) {
+    match unit {
+        "m" => (MM, "mm".to_owned()),
+        "m/s" => (MM, "mm/s".to_owned()),
+        "N s/m" => (1.0, "N·s/m".to_owned()),
+        other => {
+            let raised = ["²", "³", "⁴", "⁵", "⁶", "⁷"].iter().zip(2..);
+            (1.0, raised.fold(other.to_owned(), |text, (sign, power)| text.replace(&format!("^{power}"), sign)))
+        }
+    }
+}
+
+/// Name in words and symbol of a parameter of `summary.json`; a name it does not know stays as it is.
+pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
+    let (words, symbol) = match parameter {
+        "coulomb_force_n" => ("Coulomb force", "F_c"),
+        "coulomb_force_n_positive" => ("Coulomb force with offset, insertion", "F_c⁺ + F_0"),
+        "coulomb_force_n_negative" => ("Coulomb force with offset, withdrawal", "F_c⁻ − F_0"),
+        "viscous_damping_n_s_m" => ("Viscous damping", "β"),
+        "viscous_damping_n_s_m_positive" => ("Viscous damping, insertion", "β⁺"),
+        "viscous_damping_n_s_m_negative" => ("Viscous damping, withdrawal", "β⁻"),
+        "offset_n" => ("Sensor offset", "F_0"),
+        "static_force_n" => ("Static force", "F_s"),
+        "stribeck_velocity_m_s" => ("Stribeck velocity", "v_s"),
+        "half_width_m" => ("Half width of the deformation", "c"),
+        "seal_damping_n_s_m" => ("Seal damping", "σ"),
+        "yield_stiffness_n_m" => ("Minor-loop stiffness", "κ"),
+        "sliding friction" => ("Sliding friction", "F_sl"),
+        "refinement" => ("Refinement", ""),
+        "hidden_mass_kg" => ("Undeclared mass before the seal", "m"),
+        "rising_join_m" => ("Join, insertion", "a⁺"),
+        "falling_join_m" => ("Join, withdrawal", "a⁻"),
+        "rising_join_force_n" => ("Force at the join, insertion", "F(a⁺)"),
+        "falling_join_force_n" => ("Force at the join, withdrawal", "F(a⁻)"),
+        other => return coefficient(other).unwrap_or_else(|| (other.to_owned(), String::new())),
+    };
+    (words.to_owned(), symbol.to_owned())
+}
+
+/// `rising_theta1_3_n_m3`: coefficient 3 of the polynomial left of the join.
+fn coefficient(parameter: &str) -> Option<(String, String)> {
+    let (side, rest) = parameter.split_once("_theta")?;
+    let motion = if side == "rising" { "insertion" } else { "withdrawal" };
+    let mut parts = rest.split('_');
+    let (piece, power) = (parts.next()?, parts.next()?);
+    let place = if piece == "1" { "left of the join" } else { "right of the join" };
+    Some((format!("Coefficient of z^{power}, {motion}, {place}"), format!("θ{piece}_{power}")))
+}
+
+fn is_coefficient(parameter: &Parameter) -> bool {
+    parameter.name.contains("_theta")
+}
+
+/// The main parameters: refined beside two-step, and beside the truth if that is known.
+pub(in super::super) fn parameters(found: &Identification, truth: Option<&[Element]>) -> Table {
+    let main = |p: &&Parameter| !is_coefficient(p);
+    table("Parameters with 95 % intervals", found, found.parameters.iter().filter(main), truth)
+}
+
+/// The coefficients of the branches, EMS (25), about z = 0.
+pub(in super::super) fn branch_coefficients(found: &Identification) -> Option<Table> {
+    let mut all = found.parameters.iter().filter(|p| is_coefficient(p)).peekable();
+    all.peek()?;
+    let caption = "Polynomial coefficients θ of the branches, EMS (25), with z in m";
+    Some(table(caption, found, all, None))
+}
+
+fn table<'a>(
+    caption: &str,
+    found: &'a Identification,
+    parameters: impl Iterator<Item = &'a Parameter>,
+    truth: Option<&[Element]>,
+) -> Table {
+    let refined = found.refinement.as_ref().is_some_and(|r| r.accepted);
+    let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
+    if refined {
+        columns.extend(["Two-step value", "Two-step 95 % interval"]);
+    }
+    if truth.is_some() {
+        columns.push("Truth");
+    }
+    parameters.fold(Table::new(caption, columns), |table, p| {
+        let (words, symbol) = name_of(&p.name);
+        let (scale, unit) = display(p.estimate.unit);
+        let mut cells = vec![Cell::Text(words), Cell::Text(symbol), Cell::Text(unit)];
+        cells.extend(cells_of(&p.estimate, scale));
+        if refined {
+            let earlier = found.two_step_parameters.iter().find(|q| q.name == p.name);
+            cells.extend(earlier.map_or_else(|| ["–", "–"].map(Cell::from), |q| cells_of(&q.estimate, scale)));
+        }
+        if let Some(elements) = truth {
+            let value = true_value(&p.name, elements).map_or(f64::NAN, |value| scale * value);
+            cells.push(Cell::Number { value, digits: 4 });
+        }
+        table.row(cells)
+    })
+}
+
+fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
+    let [low, high] = estimate.ci95.map(|end| scale * end);
+    let value = scale * estimate.value;
+    if estimate.pinned && low.is_finite() && high.is_finite() {
+        [Cell::Estimate { value, interval: [low, high] }, Cell::Interval { low, high }]
+    } else {
+        [Cell::Number { value, digits: 3 }, Cell::NotPinned]
+    }
+}
+
+/// The value the bench was run with, SI; `None` where elements in parallel or the rig have no such number.
+fn true_value(name: &str, elements: &[Element]) -> Option<f64> {
+    let sum = |of: &dyn Fn(&Element) -> f64| elements.iter().map(of).sum::<f64>();
+    let mean = |a: f64, b: f64| 0.5 * (a + b);
+    let single = match elements {
+        [element] => Some(element.params()),
+        _ => None,
+    };
+    let join = |branch: &Branch| branch.join();
+    match name {
+        "coulomb_force_n" => {
+            Some(sum(&|e| mean(e.params().insertion.coulomb_force, e.params().withdrawal.coulomb_force)))
+        }
+        "viscous_damping_n_s_m" => {
+            Some(sum(&|e| mean(e.params().insertion.viscous_damping, e.params().withdrawal.viscous_damping)))
+        }
+        "viscous_damping_n_s_m_positive" => Some(sum(&|e| e.params().insertion.viscous_damping)),
+        "viscous_damping_n_s_m_negative" => Some(sum(&|e| e.params().withdrawal.viscous_damping)),
+        "static_force_n" => Some(sum(&|e| mean(e.params().insertion.static_force, e.params().withdrawal.static_force))),
+        "stribeck_velocity_m_s" => single.map(|p| p.insertion.stribeck_velocity),
+        "seal_damping_n_s_m" => single.map(|p| p.damping.coefficients[0]),
+        "half_width_m" => single.map(|p| p.deformation.half_width()),
+        "rising_join_m" => single.map(|p| join(p.deformation.rising())),
+        "falling_join_m" => single.map(|p| join(p.deformation.falling())),
+        "rising_join_force_n" => single.map(|p| at_join(p.deformation.rising())),
+        "falling_join_force_n" => single.map(|p| at_join(p.deformation.falling())),
+        _ => None,
+    }
+}
+
+fn at_join(branch: &Branch) -> f64 {
+    branch.force(branch.join())
+}
+
+/// What was recorded, one row each.
+pub(in super::super) fn sampling<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
+    let columns = [
+        "Recording",
+        "Used for",
+        "Samples",
+        "Duration (s)",
+        "Rate (Hz)",
+        "Jitter (ms)",
+        "Stroke (mm)",
+        "Lost or doubtful",
+    ];
+    recordings.fold(Table::new("What was recorded", columns), |table, (recording, used_for)| {
+        let q = &recording.quality;
+        table.row([
+            Cell::Text(recording.name.clone()),
+            Cell::from(used_for),
+            Cell::Text(recording.len().to_string()),
+            Cell::Number { value: recording.duration(), digits: 3 },
+            Cell::Number { value: 1.0 / q.median_interval, digits: 3 },
+            Cell::Number { value: (1e6 * q.jitter).round() / 1e3, digits: 2 },
+            Cell::Number { value: MM * q.stroke, digits: 4 },
+            losses(q),
+        ])
+    })
+}
+
+/// How finely the sensors saw it, one row each.
+pub(in super::super) fn resolution<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
+    let columns = ["Recording", "Position step (µm)", "Position noise (µm)", "Force step (mN)", "Force noise (mN)"];
+    let empty = Table::new("Resolution and noise (1 sd) of the sensors, seen in the data", columns);
+    recordings.fold(empty, |table, (recording, _)| {
+        let q = &recording.quality;
+        table.row([
+            Cell::Text(recording.name.clone()),
+            step(1e6 * q.position_resolution),
+            Cell::Number { value: 1e6 * q.position_noise, digits: 2 },
+            step(1e3 * q.force_resolution),
+            Cell::Number { value: 1e3 * q.force_noise, digits: 2 },
+        ])
+    })
+}
+
+/// A step of a signal; none was found where it is zero.
+fn step(value: f64) -> Cell {
+    if value > 0.0 { Cell::Number { value, digits: 2 } } else { Cell::from("none found") }
+}
+
+fn losses(quality: &Quality) -> Cell {
+    let counted = [
+        (quality.gaps.len(), "gaps"),
+        (quality.resets.len(), "position jumps"),
+        (quality.repeated_rows.count, "repeated rows"),
+        (quality.unordered_rows.count, "rows out of order"),
+        (quality.non_finite_rows.count, "rows without a number"),
+        (quality.held_rows.count, "held positions"),
+        (quality.saturated.iter().map(|s| s.count).sum(), "saturated readings"),
+    ];
+    let found: Vec<String> =
+        counted.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+    match (found.is_empty(), quality.warnings.is_empty()) {
+        (true, true) => Cell::from("nothing"),
+        (true, false) => Cell::Warning(format!("{} warnings", quality.warnings.len())),
+        (false, true) => Cell::Text(found.join(", ")),
+        (false, false) => Cell::Warning(found.join(", ")),
+    }
+}

@@ -1,0 +1,392 @@
+//! The report of an identification draws what was identified, and says in words what it cannot draw.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use trocar::bench::{BenchConfig, Protocol, run};
+use trocar::identify::{Identification, IdentifyOptions, identify};
+use trocar::recording::{ReadOptions, Recording, read};
+use trocar::report::identification::{IdentificationReport, document};
+use trocar::report::{Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document};
+use trocar::validate::{Validation, validate};
+use trocar_model::{Element, ElementParams};
+
+/// A bench, what was identified on it, and the scores on another recording.
+struct Bench {
+    truth: [Element; 1],
+    training: Vec<Recording>,
+    validation: Vec<Recording>,
+    scores: Validation,
+    identification: Identification,
+}
+
+static BENCH: LazyLock<Bench> = LazyLock::new(|| {
+    let truth = [Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()];
+    let config = BenchConfig::default();
+    let record = |protocol: Protocol| {
+        let record = run(&config, protocol, &truth, 7).unwrap().to_recording(format!("{protocol}.csv")).unwrap();
+        record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
+    };
+    let training = vec![record(Protocol::Steady), record(Protocol::Dynamic)];
+    let validation = vec![record(Protocol::Validation)];
+    let identification = identified(&training);
+    let scores = validate(&[identification.element], &validation, identification.model.offset);
+    Bench { truth, training, validation, scores, identification }
+});
+
+fn identified(training: &[Recording]) -> Identification {
+    let options = IdentifyOptions { bootstrap: 0, refine: false, ..IdentifyOptions::default() };
+    identify(training, &options, &|_, _| {}).unwrap()
+}
+
+fn full_report(bench: &Bench) -> Document {
+    document(&IdentificationReport {
+        validation: Some((&bench.validation, &bench.scores)),
+        truth: Some(&bench.truth),
+        ..plain_input(&bench.identification, &bench.training)
+    })
+}
+
+fn plain_input<'a>(identification: &'a Identification, training: &'a [Recording]) -> IdentificationReport<'a> {
+    IdentificationReport {
+        identification,
+        training,
+        validation: None,
+        truth: None,
+        seed: 7,
+        bootstrap: 0,
+        title: "A seal",
+    }
+}
+
+/// Strokes of a stiff slider: F = 2 N against the motion and 4 N s/m, no deformation to be seen.
+fn stiff_slider(speeds: &[f64], both_ways: bool) -> Recording {
+    let (mut time, mut position, mut force) = (vec![0.0], vec![0.0], vec![0.0]);
+    let mut noise = 1u32;
+    let mut go = |velocity: f64, reading: f64, samples: usize| {
+        for _ in 0..samples {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            time.push(time[time.len() - 1] + 1e-3);
+            position.push(position[position.len() - 1] + 1e-3 * velocity);
+            force.push(reading + 0.02 * (f64::from(noise) / f64::from(u32::MAX) - 0.5));
+        }
+    };
+    for speed in speeds {
+        let samples = (0.05 / speed * 1e3) as usize;
+        go(*speed, 2.0 + 4.0 * speed, samples);
+        if both_ways {
+            go(-speed, -2.0 - 4.0 * speed, samples);
+        }
+    }
+    Recording::from_columns("slider.csv", time, position, force).unwrap()
+}
+
+fn figures(document: &Document) -> Vec<&Figure> {
+    document.sections.iter().flat_map(|section| &section.figures).collect()
+}
+
+fn figure<'a>(document: &'a Document, id: &str) -> &'a Figure {
+    figures(document).into_iter().find(|figure| figure.id == id).unwrap_or_else(|| panic!("no figure {id}"))
+}
+
+fn section<'a>(document: &'a Document, heading: &str) -> &'a Section {
+    document
+        .sections
+        .iter()
+        .find(|section| section.heading == heading)
+        .unwrap_or_else(|| panic!("no section {heading}"))
+}
+
+fn series(panel: &Panel, role: Role) -> &Series {
+    panel.series.iter().find(|series| series.role == role).unwrap_or_else(|| panic!("no series of {role:?}"))
+}
+
+fn table<'a>(section: &'a Section, column: &str) -> &'a Table {
+    let has = |table: &&Table| table.columns.iter().any(|name| name == column);
+    section.tables.iter().find(has).unwrap_or_else(|| panic!("no table with {column}"))
+}
+
+/// A number of a table by the text of its row's first cell.
+fn number(table: &Table, row: &str, column: &str) -> f64 {
+    let column = table.columns.iter().position(|name| name == column).unwrap();
+    let row = table.rows.iter().find(|cells| cells[0] == Cell::from(row)).unwrap_or_else(|| panic!("no row {row}"));
+    match &row[column] {
+        Cell::Number { value, .. } | Cell::Estimate { value, .. } => *value,
+        other => panic!("{other:?} is no number"),
+    }
+}
+
+/// Ordinate of a line at `x`, between its points.
+fn at(series: &Series, x: f64) -> f64 {
+    let pairs = series.x.windows(2).zip(series.y.windows(2));
+    let around = |(xs, _): &(&[f64], &[f64])| xs[0].min(xs[1]) <= x && x <= xs[0].max(xs[1]);
+    let (xs, ys) = pairs.into_iter().find(around).unwrap_or_else(|| panic!("{x} lies outside"));
+    ys[0] + (ys[1] - ys[0]) * (x - xs[0]) / (xs[1] - xs[0])
+}
+
+fn range<'a>(panel: &'a Panel, wanted: &str) -> (f64, f64) {
+    let found = panel.marks.iter().find_map(|mark: &'a Mark| match mark {
+        Mark::XRange { from, to, label } if label == wanted => Some((*from, *to)),
+        _ => None,
+    });
+    found.unwrap_or_else(|| panic!("no range {wanted}"))
+}
+
+fn assert_nothing_is_empty(document: &Document) {
+    for figure in figures(document) {
+        assert!(!figure.panels.is_empty(), "{}", figure.id);
+        for panel in &figure.panels {
+            let drawn = |s: &Series| s.x.iter().zip(&s.y).any(|(x, y)| x.is_finite() && y.is_finite());
+            assert!(panel.series.iter().any(drawn), "{} has an empty panel", figure.id);
+            assert!(panel.series.iter().all(|s| s.x.len() <= 4_000), "{} is not thinned", figure.id);
+        }
+    }
+    for section in &document.sections {
+        let parts = section.paragraphs.len() + section.tables.len() + section.figures.len();
+        assert!(parts > 0, "{} is empty", section.heading);
+    }
+}
+
+#[test]
+fn every_figure_of_the_paper_is_drawn_once_numbered_in_order_and_without_an_empty_panel() {
+    let document = full_report(&BENCH);
+    let all = figures(&document);
+    let ids: Vec<&str> = all.iter().map(|figure| figure.id.as_str()).collect();
+    let expected = [
+        "velocity-step",
+        "static-friction",
+        "deformation-velocity",
+        "deformation-force",
+        "half-width",
+        "cross-validation",
+        "residuals",
+        "residual-statistics",
+        "error-by-speed",
+    ];
+    assert_eq!(ids, expected);
+    assert_nothing_is_empty(&document);
+    for (figure, number) in all.iter().zip(1..) {
+        assert_eq!(figure.number, number, "{}", figure.id);
+        assert!(figure.caption.ends_with('.') && figure.caption.contains(' '), "{}", figure.id);
+    }
+}
+
+#[test]
+fn the_fitted_line_of_static_friction_has_the_coefficients_of_the_table() {
+    let document = full_report(&BENCH);
+    let panel = &figure(&document, "static-friction").panels[0];
+    let fit = series(panel, Role::Fit);
+    let parameters = table(section(&document, "Parameters"), "Truth");
+    let coulomb = number(parameters, "Coulomb force", "Value");
+    let viscous = number(parameters, "Viscous damping", "Value");
+    for speed in [20.0, 55.0, 95.0] {
+        let line = coulomb + viscous * speed * 1e-3;
+        assert!((at(fit, speed) - line).abs() < 1e-9, "{speed} mm/s");
+        assert!((at(fit, -speed) + line).abs() < 1e-9, "{speed} mm/s");
+        let (low, high) = (at(series(panel, Role::Lower), speed), at(series(panel, Role::Upper), speed));
+        assert!(low < line && line < high, "{low} {line} {high}");
+    }
+    // The bench is known, and its offset is gone from the points.
+    let means = series(panel, Role::Measured);
+    let truth = &BENCH.truth[0].params().insertion;
+    for (v, force) in means.x.iter().zip(&means.y) {
+        let expected = truth.force(v.abs() * 1e-3) * v.signum();
+        assert!((force - expected).abs() < 0.05 * expected.abs(), "{force} N at {v} mm/s, expected {expected} N");
+    }
+}
+
+#[test]
+fn the_first_transient_ends_before_the_second_begins_and_the_force_dips_in_between() {
+    let document = full_report(&BENCH);
+    let panel = &figure(&document, "velocity-step").panels[1];
+    let (start, hump) = range(panel, "T1");
+    let (dip, end) = range(panel, "T2");
+    assert!(0.0 <= start && start < hump && hump < dip && dip < end, "{start} {hump} {dip} {end}");
+    let model = series(panel, Role::Model);
+    let measured = series(panel, Role::Measured);
+    for force in [model, measured] {
+        let [begins, first, between, last] = [start, hump, dip, end].map(|t| at(force, t));
+        let rises = if last > begins { 1.0 } else { -1.0 };
+        assert!(rises * (first - begins) > 2.0, "T1 rises from {begins} to {first}");
+        assert!(rises * (first - between) > 0.3, "falls from {first} to {between}");
+        assert!(rises * (last - between) > 1.5, "T2 rises from {between} to {last}");
+    }
+    // The velocity changes its sign at the origin.
+    let velocity = &figure(&document, "velocity-step").panels[0].series[0];
+    assert!(at(velocity, -0.02) * at(velocity, 0.02) < 0.0);
+}
+
+#[test]
+fn branches_lie_on_the_truth_of_the_bench_and_joins_on_their_corners() {
+    let document = full_report(&BENCH);
+    let panel = &figure(&document, "deformation-force").panels[0];
+    let of = |role| panel.series.iter().filter(move |s| s.role == role && s.kind == Kind::Line).collect::<Vec<_>>();
+    for (fit, truth) in of(Role::Fit).into_iter().zip(of(Role::Reference)) {
+        for z in [-7.0, -4.0, -1.0, 0.0, 2.0, 6.0] {
+            let difference = at(fit, z) - at(truth, z);
+            assert!(difference.abs() < 0.1, "{difference} N at {z} mm");
+        }
+    }
+    let joins: Vec<f64> =
+        panel.marks.iter().filter_map(|m| if let Mark::X { at, .. } = m { Some(*at) } else { None }).collect();
+    assert_eq!(joins.len(), 2);
+    assert!((joins[0] + 2.2).abs() < 0.3 && (joins[1] - 2.2).abs() < 0.3, "{joins:?}");
+    // The single polynomial misses the corner: its residual is the larger one.
+    for panel in &figure(&document, "deformation-force").panels[1..] {
+        let worst = |role| {
+            let inner = series(panel, role);
+            inner.x.iter().zip(&inner.y).filter(|(z, _)| z.abs() < 6.0).map(|(_, r)| r.abs()).fold(0.0, f64::max)
+        };
+        assert!(worst(Role::Alternative) > worst(Role::Fit), "{}", panel.title);
+    }
+}
+
+#[test]
+fn truth_stands_beside_the_estimates_in_units_for_people() {
+    let beside_truth = full_report(&BENCH);
+    let parameters = table(section(&beside_truth, "Parameters"), "Truth");
+    for (name, truth) in [
+        ("Coulomb force", 3.0),
+        ("Viscous damping", 5.0),
+        ("Half width of the deformation", 8.0),
+        ("Join, insertion", -2.2),
+    ] {
+        assert!((number(parameters, name, "Truth") - truth).abs() < 1e-9, "{name}");
+        let value = number(parameters, name, "Value");
+        assert!((value - truth).abs() < 0.15 * truth.abs(), "{name}: {value}");
+    }
+    let without = document(&plain_input(&BENCH.identification, &BENCH.training));
+    assert!(section(&without, "Parameters").tables.iter().all(|t| !t.columns.contains(&"Truth".to_owned())));
+}
+
+#[test]
+fn cross_validation_shows_the_slowest_and_the_fastest_speed_without_offset() {
+    let document = full_report(&BENCH);
+    let figure = figure(&document, "cross-validation");
+    let titles: Vec<&str> = figure.panels.iter().map(|panel| panel.title.as_str()).collect();
+    assert_eq!(titles, ["15 mm/s", "100 mm/s", "", ""]);
+    for panel in &figure.panels[..2] {
+        let (measured, model) = (series(panel, Role::Measured), series(panel, Role::Model));
+        let last = model.x[model.x.len() - 1];
+        for part in [0.3, 0.45, 0.8, 0.95] {
+            let difference = at(measured, part * last) - at(model, part * last);
+            assert!(difference.abs() < 0.25, "{difference} N at {part} of {}", panel.title);
+        }
+    }
+    for panel in &figure.panels[2..] {
+        let deflection = series(panel, Role::Deflection);
+        let (low, high) = deflection.y.iter().fold((0.0f64, 0.0f64), |(l, h), z| (l.min(*z), h.max(*z)));
+        assert!(low < -7.5 && high > 7.5, "{low} to {high} mm");
+    }
+}
+
+#[test]
+fn a_forgotten_mass_is_out_of_what_is_drawn() {
+    let config = BenchConfig::default();
+    let raw = |protocol: Protocol| {
+        run(&config, protocol, &BENCH.truth, 7).unwrap().to_recording(format!("{protocol}.csv")).unwrap()
+    };
+    let training = vec![raw(Protocol::Steady), raw(Protocol::Dynamic)];
+    let mut identification = BENCH.identification.clone();
+    identification.model.hidden_mass = config.rod.mass_kg;
+    let forgotten = document(&plain_input(&identification, &training));
+    let declared = document(&plain_input(&BENCH.identification, &BENCH.training));
+    for id in ["velocity-step", "cross-validation"] {
+        let forces = |document: &Document| {
+            let panels = figure(document, id).panels.clone();
+            panels.into_iter().find(|panel| panel.y.label == "force").unwrap()
+        };
+        let (a, b) = (forces(&forgotten), forces(&declared));
+        let (a, b) = (series(&a, Role::Measured).clone(), series(&b, Role::Measured).clone());
+        assert_eq!(a.x, b.x, "{id}");
+        assert!(a.y.iter().zip(&b.y).all(|(a, b)| (a - b).abs() < 1e-9), "{id}");
+    }
+}
+
+#[test]
+fn without_validation_the_report_says_that_it_looks_at_its_own_data() {
+    let document = document(&plain_input(&BENCH.identification, &BENCH.training));
+    assert!(document.subtitle.contains("not validated"), "{}", document.subtitle);
+    assert!(document.tiles[0].label.contains("own data"), "{}", document.tiles[0].label);
+    for id in ["cross-validation", "residuals", "error-by-speed"] {
+        let caption = &figure(&document, id).caption;
+        assert!(caption.contains("identified from, for there are no others"), "{caption}");
+    }
+}
+
+#[test]
+fn an_unresolved_deformation_is_said_in_words_instead_of_drawn() {
+    let training = [stiff_slider(&[0.01, 0.02, 0.03, 0.05], true)];
+    let identification = identified(&training);
+    let why = identification.deformation.as_ref().expect_err("a stiff slider does not deform");
+    let document = document(&plain_input(&identification, &training));
+    let ids: Vec<&str> = figures(&document).iter().map(|figure| figure.id.as_str()).collect();
+    for id in ["velocity-step", "deformation-velocity", "deformation-force", "half-width"] {
+        assert!(!ids.contains(&id), "{id}");
+    }
+    assert!(ids.contains(&"static-friction"));
+    for heading in ["Velocity reversal", "Deformation"] {
+        let words = &section(&document, heading).paragraphs;
+        assert!(!words.is_empty() && words.iter().all(|words| words.contains(why.as_str())), "{heading}: {words:?}");
+    }
+    assert!(
+        document.warnings.iter().any(|w| w.starts_with("Half width of the deformation")),
+        "{:?}",
+        document.warnings
+    );
+}
+
+#[test]
+fn one_direction_at_one_speed_has_no_confidence_lines_and_a_reason() {
+    let training = [stiff_slider(&[0.02], false)];
+    let identification = identified(&training);
+    let document = document(&plain_input(&identification, &training));
+    let figure = figure(&document, "static-friction");
+    assert!(figure.panels[0].series.iter().all(|s| !matches!(s.role, Role::Lower | Role::Upper)));
+    assert!(figure.caption.contains("No confidence lines"), "{}", figure.caption);
+    let fit = series(&figure.panels[0], Role::Fit);
+    assert!(fit.x.iter().all(|v| *v > 0.0), "nothing was measured on the other side");
+    let words = section(&document, "Cross-validation").paragraphs.join(" ");
+    assert!(words.contains("no full cycle"), "{words}");
+    // Everything drawn can be written.
+    let folder = tempfile::tempdir().unwrap();
+    write_document(folder.path(), &document).unwrap();
+}
+
+#[test]
+fn equal_results_give_equal_documents_that_can_be_written() {
+    let (first, second) = (full_report(&BENCH), full_report(&BENCH));
+    // Through text, for a gap in a line is not equal to itself.
+    assert_eq!(format!("{first:?}"), format!("{second:?}"));
+    let folder = tempfile::tempdir().unwrap();
+    write_document(folder.path(), &first).unwrap();
+    let page = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert!(page.contains("EMS reports 0.17 N on its own data"));
+}
+
+#[test]
+fn real_recordings_give_reports_without_empty_panels() {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings");
+    if !shared.is_dir() {
+        assert!(std::env::var("TROCAR_REQUIRE_SHARED").is_err(), "no recordings in {}", shared.display());
+        println!("skipped: no recordings in {}", shared.display());
+        return;
+    }
+    let sets: [(&[&str], f64); 3] = [
+        (&["elastomer_seals/o_ring_1bar.csv"], 0.0),
+        (&["emps/identification.csv"], 95.11),
+        (&["dvrk_insertion/sweep_positive.csv", "dvrk_insertion/sweep_negative.csv"], 0.0),
+    ];
+    for (files, mass) in sets {
+        let recording = |file: &&str| {
+            let recording = read(&shared.join(file), &ReadOptions::default()).unwrap();
+            if mass > 0.0 { recording.without_moving_mass(mass, 0.0).unwrap() } else { recording }
+        };
+        let training: Vec<Recording> = files.iter().map(recording).collect();
+        let identification = identified(&training);
+        let document = document(&plain_input(&identification, &training));
+        assert_nothing_is_empty(&document);
+        let folder = tempfile::tempdir().unwrap();
+        write_document(folder.path(), &document).unwrap();
+    }
+}
