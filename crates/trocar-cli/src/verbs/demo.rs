@@ -49,7 +49,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let options = IdentifyOptions { seed: args.seed, inertia_removed: true, ..IdentifyOptions::default() };
     let found = Job { recordings, held_back, moving_mass, options }.run(console)?;
     let outcome = found.outcome();
-    identify::write(&staged, &outcome)?;
+    identify::write(&staged, &outcome, Some(&truth.elements))?;
     staged.commit()?;
     console::print(&in_brief(&found, truth.elements[0].params(), &config))?;
     console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use trocar::identify::{Estimate, Identification, IdentifyOptions, Warning, identify};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
+use trocar::report::{self, identification::IdentificationReport};
 use trocar::summary::{MovingMass, Outcome};
 use trocar::survey::Survey;
 use trocar::validate::{Validation, validate};
-use trocar_model::MAX_DEGREE;
+use trocar_model::{Element, MAX_DEGREE};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -87,7 +88,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let job = Job { recordings, held_back, moving_mass, options };
     let found = job.run(console)?;
     let outcome = found.outcome();
-    write(&staged, &outcome)?;
+    write(&staged, &outcome, None)?;
     staged.commit()?;
     let text = if args.json { outcome.summary().to_json() } else { found.in_brief() };
     console::print(&text)?;
@@ -179,9 +180,21 @@ fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
 }
 
 /// Stages everything that the folder gets.
-pub(crate) fn write(staged: &StagedFolder, outcome: &Outcome) -> anyhow::Result<()> {
+///
+/// `truth` are the elements of a virtual bench, drawn and listed beside what was found.
+pub(crate) fn write(staged: &StagedFolder, outcome: &Outcome, truth: Option<&[Element]>) -> anyhow::Result<()> {
     staged.write("model.json", outcome.model_file().to_json().as_bytes())?;
     staged.write("summary.json", outcome.summary().to_json().as_bytes())?;
+    let document = report::identification::document(&IdentificationReport {
+        identification: outcome.identification,
+        training: outcome.recordings,
+        validation: outcome.validation.map(|v| (outcome.held_back, v)),
+        truth,
+        seed: outcome.options.seed,
+        bootstrap: outcome.options.bootstrap,
+        title: "Force between instrument and trocar",
+    });
+    report::stage_document(staged, &document)?;
     Ok(())
 }
 

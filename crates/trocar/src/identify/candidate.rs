@@ -74,6 +74,16 @@ pub(super) struct Free {
     pub(super) high: f64,
 }
 
+/// Precisions, 1/variance, of what the steady state estimates.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SteadyPrecisions {
+    pub(super) offset: f64,
+    /// Coulomb force and viscous damping, of both directions.
+    pub(super) lines: [[f64; 2]; 2],
+    /// Static force and Stribeck velocity.
+    pub(super) stribeck: [f64; 2],
+}
+
 impl Layout {
     /// Visits every free number of the candidate, in a fixed order.
     fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, f64, f64, f64)) {
@@ -129,6 +139,21 @@ impl Layout {
         let mut free = Vec::new();
         self.visit(&mut candidate.clone(), |value, step, _, high| free.push(Free { value: *value, step, high }));
         free
+    }
+
+    /// Precisions, 1/variance, of the free numbers of `count` in all that the steady state knows; 0 for the others.
+    pub(super) fn precisions(self, known: &SteadyPrecisions, count: usize) -> Vec<f64> {
+        let mut all = vec![known.offset];
+        all.extend(self.hidden_mass.then_some(0.0));
+        for (line, [coulomb, viscous]) in known.lines.iter().enumerate().take(if self.symmetric { 1 } else { 2 }) {
+            all.push(*coulomb);
+            all.extend(self.viscous.then_some(*viscous));
+            if self.stribeck && line == 0 {
+                all.extend(known.stribeck);
+            }
+        }
+        all.resize(count, 0.0);
+        all
     }
 
     /// The candidate with its free numbers replaced, each held within its range.

@@ -6,12 +6,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, Layout};
+use super::candidate::{Candidate, Layout, SteadyPrecisions};
 use super::deformation::{DeformationFit, Traverse, curves_of, mean_points};
 use super::estimate::{Estimate, t_quantile};
 use super::refine::{self, Refined};
 use super::shape::BranchShape;
-use super::steady::SteadyFit;
+use super::steady::{DirectionLine, SteadyFit};
 use super::training::{Segmented, Training};
 use super::{
     Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Refinement, Segments, Warning, acceleration,
@@ -129,13 +129,15 @@ fn refined(
     options: &IdentifyOptions,
     layout: &mut Layout,
 ) -> Result<Option<Outcome>, IdentifyError> {
-    let training = training(two, deformation)?;
+    let mut training = training(two, deformation)?;
     if training.clusters() < 4 {
         return Ok(None);
     }
+    training.prior = prior(two, *layout);
     let Some(mut found) = refine::refine(&training, &two.candidate, *layout) else { return Ok(None) };
     if layout.hidden_mass && !hidden_mass_is_plausible(&found, *layout, &training) {
         layout.hidden_mass = false;
+        training.prior = prior(two, *layout);
         let without = Candidate { hidden_mass: 0.0, ..found.candidate.clone() };
         let Some(again) = refine::refine(&training, &without, *layout) else { return Ok(None) };
         found = again;
@@ -155,6 +157,34 @@ fn refined(
         accepted: held_out_refined <= held_out_two_step,
     };
     Ok(Some(Outcome { refined: found, summary }))
+}
+
+/// What the steady state knows of the numbers it shares with the refinement: value and precision.
+///
+/// Its passes are the data for them; the readings that remain, before the sliding settles, may move them within their
+/// error only.
+fn prior(two: &TwoSteps, layout: Layout) -> Vec<(f64, f64)> {
+    let precision = |e: &Estimate| match e.half_width() {
+        half if half.is_finite() && half > 0.0 => (t_quantile(1e6) / half).powi(2),
+        _ => 0.0,
+    };
+    let steady = &two.steady;
+    let common = [precision(&steady.coulomb_force_n), precision(&steady.viscous_damping_n_s_m)];
+    let own = |line: &Option<DirectionLine>| match line {
+        Some(l) if !layout.symmetric => [precision(&l.coulomb_force_n), precision(&l.viscous_damping_n_s_m)],
+        _ => common,
+    };
+    let known = SteadyPrecisions {
+        offset: precision(&steady.offset_n),
+        lines: [own(&steady.positive), own(&steady.negative)],
+        stribeck: steady
+            .stribeck
+            .as_ref()
+            .map_or([0.0; 2], |s| [precision(&s.static_force_n), precision(&s.stribeck_velocity_m_s)]),
+    };
+    let free = layout.free(&two.candidate);
+    let precisions = layout.precisions(&known, free.len());
+    free.iter().zip(precisions).map(|(f, p)| (f.value, p)).collect()
 }
 
 /// Errors, N, of the two steps and of the refinement on cycles that neither has seen: each half of the cycles (every

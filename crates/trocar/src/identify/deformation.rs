@@ -178,18 +178,35 @@ pub fn bin_centres() -> impl Iterator<Item = f64> {
     (0..BINS).map(|k| (2 * k + 1) as f64 / BINS as f64 - 1.0)
 }
 
-/// Finds the full turn-overs of one recording.
-pub(super) fn traverses(index: usize, recording: &Recording, passes: &[Pass], limits: &Limits) -> Vec<Traverse> {
+/// Finds the full turn-overs of one recording; `level` gives the factor by which the sliding of a pass lies above the
+/// common limits.
+///
+/// From pass to pass the whole force of a seal varies by a percent or so. Switches are taken at each pass's own level,
+/// and its curve is brought to the common one: against a common level, a weak pass would switch late or never and a
+/// strong one hardly early, which would make c too large.
+pub(super) fn traverses(
+    index: usize,
+    recording: &Recording,
+    passes: &[Pass],
+    limits: &Limits,
+    level: impl Fn(usize) -> f64,
+) -> Vec<Traverse> {
     let mut found = Vec::new();
-    let mut slid_before: Option<Direction> = None;
-    for pass in passes {
-        let crossing = crossings(recording, pass, limits);
-        let opposite = slid_before.is_some_and(|d| d != pass.direction);
-        if let (Some((from, to)), true, true) = (crossing, opposite, pass.starts_at_reversal) {
-            found.extend(traverse(index, recording, pass.direction, from, to, limits));
+    let mut slid_before: Option<(Direction, f64)> = None;
+    for (number, pass) in passes.iter().enumerate() {
+        let own = level(number);
+        let before = slid_before.filter(|(d, _)| *d != pass.direction && pass.starts_at_reversal);
+        let start = before.map_or(own, |(_, level)| level) * limits.against(pass.direction);
+        let crossing = crossings(recording, pass, limits.offset, start, own * limits.of(pass.direction));
+        if let (Some((from, to)), Some((_, level_before))) = (crossing, before) {
+            let levels = match pass.direction {
+                Direction::Positive => [level_before, own],
+                Direction::Negative => [own, level_before],
+            };
+            found.extend(traverse(index, recording, pass.direction, from, to, limits.offset, levels));
         }
         // A pass that never reached its limit leaves the seal somewhere inside: its successor is no full turn-over.
-        slid_before = crossing.map(|_| pass.direction);
+        slid_before = crossing.map(|_| (pass.direction, own));
     }
     found
 }
@@ -201,11 +218,11 @@ fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
 }
 
 /// First sample inside the limits behind the reversal, and first sample at this direction's limit.
-fn crossings(recording: &Recording, pass: &Pass, limits: &Limits) -> Option<(usize, usize)> {
+fn crossings(recording: &Recording, pass: &Pass, offset: f64, start: f64, limit: f64) -> Option<(usize, usize)> {
     let s = pass.direction.sign();
-    let along = |i: usize| s * (smoothed(recording, i, pass.start, pass.end) - limits.offset);
-    let from = (pass.start..pass.end).find(|i| along(*i) > -limits.against(pass.direction))?;
-    let to = (from + 1..=pass.end).find(|i| along(*i) >= limits.of(pass.direction))?;
+    let along = |i: usize| s * (smoothed(recording, i, pass.start, pass.end) - offset);
+    let from = (pass.start..pass.end).find(|i| along(*i) > -start)?;
+    let to = (from + 1..=pass.end).find(|i| along(*i) >= limit)?;
     Some((from, to))
 }
 
@@ -215,7 +232,8 @@ fn traverse(
     direction: Direction,
     from: usize,
     to: usize,
-    limits: &Limits,
+    offset: f64,
+    levels: [f64; 2],
 ) -> Option<Traverse> {
     let s = direction.sign();
     let x = &recording.position;
@@ -223,7 +241,7 @@ fn traverse(
     if to - from < FEWEST_SAMPLES || total <= 0.0 {
         return None;
     }
-    let force: Vec<f64> = (from..=to).map(|i| recording.force[i] - limits.offset).collect();
+    let force: Vec<f64> = (from..=to).map(|i| recording.force[i] - offset).collect();
     let u: Vec<f64> = (from..=to).map(|i| 2.0 * s * (x[i] - x[from]) / total - 1.0).collect();
     let t: Vec<f64> = (from..=to).map(|i| recording.time[i]).collect();
     let mut curve = resampled(&u, &force);
@@ -239,6 +257,10 @@ fn traverse(
         // Bins run along z: a withdrawal passes them from the far end.
         curve.reverse();
         velocity.reverse();
+    }
+    for (k, force) in curve.iter_mut().enumerate() {
+        let part = k as f64 / (BINS - 1) as f64;
+        *force /= levels[0] + (levels[1] - levels[0]) * part;
     }
     let speed = total / (t[t.len() - 1] - t[0]).max(f64::MIN_POSITIVE);
     Some(Traverse { recording: index, direction, from, to, half_travel: 0.5 * total, speed, curve, velocity })

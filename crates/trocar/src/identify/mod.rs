@@ -230,7 +230,11 @@ fn two_steps(
     let deform = |steady: &SteadyFit| {
         let limits = limits(steady, force_noise(recordings));
         let found = recordings.iter().zip(segments).enumerate();
-        let traverses = found.flat_map(|(i, (r, s))| deformation::traverses(i, r, &s.passes, &limits)).collect();
+        let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
+            let levels = pass_levels(i, s, steady);
+            deformation::traverses(i, r, &s.passes, &limits, |pass| levels[pass])
+        };
+        let traverses = found.flat_map(of).collect();
         let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
         deformation::fit(traverses, &limits, options.degrees, step)
     };
@@ -279,6 +283,21 @@ fn two_steps_of_part(
     let traverses = found.traverses.iter().filter(|t| chosen(t.recording, t.from)).cloned().collect();
     let deformation = deformation::fit(traverses, &limits(&part, force_noise(recordings)), options.degrees, 0.0);
     deformation.is_ok().then(|| candidate_of(&part, &deformation, recordings).0)
+}
+
+/// Sliding force of each pass relative to the fitted line; 1 for a pass without a mean of its own.
+fn pass_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
+    let mut levels = vec![1.0; segments.passes.len()];
+    for mean in steady.means.iter().filter(|m| m.recording == index) {
+        let fitted = steady.line(mean.velocity_m_s) - steady.offset_n.value;
+        let level = (mean.force_n - steady.offset_n.value) / fitted;
+        let pass = segments.passes.partition_point(|p| p.end <= mean.sample);
+        // A mean far off the line is no small variation of the whole force.
+        if pass < levels.len() && (level - 1.0).abs() < 0.2 {
+            levels[pass] = level;
+        }
+    }
+    levels
 }
 
 /// Largest sensor noise of the recordings, N.

@@ -45,18 +45,29 @@ struct Normal {
     scores: Vec<DVector<f64>>,
     /// Weighted squares of each cluster.
     costs: Vec<f64>,
+    /// Value less expectation, and precision, of each free number beforehand.
+    prior: Vec<(f64, f64)>,
     weight: f64,
 }
 
 impl Normal {
+    /// Weighted squares of the readings and of the departures from what was known before.
     fn cost(&self) -> f64 {
+        self.data_cost() + self.prior.iter().map(|(off, precision)| precision * off * off).sum::<f64>()
+    }
+
+    fn data_cost(&self) -> f64 {
         self.costs.iter().sum()
     }
 
     fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
         let p = self.scores[0].len();
-        let hessian = self.hessians.iter().fold(DMatrix::zeros(p, p), |a, b| a + b);
-        let score = self.scores.iter().fold(DVector::zeros(p), |a, b| a + b);
+        let mut hessian = self.hessians.iter().fold(DMatrix::zeros(p, p), |a, b| a + b);
+        let mut score = self.scores.iter().fold(DVector::zeros(p), |a, b| a + b);
+        for (j, (off, precision)) in self.prior.iter().enumerate() {
+            hessian[(j, j)] += precision;
+            score[j] -= precision * off;
+        }
         (hessian, score)
     }
 }
@@ -103,6 +114,16 @@ fn moved(candidate: &Candidate, layout: Layout) -> Option<(Vec<Candidate>, Vec<f
     candidates.iter().all(|c| c.element().is_ok()).then_some((candidates, steps))
 }
 
+fn prior_cost(training: &Training, candidate: &Candidate, layout: Layout) -> f64 {
+    departures(training, candidate, layout).iter().map(|(off, precision)| precision * off * off).sum()
+}
+
+/// Departure of each free number from its prior, and the prior's precision.
+fn departures(training: &Training, candidate: &Candidate, layout: Layout) -> Vec<(f64, f64)> {
+    let free = layout.free(candidate);
+    free.iter().zip(&training.prior).map(|(f, (expected, precision))| (f.value - expected, *precision)).collect()
+}
+
 fn normal_equations(training: &Training, candidate: &Candidate, layout: Layout) -> Option<Normal> {
     let (candidates, steps) = moved(candidate, layout)?;
     let p = steps.len();
@@ -111,6 +132,7 @@ fn normal_equations(training: &Training, candidate: &Candidate, layout: Layout) 
         hessians: vec![DMatrix::zeros(p, p); g],
         scores: vec![DVector::zeros(p); g],
         costs: vec![0.0; g],
+        prior: departures(training, candidate, layout),
         weight: 0.0,
     };
     let elements: Vec<Element> = candidates.iter().map(|c| c.element()).collect::<Result<_, _>>().ok()?;
@@ -173,7 +195,7 @@ pub(super) fn refine(training: &Training, from: &Candidate, layout: Layout) -> O
 fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -> Option<Refined> {
     let mut candidate = from.clone();
     let mut normal = normal_equations(training, &candidate, layout)?;
-    let first = normal.cost();
+    let first = normal.data_cost();
     let (mut lambda, mut iterations, mut converged) = (1e-4, 0, false);
     while iterations < MOST_ITERATIONS && !converged {
         iterations += 1;
@@ -186,7 +208,7 @@ fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -
                 let moved: Vec<f64> = values.iter().zip(delta.iter()).map(|(v, d)| v + d).collect();
                 layout.with(&candidate, &moved)
             });
-            accepted = tried.filter(|c| cost(training, c, |_| true) < before);
+            accepted = tried.filter(|c| cost(training, c, |_| true) + prior_cost(training, c, layout) < before);
             lambda *= if accepted.is_some() { 0.2 } else { 10.0 };
         }
         let Some(better) = accepted else {
@@ -198,7 +220,7 @@ fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -
         lambda = lambda.max(1e-9);
         converged = normal.cost() > (1.0 - fall) * before;
     }
-    let rms = [first, normal.cost()].map(|c| (c / normal.weight.max(f64::MIN_POSITIVE)).sqrt());
+    let rms = [first, normal.data_cost()].map(|c| (c / normal.weight.max(f64::MIN_POSITIVE)).sqrt());
     Some(Refined { candidate, rms, iterations, converged, normal })
 }
 

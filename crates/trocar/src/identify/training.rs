@@ -46,6 +46,8 @@ pub(super) struct Training {
     pub(super) runs: Vec<Run>,
     /// Weight of a sample of each cluster, 1/N².
     pub(super) weights: Vec<f64>,
+    /// What is known of the free numbers beforehand, in their order: value and precision (1/variance).
+    pub(super) prior: Vec<(f64, f64)>,
     /// Recording and sample at which each cluster starts, in order.
     starts: Vec<(usize, usize)>,
 }
@@ -54,7 +56,8 @@ pub(super) struct Training {
 pub(super) struct Segmented<'a> {
     pub(super) recording: &'a Recording,
     pub(super) passes: &'a [Pass],
-    /// Stretches of constant velocity from where the sliding has settled.
+    /// Stretches of constant velocity from where the sliding has settled. They are simulated but not scored: their
+    /// means are the steady state's data.
     pub(super) settled: Vec<Stretch>,
     pub(super) acceleration: Vec<f64>,
 }
@@ -73,7 +76,7 @@ impl Training {
             }
         }
         let weights = sizes.iter().map(|n| 1.0 / (noise * noise + n * scatter * scatter)).collect();
-        Self { runs, weights, starts }
+        Self { runs, weights, prior: Vec::new(), starts }
     }
 
     /// Takes the weight from all steps before the state is known: until unknown starts give one force.
@@ -138,13 +141,14 @@ fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<
         let samples = (next - at) as f64;
         let mean = |values: &[f64]| values[at + 1..=next].iter().sum::<f64>() / samples;
         let cluster = sizes.len() - 1;
-        sizes[cluster] += samples;
+        let scored = if inside.is_some() { 0.0 } else { samples };
+        sizes[cluster] += scored;
         steps.push(Step {
             displacement: recording.position[next] - recording.position[at],
             duration: recording.time[next] - recording.time[at],
             force: mean(&recording.force),
             acceleration: mean(&part.acceleration),
-            samples,
+            samples: scored,
             cluster,
         });
         at = next;
