@@ -1,88 +1,145 @@
 //! Known truth: over many seeded benches with random plausible seals, what identify finds and how often its 95 %
-//! intervals hold the truth.
+//! intervals hold the truth; and what it says when the recordings cannot tell.
 
 use rayon::prelude::*;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
-use trocar::identify::{Estimate, IdentifyOptions, identify};
-use trocar_model::Element;
+use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
+use trocar::recording::Recording;
+use trocar_model::{Element, ElementParams};
 
-/// Benches; the binomial 95 % band of a coverage of 0.95 over so many is [0.92, 0.98].
+/// Benches; over so many, a coverage of 0.95 falls into [0.92, 0.98] in 95 of 100 tests.
 const BENCHES: u64 = 200;
+const BAND: std::ops::RangeInclusive<f64> = 0.92..=0.98;
 
-struct Outcome {
-    seed: u64,
-    /// Name, truth, estimate.
-    parameters: Vec<(&'static str, f64, Estimate)>,
-    rms: f64,
+/// Name, truth and estimate of the parameters that a bench knows.
+type Known = [(&'static str, f64, Estimate); 3];
+
+/// Seals whose directions share one friction, so that F_c and β each have one truth.
+fn seal(seed: u64) -> ElementParams {
+    random_seal(&PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() }, seed)
 }
 
-fn outcome(seed: u64) -> Outcome {
-    let seals = PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() };
-    let truth = random_seal(&seals, seed);
+fn recordings(truth: ElementParams, protocols: &[Protocol], seed: u64) -> Vec<Recording> {
     let element = [Element::new(truth).expect("a plausible seal is a model")];
-    let mut config = BenchConfig::default();
-    if std::env::var("TROCAR_NOFLUCT").is_ok() { config.fluctuation.pass_fraction = 0.0; config.fluctuation.ripple_fraction = 0.0; }
-    if std::env::var("TROCAR_NORIPPLE").is_ok() { config.fluctuation.ripple_fraction = 0.0; }
-    let recordings: Vec<_> = (if std::env::var("TROCAR_STEADYONLY").is_ok() { vec![Protocol::Steady] } else { vec![Protocol::Steady, Protocol::Dynamic] })
-        .into_iter()
-        .map(|p| run(&config, p, &element, seed).expect("the rig runs").to_recording(p.name()).expect("finite columns"))
-        .map(|r| if std::env::var("TROCAR_MASS").is_ok() { r.without_moving_mass(config.rod.mass_kg, 0.0).unwrap() } else { r })
-        .collect();
+    let config = BenchConfig::default();
+    let record = |p: &Protocol| run(&config, *p, &element, seed).expect("the rig runs").to_recording(p.name());
+    protocols.iter().map(|p| record(p).expect("finite columns")).collect()
+}
+
+fn found(recordings: &[Recording], seed: u64) -> Identification {
     let options = IdentifyOptions { bootstrap: 0, seed, ..IdentifyOptions::default() };
-    let found = identify(&recordings, &options, &|_, _| {}).expect("steady and dynamic protocols suffice");
+    identify(recordings, &options, &|_, _| {}).expect("there is steady sliding")
+}
+
+fn known(truth: &ElementParams, found: &Identification) -> Known {
     let estimate = |name: &str| found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter")).clone();
-    let two_step = |name: &str| found.two_step_parameters.iter().find(|p| p.name == name).unwrap().estimate.clone();
-    if std::env::var("TROCAR_PRINT").is_ok() {
-        let bare: Vec<_> = recordings.iter().map(|r| r.clone().without_moving_mass(0.04, 0.0).unwrap()).collect();
-        let v = trocar::validate::validate(&element, &bare, found.model.offset);
-        let w = trocar::validate::validate(&[found.element], &bare, found.model.offset);
-        for k in -10..=10 {
-            let z = truth.deformation.half_width() * k as f64 / 10.0;
-            let (a, b) = (&truth.deformation, &found.element.params().deformation);
-            println!("z {:+.3e} rising {:+.3} {:+.3} falling {:+.3} {:+.3}", z, a.rising().force(z), b.rising().force(z), a.falling().force(z), b.falling().force(z));
-        }
-        for (n, el, off) in [("truth", element[0], found.model.offset), ("found", found.element, found.model.offset)] {
-            for b in &bare {
-            let r = trocar::replay::replay(&[el], b, off);
-            let mut parts = vec![];
-            for chunk in 0..12 { let n = b.len() / 12; let e: f64 = (chunk * n..(chunk + 1) * n).map(|i| (b.force[i] - off - r.force[i]).powi(2)).sum::<f64>() / n as f64; parts.push((e.sqrt() * 1e4).round() / 1e4); }
-            let v = trocar::validate::validate(&[el], std::slice::from_ref(b), off);
-            println!("{n} {} {:.4} {:?} {:?}", b.name, v.rms_n, v.recordings[0].by_phase, parts);
-            }
-        }
-        println!("{seed} truth rms {:.4} found {:.4} mass {:.4} {:?} {:?}", v.rms_n, w.rms_n, found.model.hidden_mass, found.refinement, found.warnings.iter().map(|w| &w.subject).collect::<Vec<_>>());
-    }
-    Outcome {
-        seed,
-        parameters: vec![
-            ("coulomb_force_n", truth.insertion.coulomb_force, estimate("coulomb_force_n")),
-            ("viscous_damping_n_s_m", truth.insertion.viscous_damping, estimate("viscous_damping_n_s_m")),
-            ("half_width_m", truth.deformation.half_width(), estimate("half_width_m")),
-            ("two-step coulomb_force_n", truth.insertion.coulomb_force, two_step("coulomb_force_n")),
-            ("two-step viscous_damping_n_s_m", truth.insertion.viscous_damping, two_step("viscous_damping_n_s_m")),
-            ("two-step half_width_m", truth.deformation.half_width(), two_step("half_width_m")),
-        ],
-        rms: found.residual_rms,
-    }
+    [
+        ("coulomb_force_n", truth.insertion.coulomb_force, estimate("coulomb_force_n")),
+        ("viscous_damping_n_s_m", truth.insertion.viscous_damping, estimate("viscous_damping_n_s_m")),
+        ("half_width_m", truth.deformation.half_width(), estimate("half_width_m")),
+    ]
 }
 
 #[test]
 fn intervals_cover_the_truth_as_often_as_they_say() {
-    let n: u64 = std::env::var("TROCAR_BENCHES").ok().and_then(|s| s.parse().ok()).unwrap_or(BENCHES);
-    let outcomes: Vec<Outcome> = (std::env::var("TROCAR_FIRST").map_or(1, |v| v.parse().unwrap())..=n).into_par_iter().map(outcome).collect();
-    for k in 0..6 {
-        let name = outcomes[0].parameters[k].0;
-        let covered = outcomes.iter().filter(|o| o.parameters[k].2.covers(o.parameters[k].1)).count();
-        let mut z: Vec<f64> = outcomes.iter().map(|o| (o.parameters[k].2.value - o.parameters[k].1) / o.parameters[k].2.half_width() * 1.96).collect();
-        let mean = z.iter().sum::<f64>() / n as f64;
-        let sd = (z.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n as f64).sqrt();
-        z.sort_by(f64::total_cmp);
-        let rel: f64 = outcomes.iter().map(|o| (o.parameters[k].2.value / o.parameters[k].1 - 1.0).powi(2)).sum::<f64>() / n as f64;
-        println!("{name:32} coverage {:.3}  z mean {mean:+.2} sd {sd:.2}  min {:.1} max {:.1}  rel rms {:.4}", covered as f64 / n as f64, z[0], z[z.len() - 1], rel.sqrt());
-    }
-    if std::env::var("TROCAR_PRINT").is_ok() {
-        for o in &outcomes {
-            println!("seed {} rms {:.4} {}", o.seed, o.rms, o.parameters.iter().map(|(n, t, e)| format!("{} {:.6} {:.6} +- {:.6}{}", &n[..5], t, e.value, e.half_width(), if e.covers(*t) { "" } else { " *" })).collect::<Vec<_>>().join(" | "));
+    let outcome = |seed: u64| {
+        let truth = seal(seed);
+        known(&truth, &found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], seed), seed))
+    };
+    let outcomes: Vec<Known> = (1..=BENCHES).into_par_iter().map(outcome).collect();
+    let mut outside = Vec::new();
+    for k in 0..3 {
+        let name = outcomes[0][k].0;
+        let covered = outcomes.iter().filter(|o| o[k].2.covers(o[k].1)).count() as f64 / BENCHES as f64;
+        let mut errors: Vec<f64> = outcomes.iter().map(|o| (o[k].2.value / o[k].1 - 1.0).abs()).collect();
+        errors.sort_by(f64::total_cmp);
+        let (median, most) = (errors[errors.len() / 2], errors[errors.len() * 19 / 20]);
+        println!(
+            "{name:24} coverage {covered:.3} of {BENCHES}, error {:.2} % (median), below {:.2} % in 19 of 20",
+            1e2 * median,
+            1e2 * most
+        );
+        if !BAND.contains(&covered) {
+            outside.push((name, covered));
         }
+    }
+    assert!(outside.is_empty(), "coverage outside {BAND:?}: {outside:?}");
+}
+
+#[test]
+fn the_branches_are_recovered_between_their_ends() {
+    let truth = seal(3);
+    let found = found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], 3), 3);
+    let c = truth.deformation.half_width();
+    for k in -18..=18 {
+        let z = c * f64::from(k) / 20.0;
+        let (want, got) = (&truth.deformation, &found.element.params().deformation);
+        for (name, want, got) in [
+            ("rising", want.rising().force(z), got.rising().force(z)),
+            ("falling", want.falling().force(z), got.falling().force(z)),
+        ] {
+            // The bench's seal varies by 1 % of its force from pass to pass.
+            let tolerance = 0.03 * truth.insertion.coulomb_force;
+            assert!((want - got).abs() < tolerance, "{name} at {:.2} mm: {want:.3} against {got:.3} N", 1e3 * z);
+        }
+    }
+}
+
+#[test]
+fn the_rod_nobody_declared_is_found() {
+    let truth = seal(1);
+    let found = found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], 1), 1);
+    let mass = found.parameter("hidden_mass_kg").expect("its inertia is in the readings");
+    let declared = BenchConfig::default().rod.mass_kg;
+    assert!((mass.value / declared - 1.0).abs() < 0.15, "{} kg instead of {declared} kg", mass.value);
+}
+
+#[test]
+fn one_speed_leaves_the_viscous_part_open() {
+    let truth = seal(2);
+    let all = recordings(truth, &[Protocol::Steady], 2).remove(0);
+    // The first cycle: one speed in each direction.
+    let until = all.time.partition_point(|t| *t < 17.0);
+    let part = |column: &[f64]| column[..until].to_vec();
+    let one = Recording::from_columns("one_speed", part(&all.time), part(&all.position), part(&all.force)).unwrap();
+    let found = found(&[one], 2);
+    for name in ["viscous_damping_n_s_m", "coulomb_force_n"] {
+        let estimate = found.parameter(name).expect("listed all the same");
+        assert!(!estimate.pinned && estimate.half_width().is_infinite(), "{name}: {estimate:?}");
+    }
+    assert!(found.is_doubtful());
+}
+
+#[test]
+fn one_direction_leaves_offset_and_deformation_open() {
+    let truth = seal(4);
+    let all = recordings(truth, &[Protocol::Steady], 4).remove(0);
+    let until = all.position.iter().position(|x| *x > 0.12).expect("the stroke is longer");
+    let part = |column: &[f64]| column[..until].to_vec();
+    let one = Recording::from_columns("one_way", part(&all.time), part(&all.position), part(&all.force)).unwrap();
+    let found = found(&[one], 4);
+    assert!(found.deformation.is_err());
+    for name in ["offset_n", "coulomb_force_n", "half_width_m"] {
+        assert!(!found.parameter(name).expect("listed all the same").pinned, "{name}");
+    }
+}
+
+#[test]
+fn uneven_sampling_changes_little() {
+    let truth = seal(5);
+    let full = recordings(truth, &[Protocol::Steady, Protocol::Dynamic], 5);
+    let thinned: Vec<Recording> = full
+        .iter()
+        .map(|r| {
+            // Every third sample lost, and every seventh: intervals of 1 to 3 ms.
+            let keep = |i: &usize| !(i.is_multiple_of(3) || i.is_multiple_of(7));
+            let part = |column: &[f64]| (0..column.len()).filter(keep).map(|i| column[i]).collect::<Vec<f64>>();
+            Recording::from_columns(r.name.clone(), part(&r.time), part(&r.position), part(&r.force)).unwrap()
+        })
+        .collect();
+    let found = found(&thinned, 5);
+    for (name, truth, estimate) in known(&truth, &found) {
+        let error = (estimate.value - truth).abs();
+        assert!(error < 2.0 * estimate.half_width(), "{name}: {} instead of {truth}", estimate.value);
     }
 }

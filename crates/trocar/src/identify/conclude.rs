@@ -36,8 +36,9 @@ pub(super) struct TwoSteps<'a> {
 
 /// Replicates of a candidate, and how an interval follows from them.
 enum Replicates {
-    /// Clusters left out one at a time: variance, Student's t with the effective number of clusters.
-    Jackknife(Vec<Candidate>, f64),
+    /// Clusters left out one at a time: variance, Student's t with the effective number of clusters. The last are
+    /// candidates with one prior off by its standard deviation: their squares add to the variance.
+    Jackknife(Vec<Candidate>, f64, Vec<Candidate>),
     /// Clusters resampled: percentiles.
     Bootstrap(Vec<Candidate>),
 }
@@ -45,17 +46,19 @@ enum Replicates {
 impl Replicates {
     fn estimate(&self, best: &Candidate, unit: &'static str, of: &dyn Fn(&Candidate) -> f64) -> Estimate {
         let value = of(best);
-        let (Self::Jackknife(all, _) | Self::Bootstrap(all)) = self;
+        let (Self::Jackknife(all, ..) | Self::Bootstrap(all)) = self;
         if all.iter().all(|c| of(c) == value) {
             return Estimate::not_pinned(value, unit, "the readings do not depend on it");
         }
         match self {
-            Self::Jackknife(left_out, effective) => {
+            Self::Jackknife(left_out, effective, prior_off) => {
                 let g = left_out.len() as f64;
                 let values: Vec<f64> = left_out.iter().map(of).collect();
                 let mean = values.iter().sum::<f64>() / g.max(1.0);
                 let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-                Estimate::from_standard_error(value, ((g - 1.0) / g * squares).sqrt(), effective - 1.0, unit)
+                let beforehand: f64 = prior_off.iter().map(|c| (of(c) - value).powi(2)).sum();
+                let error = ((g - 1.0) / g * squares + beforehand).sqrt();
+                Estimate::from_standard_error(value, error, effective - 1.0, unit)
             }
             Self::Bootstrap(resampled) if resampled.len() >= 20 => {
                 let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());
@@ -142,7 +145,8 @@ fn refined(
         let Some(again) = refine::refine(&training, &without, *layout) else { return Ok(None) };
         found = again;
     }
-    let Some([held_out_two_step, held_out_refined]) = held_out_rms(two, deformation, &training, &found, *layout, options)
+    let Some([held_out_two_step, held_out_refined]) =
+        held_out_rms(two, deformation, &training, &found, *layout, options)
     else {
         return Ok(None);
     };
@@ -184,7 +188,7 @@ fn prior(two: &TwoSteps, layout: Layout) -> Vec<(f64, f64)> {
     };
     let free = layout.free(&two.candidate);
     let precisions = layout.precisions(&known, free.len());
-    free.iter().zip(precisions).map(|(f, p)| (f.value, p)).collect()
+    free.iter().zip(precisions).map(|(f, p)| (f.value, refine::HELD * p)).collect()
 }
 
 /// Errors, N, of the two steps and of the refinement on cycles that neither has seen: each half of the cycles (every
@@ -222,7 +226,7 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
 }
 
 fn found_jackknife(found: &Refined, layout: Layout) -> Replicates {
-    Replicates::Jackknife(found.jackknife(layout), found.effective_clusters())
+    Replicates::Jackknife(found.jackknife(layout), found.effective_clusters(), found.prior_off(layout))
 }
 
 /// Significant, and a small part of the reading: what moves the force more than the seal does is no forgotten rod.
@@ -336,7 +340,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
                 refit(Direction::Negative, &two.candidate.falling, &skip, down.max(2) - 1),
             )
         };
-        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect(), n as f64);
+        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect(), n as f64, Vec::new());
     }
     let resampled = |index: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);

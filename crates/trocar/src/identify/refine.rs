@@ -22,6 +22,8 @@ const MOST_ITERATIONS: usize = 25;
 const CONVERGED: f64 = 1e-6;
 /// The same for the trial on held-out passes, which asks for an error only.
 const CONVERGED_FOR_TRIAL: f64 = 1e-3;
+/// Factor on the precision of the steady state's estimates.
+pub(super) const HELD: f64 = 1e4;
 /// Steps simulated at a time.
 const BLOCK: usize = 2048;
 
@@ -235,6 +237,18 @@ impl Refined {
         let (hessian, score) = self.normal.sums();
         let used = self.normal.hessians.iter().zip(&self.normal.scores).filter(|(h, _)| h.diagonal().sum() > 0.0);
         used.filter_map(|(h, s)| self.shifted(layout, &(&hessian - h), &(&score - s))).collect()
+    }
+
+    /// Candidates that follow when one number's prior is off by its standard deviation, to first order.
+    pub(super) fn prior_off(&self, layout: Layout) -> Vec<Candidate> {
+        let (hessian, score) = self.normal.sums();
+        let known = self.normal.prior.iter().enumerate().filter(|(_, (_, precision))| *precision > 0.0);
+        let pulled = |(j, (_, precision)): (usize, &(f64, f64))| {
+            let mut score = score.clone();
+            score[j] += precision * (HELD / precision).sqrt();
+            self.shifted(layout, &hessian, &score)
+        };
+        known.filter_map(pulled).collect()
     }
 
     /// Effective number of clusters: that of equal ones with the same spread of leverage h = tr(H⁻¹·H_g).

@@ -112,7 +112,14 @@ impl Training {
     }
 }
 
-fn run(part: &Segmented, from: usize, to: usize, shortest: f64, sizes: &mut Vec<f64>, mut on_cluster: impl FnMut(usize)) -> Run {
+fn run(
+    part: &Segmented,
+    from: usize,
+    to: usize,
+    shortest: f64,
+    sizes: &mut Vec<f64>,
+    mut on_cluster: impl FnMut(usize),
+) -> Run {
     let recording = part.recording;
     let mut steps = Vec::new();
     let mut pass = part.passes.partition_point(|p| p.end <= from);
