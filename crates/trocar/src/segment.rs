@@ -249,8 +249,8 @@ fn runs(
 ) {
     let sign = pass.direction.sign();
     let mut start = pass.start;
-    for i in pass.start..=pass.end {
-        let within = i < pass.end && (sign * velocity[i] / speed - 1.0).abs() <= options.velocity_tolerance;
+    for (i, v) in velocity.iter().enumerate().take(pass.end + 1).skip(pass.start) {
+        let within = i < pass.end && (sign * v / speed - 1.0).abs() <= options.velocity_tolerance;
         if !within {
             if i > start + 4 && recording.time[i - 1] - recording.time[start] >= options.minimum_duration {
                 on(start, i);

@@ -15,7 +15,7 @@ use super::steady::{DirectionLine, SteadyFit};
 use super::training::{Segmented, Training};
 use super::{
     Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Refinement, Segments, Warning, acceleration,
-    force_noise, settled_stretches, two_steps_of_part,
+    sensors, settled_stretches, two_steps_of_part,
 };
 use crate::recording::Recording;
 use crate::segment::Direction;
@@ -44,6 +44,10 @@ enum Replicates {
 }
 
 impl Replicates {
+    fn jackknife(found: &Refined, layout: Layout) -> Self {
+        Self::Jackknife(found.jackknife(layout), found.effective_clusters(), found.prior_off(layout))
+    }
+
     fn estimate(&self, best: &Candidate, unit: &'static str, of: &dyn Fn(&Candidate) -> f64) -> Estimate {
         let value = of(best);
         let (Self::Jackknife(all, ..) | Self::Bootstrap(all)) = self;
@@ -165,8 +169,9 @@ fn refined(
 
 /// What the steady state knows of the numbers it shares with the refinement: value and precision.
 ///
-/// Its passes are the data for them; the readings that remain, before the sliding settles, may move them within their
-/// error only.
+/// Its pass means are their data. The readings that remain, before the sliding settles and under a constant push, share
+/// the level of their pass and would pull F_c, β and F_0 off (the intervals of F_c then held in 176 of 200 benches), so
+/// the precision is raised until they are held; what their errors do to the other numbers is added to the intervals.
 fn prior(two: &TwoSteps, layout: Layout) -> Vec<(f64, f64)> {
     let precision = |e: &Estimate| match e.half_width() {
         half if half.is_finite() && half > 0.0 => (t_quantile(1e6) / half).powi(2),
@@ -220,18 +225,14 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
         acceleration: acceleration(recording),
     };
     let data: Vec<Segmented> = two.recordings.iter().zip(two.segments).map(segmented).collect();
-    let mut training = Training::new(&data, force_noise(two.recordings).max(1e-6), two.steady.pass_scatter_n);
+    let mut training = Training::new(&data, sensors(two.recordings).force_noise.max(1e-6), two.steady.pass_scatter_n);
     training.forget_unknown_starts(&two.candidate.element()?);
     Ok(training)
 }
 
-fn found_jackknife(found: &Refined, layout: Layout) -> Replicates {
-    Replicates::Jackknife(found.jackknife(layout), found.effective_clusters(), found.prior_off(layout))
-}
-
 /// Significant, and a small part of the reading: what moves the force more than the seal does is no forgotten rod.
 fn hidden_mass_is_plausible(found: &Refined, layout: Layout, training: &Training) -> bool {
-    let estimate = found_jackknife(found, layout).estimate(&found.candidate, "kg", &|c| c.hidden_mass);
+    let estimate = Replicates::jackknife(found, layout).estimate(&found.candidate, "kg", &|c| c.hidden_mass);
     let error = estimate.half_width() / t_quantile(1e6);
     let small = estimate.value * training.rms_acceleration() < 0.1 * found.candidate.insertion.coulomb_force;
     estimate.value > HIDDEN_MASS_LEVEL * error && small
@@ -251,23 +252,36 @@ fn residual_rms(two: &TwoSteps, model: &Candidate, element: &trocar_model::Eleme
     f64::sqrt(squares / f64::max(samples, 1.0))
 }
 
-/// Parameters that come from the branches and their names: join, force there, and the paper's θ (25).
-fn branch_quantities(candidate: &Candidate) -> Vec<(String, &'static str, Box<dyn Fn(&Candidate) -> f64>)> {
+/// A number that follows from a candidate: name, unit, and how.
+struct Quantity {
+    name: String,
+    unit: &'static str,
+    of: Box<dyn Fn(&Candidate) -> f64>,
+}
+
+impl Quantity {
+    fn new(name: String, unit: &'static str, of: impl Fn(&Candidate) -> f64 + 'static) -> Self {
+        Self { name, unit, of: Box::new(of) }
+    }
+}
+
+/// What comes from the branches: join, force there, and the paper's θ (25).
+fn branch_quantities(candidate: &Candidate) -> Vec<Quantity> {
     type Side = fn(&Candidate) -> &BranchShape;
     const POWERS: [&str; 8] = ["N", "N/m", "N/m^2", "N/m^3", "N/m^4", "N/m^5", "N/m^6", "N/m^7"];
     let sides: [(&str, Side); 2] = [("rising", |c| &c.rising), ("falling", |c| &c.falling)];
-    let mut all: Vec<(String, &'static str, Box<dyn Fn(&Candidate) -> f64>)> = Vec::new();
+    let mut all = Vec::new();
     for (name, side) in sides {
-        all.push((format!("{name}_join_m"), "m", Box::new(move |c| side(c).join * c.half_width)));
-        all.push((format!("{name}_join_force_n"), "N", Box::new(move |c| side(c).join_force)));
+        all.push(Quantity::new(format!("{name}_join_m"), "m", move |c| side(c).join * c.half_width));
+        all.push(Quantity::new(format!("{name}_join_force_n"), "N", move |c| side(c).join_force));
         for (piece, degree) in side(candidate).degrees().into_iter().enumerate() {
-            for power in 0..=degree {
+            for (power, unit) in POWERS.into_iter().enumerate().take(degree + 1) {
                 let monomial = move |c: &Candidate| {
                     let Ok(branch) = side(c).branch(c.half_width, c.pins()) else { return f64::NAN };
                     if piece == 0 { branch.left().monomial()[power] } else { branch.right().monomial()[power] }
                 };
-                let unit = if power == 0 { "n".to_owned() } else { format!("n_m{power}") };
-                all.push((format!("{name}_theta{}_{power}_{unit}", piece + 1), POWERS[power], Box::new(monomial)));
+                let suffix = if power == 0 { "n".to_owned() } else { format!("n_m{power}") };
+                all.push(Quantity::new(format!("{name}_theta{}_{power}_{suffix}", piece + 1), unit, monomial));
             }
         }
     }
@@ -357,7 +371,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
 
 fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options: &IdentifyOptions) -> Vec<Parameter> {
     let best = &refined.candidate;
-    let jackknife = found_jackknife(refined, layout);
+    let jackknife = Replicates::jackknife(refined, layout);
     let estimate = |name: &str, unit, of: &dyn Fn(&Candidate) -> f64| named(name, jackknife.estimate(best, unit, of));
     let steady = &two.steady;
     let mut all = Vec::new();
@@ -395,14 +409,14 @@ fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options
 
 /// Join and coefficients of both branches; a join at the end of its range is not pinned, whatever its replicates say.
 fn branch_parameters(best: &Candidate, replicates: &Replicates) -> Vec<Parameter> {
-    let parameter = |(name, unit, of): (String, &'static str, Box<dyn Fn(&Candidate) -> f64>)| {
-        let shape = if name.starts_with("rising") { &best.rising } else { &best.falling };
-        let estimate = if name.ends_with("join_m") && shape.join_at_bound() {
-            Estimate::not_pinned(of(best), unit, "no best join inside the range searched")
+    let parameter = |quantity: Quantity| {
+        let shape = if quantity.name.starts_with("rising") { &best.rising } else { &best.falling };
+        let estimate = if quantity.name.ends_with("join_m") && shape.join_at_bound() {
+            Estimate::not_pinned((quantity.of)(best), quantity.unit, "no best join inside the range searched")
         } else {
-            replicates.estimate(best, unit, &of)
+            replicates.estimate(best, quantity.unit, &quantity.of)
         };
-        named(name, estimate)
+        named(quantity.name, estimate)
     };
     branch_quantities(best).into_iter().map(parameter).collect()
 }

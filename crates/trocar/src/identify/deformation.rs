@@ -21,6 +21,8 @@ use crate::segment::{Direction, Pass};
 
 /// Points per traverse at which the deformation force is kept.
 pub const BINS: usize = 100;
+/// Samples over which the force is averaged where a switch is looked for.
+const SMOOTHING: usize = 5;
 /// Fewest samples inside a traverse that still draw it.
 const FEWEST_SAMPLES: usize = 5;
 /// Fewest traverses from which a half width is taken.
@@ -213,7 +215,7 @@ pub(super) fn traverses(
 
 /// Mean of the force over a few samples around `i`, against single noisy readings.
 fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
-    let window = &recording.force[i.saturating_sub(2).max(from)..=(i + 2).min(to)];
+    let window = &recording.force[i.saturating_sub(SMOOTHING / 2).max(from)..=(i + SMOOTHING / 2).min(to)];
     window.iter().sum::<f64>() / window.len() as f64
 }
 
@@ -287,6 +289,26 @@ fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
     (0..BINS).map(between).collect()
 }
 
+/// What the sensors can tell apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sensors {
+    /// Step of the position, m.
+    pub(super) position_step: f64,
+    /// Standard deviation of the force noise, N.
+    pub(super) force_noise: f64,
+}
+
+/// Least slope, N/m, at which the deformation force meets the sliding limits.
+pub(super) fn end_stiffness(rising: &BranchFit, falling: &BranchFit, half_width: f64) -> f64 {
+    let end = |curve: &[f64], high: bool| {
+        let (a, b) = if high { (BINS - 11, BINS - 1) } else { (0, 10) };
+        (curve[b] - curve[a]) / (10.0 * 2.0 * half_width / BINS as f64)
+    };
+    let least = end(&rising.mean_curve, true).min(end(&falling.mean_curve, false));
+    // A flat end is as uncertain as its slope: never less than a twentieth of the slope at the other end.
+    least.max(0.05 * end(&rising.mean_curve, false).abs()).max(1.0)
+}
+
 /// Fits half width, branches and damping to the traverses.
 ///
 /// # Errors
@@ -295,8 +317,9 @@ pub(super) fn fit(
     traverses: Vec<Traverse>,
     limits: &Limits,
     degrees: [usize; 2],
-    lsb: f64,
+    sensors: Sensors,
 ) -> Result<DeformationFit, String> {
+    let lsb = sensors.position_step;
     let traverses = without_outliers(traverses);
     let count = |d| traverses.iter().filter(|t| t.direction == d).count();
     let (rising, falling) = (count(Direction::Positive), count(Direction::Negative));
@@ -321,6 +344,8 @@ pub(super) fn fit(
     let (Some(rising), Some(falling)) = (branch(Direction::Positive), branch(Direction::Negative)) else {
         return Err("the deformation force could not be fitted by joined polynomials".to_owned());
     };
+    // A switch is seen when the smoothed noise first reaches the limit: an error that traverses share.
+    let switching = sensors.force_noise / (SMOOTHING as f64).sqrt() / end_stiffness(&rising, &falling, mean);
     let scatter = mean_square(&rising.scatter).max(mean_square(&falling.scatter)).sqrt();
     let swing = limits.positive + limits.negative;
     if scatter > LARGEST_SCATTER * swing {
@@ -331,7 +356,7 @@ pub(super) fn fit(
     }
     let damping = damping_test(&traverses, spread, mean);
     Ok(DeformationFit {
-        half_width: Estimate::from_standard_error(mean, spread / n.sqrt(), n - 2.0, "m"),
+        half_width: Estimate::from_standard_error(mean, (spread / n.sqrt()).hypot(switching), n - 2.0, "m"),
         deflection_error: spread,
         speed_dependence_p_value: speed_dependence(&traverses),
         rising,

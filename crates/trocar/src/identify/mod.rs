@@ -15,6 +15,7 @@ use crate::recording::{Recording, local_acceleration};
 use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches, travel};
 
 pub use candidate::Candidate;
+use deformation::Sensors;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
 pub use estimate::Estimate;
 pub use shape::{BranchShape, Pins};
@@ -228,15 +229,14 @@ fn two_steps(
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
     let deform = |steady: &SteadyFit| {
-        let limits = limits(steady, force_noise(recordings));
+        let limits = limits(steady, sensors(recordings).force_noise);
         let found = recordings.iter().zip(segments).enumerate();
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
             let levels = pass_levels(i, s, steady);
             deformation::traverses(i, r, &s.passes, &limits, |pass| levels[pass])
         };
         let traverses = found.flat_map(of).collect();
-        let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
-        deformation::fit(traverses, &limits, options.degrees, step)
+        deformation::fit(traverses, &limits, options.degrees, sensors(recordings))
     };
     let mut steady = steady::fit(steady::imposed(means(&|_| 0.0, true)));
     let mut deformation = deform(&steady);
@@ -281,7 +281,8 @@ fn two_steps_of_part(
     let mut part = steady::fit(means);
     stribeck::test(&mut part, options.seed);
     let traverses = found.traverses.iter().filter(|t| chosen(t.recording, t.from)).cloned().collect();
-    let deformation = deformation::fit(traverses, &limits(&part, force_noise(recordings)), options.degrees, 0.0);
+    let sensors = sensors(recordings);
+    let deformation = deformation::fit(traverses, &limits(&part, sensors.force_noise), options.degrees, sensors);
     deformation.is_ok().then(|| candidate_of(&part, &deformation, recordings).0)
 }
 
@@ -300,15 +301,20 @@ fn pass_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64
     levels
 }
 
-/// Largest sensor noise of the recordings, N.
-fn force_noise(recordings: &[Recording]) -> f64 {
-    recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max)
+/// The coarsest sensors among the recordings'.
+fn sensors(recordings: &[Recording]) -> Sensors {
+    let coarsest = |of: fn(&Recording) -> f64| recordings.iter().map(of).fold(0.0, f64::max);
+    Sensors {
+        position_step: coarsest(|r| r.quality.position_resolution),
+        force_noise: coarsest(|r| r.quality.force_noise),
+    }
 }
 
 /// Travel, m, behind a reversal after which the sliding at `speed`, m/s, has settled: the deformation and five time
 /// constants β/K.
 fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
-    let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / end_stiffness(found);
+    let stiffness = deformation::end_stiffness(&found.rising, &found.falling, found.half_width.value);
+    let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
     2.2 * found.half_width.value + 5.0 * time_constant * speed
 }
 
@@ -365,17 +371,6 @@ fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Seg
     means.into_iter().zip(keep).filter_map(|(m, k)| k.then_some(m)).collect()
 }
 
-/// Slope, N/m, at which the deformation force meets the sliding limits.
-fn end_stiffness(found: &DeformationFit) -> f64 {
-    let c = found.half_width.value;
-    let end = |curve: &[f64], high: bool| {
-        let (a, b) = if high { (BINS - 11, BINS - 1) } else { (0, 10) };
-        (curve[b] - curve[a]) / (10.0 * 2.0 * c / BINS as f64)
-    };
-    let least = end(&found.rising.mean_curve, true).min(end(&found.falling.mean_curve, false));
-    least.max(0.05 * end(&found.rising.mean_curve, false).abs()).max(1.0)
-}
-
 /// Sliding friction of both directions and the sensor offset, from the steady state.
 ///
 /// With different slopes the offset is taken so that both Coulomb forces are equal: the data cannot divide the two.
@@ -424,7 +419,7 @@ fn candidate_of(
         left: vec![0.0],
         right: vec![0.0],
     };
-    let step = recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
+    let step = sensors(recordings).position_step;
     let (half_width, rising, falling, seal_damping) = match deformation {
         Ok(found) => {
             let kept = found.damping.as_ref().filter(|d| d.kept).map_or(0.0, |d| d.seal_damping_n_s_m.value);

@@ -22,7 +22,7 @@ const MOST_ITERATIONS: usize = 25;
 const CONVERGED: f64 = 1e-6;
 /// The same for the trial on held-out passes, which asks for an error only.
 const CONVERGED_FOR_TRIAL: f64 = 1e-3;
-/// Factor on the precision of the steady state's estimates.
+/// Factor on the precision of the steady state's estimates that holds them through the refinement.
 pub(super) const HELD: f64 = 1e4;
 /// Steps simulated at a time.
 const BLOCK: usize = 2048;
