@@ -239,6 +239,9 @@ fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -
 }
 
 /// Runs of at least the minimum duration within the tolerance of `speed`.
+///
+/// A run goes on across samples outside the tolerance when the mean speed over them is the plateau's: vibration, or a
+/// position that a logger held for a moment.
 fn runs(
     recording: &Recording,
     velocity: &[f64],
@@ -248,16 +251,30 @@ fn runs(
     mut on: impl FnMut(usize, usize),
 ) {
     let sign = pass.direction.sign();
-    let mut start = pass.start;
-    for (i, v) in velocity.iter().enumerate().take(pass.end + 1).skip(pass.start) {
-        let within = i < pass.end && (sign * v / speed - 1.0).abs() <= options.velocity_tolerance;
-        if !within {
-            if i > start + 4 && recording.time[i - 1] - recording.time[start] >= options.minimum_duration {
-                on(start, i);
-            }
-            start = i + 1;
+    let (x, t) = (&recording.position, &recording.time);
+    let tolerance = options.velocity_tolerance;
+    let keeps_speed =
+        |from: usize, to: usize| (sign * (x[to] - x[from]) / (t[to] - t[from]) / speed - 1.0).abs() <= 2.0 * tolerance;
+    let within = (pass.start..pass.end).filter(|i| (sign * velocity[*i] / speed - 1.0).abs() <= tolerance);
+    let mut run: Option<(usize, usize)> = None;
+    let mut close = |run: Option<(usize, usize)>| {
+        if let Some((start, last)) = run
+            && last > start + 4
+            && t[last] - t[start] >= options.minimum_duration
+        {
+            on(start, last + 1);
         }
+    };
+    for i in within {
+        run = match run {
+            Some((start, last)) if i == last + 1 || keeps_speed(last, i) => Some((start, i)),
+            broken => {
+                close(broken);
+                Some((i, i))
+            }
+        };
     }
+    close(run);
 }
 
 /// Travel, m, of sample `i` since the start of its pass; grows along the motion.

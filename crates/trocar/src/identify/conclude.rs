@@ -225,7 +225,12 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
         acceleration: acceleration(recording),
     };
     let data: Vec<Segmented> = two.recordings.iter().zip(two.segments).map(segmented).collect();
-    let mut training = Training::new(&data, sensors(two.recordings).force_noise.max(1e-6), two.steady.pass_scatter_n);
+    let mut training = Training::new(
+        &data,
+        sensors(two.recordings).force_noise.max(1e-6),
+        two.steady.pass_scatter_n,
+        two.candidate.half_width,
+    );
     training.forget_unknown_starts(&two.candidate.element()?);
     Ok(training)
 }

@@ -17,11 +17,11 @@ use super::candidate::{Candidate, Layout};
 use super::training::{Run, Step, Training};
 
 /// Most damped steps.
-const MOST_ITERATIONS: usize = 25;
+const MOST_ITERATIONS: usize = 15;
 /// Relative fall of the cost below which the refinement has converged.
-const CONVERGED: f64 = 1e-6;
+const CONVERGED: f64 = 1e-4;
 /// The same for the trial on held-out passes, which asks for an error only.
-const CONVERGED_FOR_TRIAL: f64 = 1e-3;
+const CONVERGED_FOR_TRIAL: f64 = 1e-2;
 /// Factor on the precision of the steady state's estimates that holds them through the refinement.
 pub(super) const HELD: f64 = 1e4;
 /// Steps simulated at a time.
@@ -74,8 +74,11 @@ impl Normal {
     }
 }
 
-/// Prediction of a reading: seal force, sensor offset, inertia of a mass nobody told us of.
-fn reading(candidate: &Candidate, seal_force: f64, step: &Step) -> f64 {
+/// Prediction of a step's mean reading: seal force, sensor offset, inertia of a mass nobody told us of.
+fn reading(candidate: &Candidate, element: &Element, state: &mut State, step: &Step) -> f64 {
+    let before = state.force();
+    let after = element.step(state, step.displacement, step.duration);
+    let seal_force = before + step.centre * (after - before);
     seal_force + candidate.offset + candidate.hidden_mass * step.acceleration
 }
 
@@ -90,8 +93,7 @@ pub(super) fn cost(training: &Training, candidate: &Candidate, use_cluster: impl
     let of_run = |run: &Run| {
         let mut state = start(&element, candidate, run);
         let squares = run.steps.iter().map(|step| {
-            let force = element.step(&mut state, step.displacement, step.duration);
-            let error = step.force - reading(candidate, force, step);
+            let error = step.force - reading(candidate, &element, &mut state, step);
             if use_cluster(step.cluster) { training.weights[step.cluster] * step.samples * error * error } else { 0.0 }
         });
         squares.sum::<f64>()
@@ -144,7 +146,7 @@ fn normal_equations(training: &Training, candidate: &Candidate, layout: Layout) 
         for block in run.steps.chunks(BLOCK) {
             lanes.par_iter_mut().zip(&elements).zip(&candidates).for_each(|(((state, forces), element), c)| {
                 forces.clear();
-                forces.extend(block.iter().map(|s| reading(c, element.step(state, s.displacement, s.duration), s)));
+                forces.extend(block.iter().map(|s| reading(c, element, state, s)));
             });
             accumulate(training, block, &lanes, &steps, &mut normal);
         }

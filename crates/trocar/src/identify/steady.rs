@@ -12,12 +12,14 @@
 //! A sensor offset and a Coulomb force that differs between the directions move the two lines alike, so the data
 //! cannot tell them apart: what is tested is whether the slopes differ.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::{Recording, local_velocity};
-use crate::segment::{Direction, Pass, Stretch};
+use crate::segment::{Direction, Pass, Stretch, travel};
 
 /// Mean force and velocity of the steady sliding in one pass at one speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -137,20 +139,61 @@ pub(super) fn pass_means(
     stretches: &[Stretch],
     settled: impl Fn(f64) -> f64,
 ) -> Vec<PassMean> {
-    let mut means: Vec<PassMean> = Vec::new();
-    for stretch in stretches {
+    let settled_part = |stretch: &Stretch| {
         let pass = &passes[stretch.pass];
         let needed = settled(stretch.velocity.abs());
-        let start = (stretch.start..stretch.end)
-            .find(|i| crate::segment::travel(recording, pass, *i) >= needed)
-            .unwrap_or(stretch.end);
-        let Some(mean) = mean_of(index, recording, stretch, start, pass.direction) else { continue };
-        match means.iter_mut().rev().find(|m| m.plateau == mean.plateau) {
-            Some(earlier) => *earlier = merged(earlier, &mean),
-            None => means.push(mean),
+        let start = (stretch.start..stretch.end).find(|i| travel(recording, pass, *i) >= needed)?;
+        Some(Stretch { start, ..*stretch })
+    };
+    let parts: Vec<Stretch> = stretches.iter().filter_map(settled_part).collect();
+    let mut means: Vec<PassMean> = Vec::new();
+    for direction in [Direction::Positive, Direction::Negative] {
+        let own: Vec<Stretch> = parts.iter().filter(|s| passes[s.pass].direction == direction).copied().collect();
+        for stretch in over_common_positions(recording, own) {
+            let Some(mean) = mean_of(index, recording, &stretch, direction) else { continue };
+            match means.iter_mut().rev().find(|m| m.plateau == mean.plateau) {
+                Some(earlier) => *earlier = merged(earlier, &mean),
+                None => means.push(mean),
+            }
         }
     }
+    means.sort_by_key(|m| m.sample);
     means
+}
+
+/// The parts of the stretches over the positions that (nearly) all of them pass, if those are a third of the usual
+/// length at least.
+///
+/// A friction that changes along the stroke then enters all speeds alike: else slow strokes, whose plateaus are
+/// longer, would bring in the ends of the stroke.
+fn over_common_positions(recording: &Recording, stretches: Vec<Stretch>) -> Vec<Stretch> {
+    let x = &recording.position;
+    // Ends of the plateaus: a plateau may be cut into several stretches.
+    let mut plateaus: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+    for s in &stretches {
+        let (a, b) = (x[s.start].min(x[s.end - 1]), x[s.start].max(x[s.end - 1]));
+        let ends = plateaus.entry(s.plateau).or_insert((a, b));
+        *ends = (ends.0.min(a), ends.1.max(b));
+    }
+    let quantile = |of: fn(&(f64, f64)) -> f64, part: f64| {
+        let mut values: Vec<f64> = plateaus.values().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values[(part * (values.len() - 1) as f64).round() as usize]
+    };
+    if plateaus.len() < 2 {
+        return stretches;
+    }
+    let (low, high) = (quantile(|e| e.0, 0.9), quantile(|e| e.1, 0.1));
+    if high - low < quantile(|e| e.1 - e.0, 0.5) / 3.0 {
+        return stretches;
+    }
+    let inside = |i: &usize| (low..=high).contains(&x[*i]);
+    let common = |s: &Stretch| {
+        let start = (s.start..s.end).find(inside)?;
+        let end = (start..s.end).rev().find(inside)? + 1;
+        Some(Stretch { start, end, ..*s })
+    };
+    stretches.iter().filter_map(common).collect()
 }
 
 fn merged(a: &PassMean, b: &PassMean) -> PassMean {
@@ -166,9 +209,9 @@ fn merged(a: &PassMean, b: &PassMean) -> PassMean {
     }
 }
 
-/// Mean of samples `start..stretch.end`; its error from the scatter of ten batch means, which sees slow ripple.
-fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, start: usize, direction: Direction) -> Option<PassMean> {
-    let end = stretch.end;
+/// Mean over a stretch; its error from the scatter of ten batch means, which sees slow ripple.
+fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Direction) -> Option<PassMean> {
+    let Stretch { start, end, .. } = *stretch;
     let n = end.saturating_sub(start);
     if n < 5 || rec.time[end - 1] - rec.time[start] < 0.04 {
         return None;

@@ -1,7 +1,8 @@
 //! Recordings as steps for the simulation: position increments, durations, readings, weights and clusters.
 //!
 //! Inside a settled constant-velocity stretch nothing happens that a longer step would miss, so its samples are
-//! taken together; everywhere else each sample is a step. A *cluster* is a cycle of two passes (or several short ones):
+//! taken together; elsewhere samples are taken together while the motion is a few thousandths of the half width or less, and
+//! their mean reading is compared with the force at the mean of their places. A *cluster* is a cycle of two passes (or several short ones):
 //! the unit that is resampled for intervals. Its weight is that of readings that share a level scattering by τ between passes:
 //! 1/(s² + n·τ²).
 
@@ -13,8 +14,10 @@ use crate::recording::Recording;
 use crate::replay::forgotten_after;
 use crate::segment::{Pass, Stretch};
 
-/// Samples of a settled stretch taken together.
+/// Most samples taken together.
 const THINNING: usize = 20;
+/// Longest travel, as a part of the half width, over which samples are taken together.
+const FINEST: f64 = 0.003;
 /// Most clusters; shorter passes are put together.
 const MOST_CLUSTERS: usize = 120;
 
@@ -29,6 +32,8 @@ pub(super) struct Step {
     pub(super) acceleration: f64,
     /// Samples in the step; 0 where the state is not yet known.
     pub(super) samples: f64,
+    /// Where in the step the mean over its samples lies: (n + 1)/(2n) of the way for n samples.
+    pub(super) centre: f64,
     pub(super) cluster: usize,
 }
 
@@ -63,7 +68,7 @@ pub(super) struct Segmented<'a> {
 }
 
 impl Training {
-    pub(super) fn new(data: &[Segmented], noise: f64, scatter: f64) -> Self {
+    pub(super) fn new(data: &[Segmented], noise: f64, scatter: f64, half_width: f64) -> Self {
         let shortest: f64 = data.iter().map(|d| d.recording.duration()).sum::<f64>() / MOST_CLUSTERS as f64;
         let mut runs = Vec::new();
         let mut sizes: Vec<f64> = Vec::new();
@@ -71,7 +76,9 @@ impl Training {
         for (index, part) in data.iter().enumerate() {
             for Range { start: from, end: to } in part.recording.stretches() {
                 if to > from + 1 {
-                    runs.push(run(part, from, to, shortest, &mut sizes, |sample| starts.push((index, sample))));
+                    runs.push(run(part, from, to, [shortest, FINEST * half_width], &mut sizes, |sample| {
+                        starts.push((index, sample))
+                    }));
                 }
             }
         }
@@ -116,7 +123,7 @@ fn run(
     part: &Segmented,
     from: usize,
     to: usize,
-    shortest: f64,
+    [shortest, finest]: [f64; 2],
     sizes: &mut Vec<f64>,
     mut on_cluster: impl FnMut(usize),
 ) -> Run {
@@ -134,7 +141,10 @@ fn run(
             stretch += 1;
         }
         let inside = part.settled.get(stretch).filter(|s| s.start <= at);
-        let next = inside.map_or(at + 1, |s| (at + THINNING).min(s.end - 1)).max(at + 1).min(to - 1);
+        let next = match inside {
+            Some(s) => (at + THINNING).min(s.end - 1).max(at + 1),
+            None => together(recording, at, to, finest),
+        };
         if part.passes.get(pass).is_some_and(|p| p.end <= at) {
             pass += 1;
             passes_inside += 1;
@@ -156,9 +166,18 @@ fn run(
             force: mean(&recording.force),
             acceleration: mean(&part.acceleration),
             samples: scored,
+            centre: 0.5 * (samples + 1.0) / samples,
             cluster,
         });
         at = next;
     }
     Run { steps, first_force: recording.force[from] }
+}
+
+/// Last of the samples behind `at` that are taken together: few, close in position and time.
+fn together(recording: &Recording, at: usize, to: usize, finest: f64) -> usize {
+    const LONGEST: f64 = 0.02;
+    let (x, t) = (&recording.position, &recording.time);
+    let close = |i: &usize| (x[*i] - x[at]).abs() <= finest && t[*i] - t[at] <= LONGEST;
+    (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }
