@@ -14,3 +14,8 @@ pub mod simulate;
 pub mod summary;
 pub mod survey;
 pub mod validate;
+
+/// Compiles and runs the README's Rust code.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+pub struct Readme;
