@@ -197,7 +197,7 @@ fn prior(two: &TwoSteps, layout: Layout) -> Vec<(f64, f64)> {
 }
 
 /// Errors, N, of the two steps and of the refinement on cycles that neither has seen: each half of the cycles (every
-/// other one) is predicted from the other half.
+/// other one) is predicted from the other half, the refinement to first order about its result.
 fn held_out_rms(
     two: &TwoSteps,
     deformation: &DeformationFit,
@@ -212,7 +212,7 @@ fn held_out_rms(
         let chosen = |recording, sample| !held_out(training.cluster_of(recording, sample));
         let two_step = two_steps_of_part(&two.steady, deformation, two.recordings, options, chosen)?;
         costs[0] += refine::cost(training, &two_step, held_out);
-        costs[1] += refine::trial(training, &found.candidate, layout, held_out)?;
+        costs[1] += refine::cost(training, &found.without(layout, held_out)?, held_out);
     }
     Some(costs.map(|cost| (cost / found.weight()).sqrt()))
 }

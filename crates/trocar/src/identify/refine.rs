@@ -19,9 +19,7 @@ use super::training::{Run, Step, Training};
 /// Most damped steps.
 const MOST_ITERATIONS: usize = 15;
 /// Relative fall of the cost below which the refinement has converged.
-const CONVERGED: f64 = 1e-4;
-/// The same for the trial on held-out passes, which asks for an error only.
-const CONVERGED_FOR_TRIAL: f64 = 1e-2;
+const CONVERGED: f64 = 1e-3;
 /// Factor on the precision of the steady state's estimates that holds them through the refinement.
 pub(super) const HELD: f64 = 1e4;
 /// Steps simulated at a time.
@@ -193,10 +191,6 @@ fn damped_step(hessian: &DMatrix<f64>, score: &DVector<f64>, lambda: f64) -> Opt
 
 /// Lowers the weighted squares from `from`; `None` when `from` is no model.
 pub(super) fn refine(training: &Training, from: &Candidate, layout: Layout) -> Option<Refined> {
-    refine_to(CONVERGED, training, from, layout)
-}
-
-fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -> Option<Refined> {
     let mut candidate = from.clone();
     let mut normal = normal_equations(training, &candidate, layout)?;
     let first = normal.data_cost();
@@ -222,7 +216,7 @@ fn refine_to(fall: f64, training: &Training, from: &Candidate, layout: Layout) -
         candidate = better;
         normal = normal_equations(training, &candidate, layout)?;
         lambda = lambda.max(1e-9);
-        converged = normal.cost() > (1.0 - fall) * before;
+        converged = normal.cost() > (1.0 - CONVERGED) * before;
     }
     let rms = [first, normal.data_cost()].map(|c| (c / normal.weight.max(f64::MIN_POSITIVE)).sqrt());
     Some(Refined { candidate, rms, iterations, converged, normal })
@@ -267,6 +261,18 @@ impl Refined {
         all.iter().sum::<f64>().powi(2) / all.iter().map(|h| h * h).sum::<f64>().max(f64::MIN_POSITIVE)
     }
 
+    /// The candidate refitted without the clusters in `left_out`, to first order.
+    pub(super) fn without(&self, layout: Layout, left_out: impl Fn(usize) -> bool) -> Option<Candidate> {
+        let (mut hessian, mut score) = self.normal.sums();
+        for (g, (h, s)) in self.normal.hessians.iter().zip(&self.normal.scores).enumerate() {
+            if left_out(g) {
+                hessian -= h;
+                score -= s;
+            }
+        }
+        self.shifted(layout, &hessian, &score)
+    }
+
     /// Candidates refitted to resampled clusters, to first order (bootstrap replicates).
     pub(super) fn bootstrap(&self, layout: Layout, count: usize, seed: u64) -> Vec<Candidate> {
         let used: Vec<usize> =
@@ -292,15 +298,4 @@ impl Refined {
         let values: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
         Some(layout.with_any(&self.candidate, &values))
     }
-}
-
-/// Refines the clusters that `left_out` spares, and scores the ones it names: weighted squares there.
-pub(super) fn trial(
-    training: &Training,
-    from: &Candidate,
-    layout: Layout,
-    left_out: impl Fn(usize) -> bool + Sync,
-) -> Option<f64> {
-    let refined = refine_to(CONVERGED_FOR_TRIAL, &training.without(&left_out), from, layout)?;
-    Some(cost(training, &refined.candidate, left_out))
 }
