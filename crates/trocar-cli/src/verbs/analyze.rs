@@ -43,7 +43,7 @@ fn text(analysis: &Analysis) -> String {
         element_text(&mut text, element);
     }
     heading(&mut text, analysis.cycle_work.holds, "Energy of full cycles", &analysis.cycle_work.verdict);
-    let mut table = Table::headed(["speed mm/s", "work mJ", "of it sliding mJ"]);
+    let mut table = Table::headed(["speed mm/s", "work mJ", "sliding alone mJ"]);
     for cycle in &analysis.cycle_work.cycles {
         table.row([1e3 * cycle.speed_m_s, 1e3 * cycle.work_j, 1e3 * cycle.sliding_work_j].map(number));
     }

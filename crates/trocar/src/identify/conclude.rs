@@ -85,7 +85,7 @@ pub(super) fn conclude(
         viscous: two.steady.viscous_damping_n_s_m.pinned,
         stribeck: two.steady.stribeck.is_some(),
         damping: two.candidate.seal_damping > 0.0,
-        hidden_mass: options.estimate_hidden_mass,
+        hidden_mass: options.estimate_hidden_mass && acceleration_is_resolved(two.recordings),
     };
     progress("refining", 0.3);
     let outcome = match (&two.deformation, options.refine) {
@@ -116,6 +116,13 @@ pub(super) fn conclude(
         residual_rms,
         warnings,
     })
+}
+
+/// Whether all recordings are sampled finely enough to see the acceleration of a reversal, which lasts some hundredths
+/// of a second: it takes five positions.
+fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
+    const REVERSAL: f64 = 0.03;
+    recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
 }
 
 /// Whether a sample at the fastest speed moves less than half the half width: else there is nothing to simulate.

@@ -213,7 +213,7 @@ fn merged(a: &PassMean, b: &PassMean) -> PassMean {
 fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Direction) -> Option<PassMean> {
     let Stretch { start, end, .. } = *stretch;
     let n = end.saturating_sub(start);
-    if n < 5 || rec.time[end - 1] - rec.time[start] < 0.04 {
+    if n < 5 || rec.time[end - 1] - rec.time[start] < 0.04 || (start..end).any(|i| rec.is_clipped(i)) {
         return None;
     }
     let force = &rec.force[start..end];

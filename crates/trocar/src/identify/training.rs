@@ -151,7 +151,8 @@ fn run(
         let samples = (next - at) as f64;
         let mean = |values: &[f64]| values[at + 1..=next].iter().sum::<f64>() / samples;
         let cluster = sizes.len() - 1;
-        let scored = if inside.is_some() { 0.0 } else { samples };
+        let unscored = inside.is_some() || (at + 1..=next).any(|i| recording.is_clipped(i));
+        let scored = if unscored { 0.0 } else { samples };
         sizes[cluster] += scored;
         steps.push(Step {
             displacement: recording.position[next] - recording.position[at],

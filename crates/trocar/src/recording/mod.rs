@@ -130,6 +130,12 @@ impl Recording {
         self.time.last().unwrap_or(&0.0) - self.time.first().unwrap_or(&0.0)
     }
 
+    /// Whether sample `i` reads the end of the sensor's range, as found in [`Quality::saturated`].
+    pub fn is_clipped(&self, i: usize) -> bool {
+        let force = self.force[i];
+        self.quality.saturated.iter().any(|s| if s.level < 0.0 { force <= s.level } else { force >= s.level })
+    }
+
     /// Ranges of samples without a gap or reset inside; nothing may be concluded across their ends.
     pub fn stretches(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let starts = std::iter::once(0).chain(self.quality.breaks.iter().copied());
