@@ -74,6 +74,12 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
     let held_back = recordings.split_off(args.recordings.len());
+    let seen = |held: &&Recording| recordings.iter().any(|r| r.sha256 == held.sha256);
+    let overlap: Vec<&str> = held_back.iter().filter(seen).map(|r| r.name.as_str()).collect();
+    if !overlap.is_empty() {
+        console.warn(&format!("{}: validated on what it was identified from: no validation", overlap.join(", ")));
+    }
+    let overlaps = !overlap.is_empty();
     let moving_mass = MovingMass { mass: args.moving_mass_kg, gravity: args.gravity_m_s2 };
     let options = IdentifyOptions {
         bootstrap: args.bootstrap,
@@ -93,7 +99,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let text = if args.json { outcome.summary().to_json() } else { found.in_brief() };
     console::print(&text)?;
     console.remark(&format!("report: {}", args.out.join("report.html").display()));
-    Ok(Done::doubtful_if(outcome.is_doubtful()))
+    Ok(Done::doubtful_if(overlaps || outcome.is_doubtful()))
 }
 
 /// Recordings and what to do with them.

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Layout, SteadyPrecisions};
-use super::deformation::{DeformationFit, Traverse, curves_of, mean_points};
+use super::deformation::{COARSEST, DampingTest, DeformationFit, Traverse, curves_of, mean_points};
 use super::estimate::{Estimate, t_quantile};
 use super::refine::{self, Refined};
 use super::shape::BranchShape;
@@ -81,7 +81,7 @@ pub(super) fn conclude(
 ) -> Result<Identification, IdentifyError> {
     two.candidate.element()?;
     let mut layout = Layout {
-        symmetric: !two.steady.is_asymmetric(),
+        symmetric: !two.steady.is_asymmetric() || two.steady.stribeck.is_some(),
         viscous: two.steady.viscous_damping_n_s_m.pinned,
         stribeck: two.steady.stribeck.is_some(),
         damping: two.candidate.seal_damping > 0.0,
@@ -125,10 +125,10 @@ fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
     recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
 }
 
-/// Whether a sample at the fastest speed moves less than half the half width: else there is nothing to simulate.
+/// Whether a sample at the fastest speed moves less than a fifth of the half width: else there is nothing to simulate.
 fn sampling_resolves(two: &TwoSteps) -> bool {
     let interval = two.recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
-    two.candidate.half_width > 2.0 * interval * two.steady.speed_range_m_s[1]
+    two.candidate.half_width > COARSEST * interval * two.steady.speed_range_m_s[1]
 }
 
 struct Outcome {
@@ -204,7 +204,10 @@ fn prior(two: &TwoSteps, layout: Layout) -> Vec<(f64, f64)> {
 }
 
 /// Errors, N, of the two steps and of the refinement on cycles that neither has seen: each half of the cycles (every
-/// other one) is predicted from the other half, the refinement to first order about its result.
+/// other one) is predicted from the other half.
+///
+/// The refinement of a half is first taken to first order about the result, which costs next to nothing; only if that
+/// does not predict better than the two steps is it done in full.
 fn held_out_rms(
     two: &TwoSteps,
     deformation: &DeformationFit,
@@ -213,15 +216,26 @@ fn held_out_rms(
     layout: Layout,
     options: &IdentifyOptions,
 ) -> Option<[f64; 2]> {
-    let mut costs = [0.0; 2];
+    let mut halves = Vec::new();
+    let (mut two_step_cost, mut first_order_cost) = (0.0, 0.0);
     for half in 0..2 {
-        let held_out = |g: usize| g % 2 == half;
+        let held_out = move |g: usize| g % 2 == half;
         let chosen = |recording, sample| !held_out(training.cluster_of(recording, sample));
         let two_step = two_steps_of_part(&two.steady, deformation, two.recordings, options, chosen)?;
-        costs[0] += refine::cost(training, &two_step, held_out);
-        costs[1] += refine::cost(training, &found.without(layout, held_out)?, held_out);
+        let first_order = found.without(layout, &two_step, held_out)?;
+        two_step_cost += refine::cost(training, &two_step, held_out);
+        first_order_cost += refine::cost(training, &first_order, held_out);
+        halves.push((two_step, held_out));
     }
-    Some(costs.map(|cost| (cost / found.weight()).sqrt()))
+    let refined_cost = if first_order_cost <= two_step_cost {
+        first_order_cost
+    } else {
+        let of = |(two_step, held_out): &(Candidate, _)| {
+            refine::trial(training, two_step, &found.candidate, layout, held_out)
+        };
+        halves.iter().map(of).sum::<Option<f64>>()?
+    };
+    Some([two_step_cost, refined_cost].map(|cost| (cost / found.weight()).sqrt()))
 }
 
 fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, IdentifyError> {
@@ -334,7 +348,7 @@ fn two_step_parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Paramet
         Ok(found) => {
             all.push(named("half_width_m", found.half_width.clone()));
             if let Some(test) = &found.damping {
-                all.push(named("seal_damping_n_s_m", test.seal_damping_n_s_m.clone()));
+                all.push(named("seal_damping_n_s_m", tested_damping(test)));
             }
             let replicates = two_step_replicates(two, found, options);
             all.extend(branch_parameters(&two.candidate, &replicates));
@@ -381,6 +395,16 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
     Replicates::Bootstrap((0..options.bootstrap).into_par_iter().map(resampled).collect())
 }
 
+/// σ as the model has it: what the test found, or zero with what the test could not exclude.
+fn tested_damping(test: &DampingTest) -> Estimate {
+    let found = &test.seal_damping_n_s_m;
+    if test.kept || !found.pinned {
+        return found.clone();
+    }
+    Estimate::from_bounds(0.0, found.ci95[0], found.ci95[1], found.unit)
+        .with_note(format!("set to zero by the test: {:.3} N s/m found, p = {:.2}", found.value, test.p_value))
+}
+
 fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options: &IdentifyOptions) -> Vec<Parameter> {
     let best = &refined.candidate;
     let jackknife = Replicates::jackknife(refined, layout);
@@ -406,7 +430,7 @@ fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options
     if layout.damping {
         all.push(estimate("seal_damping_n_s_m", "N s/m", &|c| c.seal_damping));
     } else if let Some(test) = two.deformation.as_ref().ok().and_then(|d| d.damping.as_ref()) {
-        all.push(named("seal_damping_n_s_m", test.seal_damping_n_s_m.clone()));
+        all.push(named("seal_damping_n_s_m", tested_damping(test)));
     }
     if layout.hidden_mass {
         all.push(estimate("hidden_mass_kg", "kg", &|c| c.hidden_mass));
@@ -495,7 +519,10 @@ fn steady_warnings(steady: &SteadyFit, say: &mut impl FnMut(&str, String, bool))
         );
         say("sliding friction", message, false);
     }
-    if let (true, Some(p)) = (steady.is_asymmetric(), steady.symmetry_p_value) {
+    if let (true, Some(_)) = (steady.is_asymmetric(), &steady.stribeck) {
+        let message = "insertion and withdrawal differ, and the friction asks for a Stribeck curve: the model has one curve for both";
+        say("viscous_damping_n_s_m", message.to_owned(), true);
+    } else if let (true, Some(p)) = (steady.is_asymmetric(), steady.symmetry_p_value) {
         let message = format!("insertion and withdrawal differ in slope (p = {p:.2e}): each direction has its own");
         say("viscous_damping_n_s_m", message, false);
     }
@@ -504,8 +531,8 @@ fn steady_warnings(steady: &SteadyFit, say: &mut impl FnMut(&str, String, bool))
 fn deformation_warnings(found: &DeformationFit, say: &mut impl FnMut(&str, String, bool)) {
     if let Some(p) = found.speed_dependence_p_value.filter(|p| *p < 0.01) {
         let message = format!(
-            "the half width changes with speed (p = {p:.1e}), within a spread of {:.3} mm",
-            1e3 * found.deflection_error
+            "the half width changes with speed (p = {p:.1e}), within a spread of {:.1} µm",
+            1e6 * found.deflection_error
         );
         say("half_width_m", message, false);
     }

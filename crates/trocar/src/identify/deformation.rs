@@ -31,6 +31,8 @@ const FEWEST_TRAVERSES: usize = 3;
 const LARGEST_SPREAD: f64 = 0.45;
 /// Largest scatter of the force between traverses, as a part of the swing between the limits.
 const LARGEST_SCATTER: f64 = 0.15;
+/// Fewest samples per half width of a traverse that pin the half width.
+pub(super) const COARSEST: f64 = 5.0;
 /// Deflections, as z/c, at which the influence of the velocity is tested (figure 7 uses one).
 const LEVELS: [f64; 7] = [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75];
 /// A damping force below this, N, at the fastest deformation is no influence in practice (equivalence bound).
@@ -355,8 +357,15 @@ pub(super) fn fit(
         ));
     }
     let damping = damping_test(&traverses, spread, mean);
+    let samples = median(traverses.iter().map(|t| 0.5 * (t.to - t.from) as f64).collect());
+    let half_width = if samples < COARSEST {
+        let why = format!("sampled too coarsely: {samples:.1} samples per half width, at least {COARSEST} are needed");
+        Estimate::not_pinned(mean, "m", why)
+    } else {
+        Estimate::from_standard_error(mean, (spread / n.sqrt()).hypot(switching), n - 2.0, "m")
+    };
     Ok(DeformationFit {
-        half_width: Estimate::from_standard_error(mean, (spread / n.sqrt()).hypot(switching), n - 2.0, "m"),
+        half_width,
         deflection_error: spread,
         speed_dependence_p_value: speed_dependence(&traverses),
         rising,

@@ -3,7 +3,7 @@
 //! ```text
 //! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)        steady.rs, stribeck.rs
 //!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs
-//!            -> all parameters against simulated force, intervals           candidate.rs, training.rs, refine.rs
+//!            -> all against simulated force, the steady state held, intervals  candidate.rs, training.rs, refine.rs
 //! ```
 //! Every recording is searched for what it can give. What the data do not pin is part of the result: an infinite
 //! interval, the reason, and a warning.
@@ -84,6 +84,23 @@ pub enum IdentifyError {
         passes: usize,
         /// Stretches found.
         stretches: usize,
+    },
+    /// The force opposes the motion.
+    #[error(
+        "the sliding force opposes the motion: F_c = {coulomb_force:.3} N, expected above 0 N\n\nhint: the force is what the device \
+         exerts on the seal; if the sensor is mounted the other way round, use --flip-force"
+    )]
+    ForceSign {
+        /// Coulomb force found, N.
+        coulomb_force: f64,
+    },
+    /// A recording is given twice.
+    #[error("{first} and {second} hold the same bytes: counted twice, they would make every interval too narrow")]
+    SameRecording {
+        /// Name of the first.
+        first: String,
+        /// Name of the second.
+        second: String,
     },
     /// The numbers found do not make a model.
     #[error("the identified numbers do not make a model: {0}")]
@@ -196,6 +213,11 @@ pub fn identify(
     if let Some(degree) = options.degrees.into_iter().find(|d| !(2..=trocar_model::MAX_DEGREE).contains(d)) {
         return Err(IdentifyError::Degree(degree));
     }
+    for (i, second) in recordings.iter().enumerate() {
+        if let Some(first) = recordings[..i].iter().find(|r| r.sha256 == second.sha256) {
+            return Err(IdentifyError::SameRecording { first: first.name.clone(), second: second.name.clone() });
+        }
+    }
     progress("segmenting", 0.0);
     let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
     progress("steady state", 0.1);
@@ -261,6 +283,9 @@ fn two_steps(
             passes: segments.iter().map(|s| s.passes.len()).sum(),
             stretches: segments.iter().map(|s| s.stretches.len()).sum(),
         });
+    }
+    if steady.coulomb_force_n.ci95[1] <= 0.0 {
+        return Err(IdentifyError::ForceSign { coulomb_force: steady.coulomb_force_n.value });
     }
     stribeck::test(&mut steady, options.seed);
     if steady.stribeck.is_some() && deformation.is_ok() {
@@ -376,7 +401,8 @@ fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Seg
 /// With different slopes the offset is taken so that both Coulomb forces are equal: the data cannot divide the two.
 fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
     let least = 1e-6;
-    if let (true, Some(plus), Some(minus)) = (steady.is_asymmetric(), &steady.positive, &steady.negative) {
+    let own_slopes = steady.is_asymmetric() && steady.stribeck.is_none();
+    if let (true, Some(plus), Some(minus)) = (own_slopes, &steady.positive, &steady.negative) {
         let coulomb = 0.5 * (plus.coulomb_force_n.value + minus.coulomb_force_n.value);
         let offset = 0.5 * (plus.coulomb_force_n.value - minus.coulomb_force_n.value);
         let friction = |line: &DirectionLine| {

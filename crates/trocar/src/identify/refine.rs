@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use trocar_model::{Element, State};
 
 use super::candidate::{Candidate, Layout};
+use super::random::normal;
 use super::training::{Run, Step, Training};
 
 /// Most damped steps.
@@ -261,9 +262,19 @@ impl Refined {
         all.iter().sum::<f64>().powi(2) / all.iter().map(|h| h * h).sum::<f64>().max(f64::MIN_POSITIVE)
     }
 
-    /// The candidate refitted without the clusters in `left_out`, to first order.
-    pub(super) fn without(&self, layout: Layout, left_out: impl Fn(usize) -> bool) -> Option<Candidate> {
+    /// The candidate refitted without the clusters in `left_out`, to first order, with the steady state of `two_step`
+    /// held instead of its own.
+    pub(super) fn without(
+        &self,
+        layout: Layout,
+        two_step: &Candidate,
+        left_out: impl Fn(usize) -> bool,
+    ) -> Option<Candidate> {
         let (mut hessian, mut score) = self.normal.sums();
+        let known = layout.free(two_step).into_iter().zip(layout.free(&self.candidate)).zip(&self.normal.prior);
+        for (j, ((part, own), (off, precision))) in known.enumerate() {
+            score[j] += precision * (part.value - (own.value - off));
+        }
         for (g, (h, s)) in self.normal.hessians.iter().zip(&self.normal.scores).enumerate() {
             if left_out(g) {
                 hessian -= h;
@@ -282,6 +293,11 @@ impl Refined {
             rng.set_stream(index as u64);
             let p = self.normal.scores[0].len();
             let (mut hessian, mut score) = (DMatrix::zeros(p, p), DVector::zeros(p));
+            for (j, (off, precision)) in self.normal.prior.iter().enumerate().filter(|(_, (_, k))| *k > 0.0) {
+                // What was known beforehand is drawn anew too, with its error.
+                hessian[(j, j)] += precision;
+                score[j] += precision * ((HELD / precision).sqrt() * normal(&mut rng) - off);
+            }
             for _ in &used {
                 let g = used[rng.random_range(0..used.len())];
                 hessian += &self.normal.hessians[g];
@@ -298,4 +314,19 @@ impl Refined {
         let values: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
         Some(layout.with_any(&self.candidate, &values))
     }
+}
+
+/// Refines on the clusters that `left_out` spares, with the steady state of `two_step` held, and scores the others:
+/// weighted squares there.
+pub(super) fn trial(
+    training: &Training,
+    two_step: &Candidate,
+    from: &Candidate,
+    layout: Layout,
+    left_out: impl Fn(usize) -> bool + Sync,
+) -> Option<f64> {
+    let held = layout.free(two_step).into_iter().zip(&training.prior).map(|(f, (_, precision))| (f.value, *precision));
+    let mut part = training.without(&left_out);
+    part.prior = held.collect();
+    Some(cost(training, &refine(&part, from, layout)?.candidate, left_out))
 }

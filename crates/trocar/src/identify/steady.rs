@@ -112,9 +112,13 @@ impl SteadyFit {
         self.symmetry_p_value.is_some_and(|p| p < 0.01)
     }
 
-    /// Fitted reading, N, of the common line (23) at velocity `v`, m/s.
+    /// Fitted reading, N, at velocity `v`, m/s: the common line (23), or the Stribeck curve (11) once accepted.
     pub fn line(&self, v: f64) -> f64 {
-        self.offset_n.value + self.coulomb_force_n.value * sign(v) + self.viscous_damping_n_s_m.value * v
+        let bump = self.stribeck.as_ref().map_or(0.0, |s| {
+            let rise = s.static_force_n.value - self.coulomb_force_n.value;
+            rise * (-(v.abs() / s.stribeck_velocity_m_s.value).powf(s.stribeck_exponent)).exp()
+        });
+        self.offset_n.value + (self.coulomb_force_n.value + bump) * sign(v) + self.viscous_damping_n_s_m.value * v
     }
 }
 
@@ -224,6 +228,7 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
         part.iter().sum::<f64>() / part.len() as f64
     };
     let variance = (0..batches).map(|k| (batch_mean(k) - mean).powi(2)).sum::<f64>() / (batches - 1) as f64;
+    let rounding = rec.quality.force_resolution / 12f64.sqrt();
     let velocity = (rec.position[end - 1] - rec.position[start]) / (rec.time[end - 1] - rec.time[start]);
     Some(PassMean {
         recording: index,
@@ -233,7 +238,7 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
         direction,
         velocity_m_s: velocity,
         force_n: mean,
-        standard_error_n: (variance / batches as f64).sqrt().max(1e-9),
+        standard_error_n: (variance / batches as f64).sqrt().max(rounding / (n as f64).sqrt()).max(1e-9),
         scatter_n: (force.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / n as f64).sqrt(),
         samples: n,
     })
@@ -342,7 +347,7 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
         let none = |unit| Estimate::not_pinned(0.0, unit, "no stretch of constant velocity behind the deformation");
         return blank(none("N"), none("N s/m"), none("N"));
     }
-    let one_way = "motion in one direction only: a Coulomb force and a sensor offset cannot be told apart";
+    let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be told apart";
     let one_speed = "each direction has one speed: the viscous part cannot be told from the Coulomb force";
     match (both, slope) {
         (true, true) => {
@@ -374,7 +379,7 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
 }
 
 /// The line of one direction alone, through the readings as they are.
-fn direction_line(means: &[PassMean], direction: Direction) -> Option<DirectionLine> {
+pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option<DirectionLine> {
     let own: Vec<PassMean> = means.iter().filter(|m| m.direction == direction).cloned().collect();
     if own.is_empty() {
         return None;

@@ -12,7 +12,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::estimate::{Estimate, LinearFit, f_p_value};
 use super::random::normal;
-use super::steady::{LackOfFit, PassMean, SteadyFit, StribeckFit, sign, weighted};
+use super::steady::{LackOfFit, PassMean, SteadyFit, StribeckFit, direction_line, sign, weighted};
+use crate::segment::Direction;
 
 /// Level of the lack-of-fit test.
 const LEVEL: f64 = 0.01;
@@ -57,7 +58,7 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
             1e3 * slowest
         ),
         () => {
-            accept(fit, &best);
+            accept(fit, &best, &profile.weights);
             "Stribeck curve accepted; F_s is its continuation below the slowest speed measured".to_owned()
         }
     };
@@ -69,17 +70,41 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
     });
 }
 
-fn accept(fit: &mut SteadyFit, best: &Candidate) {
+/// Takes the curve over. The error of v_s is shared with the other numbers, so the covariance is that of all five.
+fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
+    let means = &fit.means;
+    let vs = best.stribeck_velocity;
+    let rise = best.fit.coefficients[2];
+    let bump = |v: f64| sign(v) * (-(v.abs() / vs).powf(EXPONENT)).exp();
+    let by_vs = |v: f64| rise * bump(v) * EXPONENT * (v.abs() / vs).powf(EXPONENT) / vs;
+    let column = |v: f64, j: usize| [1.0, sign(v), bump(v), v, by_vs(v)][j];
+    let design = DMatrix::from_fn(means.len(), 5, |i, j| column(means[i].velocity_m_s, j));
+    let forces = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
+    let flat = "the speeds measured do not separate the bump from the line";
+    let joint = LinearFit::new(&design, &forces, weights);
+    let estimate = |terms: &[(usize, f64)], unit| match &joint {
+        Some(joint) => {
+            let value = terms.iter().map(|(j, a)| a * best.fit.coefficients[*j]).sum::<f64>();
+            let half = joint.combination(terms, unit).half_width();
+            Estimate::from_bounds(value, value - half, value + half, unit)
+        }
+        None => Estimate::not_pinned(terms.iter().map(|(j, a)| a * best.fit.coefficients[*j]).sum(), unit, flat),
+    };
     let [low, high] = best.velocity_interval;
-    let note = "continued from the slowest speed measured to rest";
-    fit.offset_n = best.fit.estimate(0, "N");
-    fit.coulomb_force_n = best.fit.estimate(1, "N");
-    fit.viscous_damping_n_s_m = best.fit.estimate(3, "N s/m");
+    let half = joint.as_ref().map_or(0.0, |j| j.estimate(4, "m/s").half_width());
+    fit.offset_n = estimate(&[(0, 1.0)], "N");
+    fit.coulomb_force_n = estimate(&[(1, 1.0)], "N");
+    fit.viscous_damping_n_s_m = estimate(&[(3, 1.0)], "N s/m");
     fit.stribeck = Some(StribeckFit {
-        static_force_n: best.fit.combination(&[(1, 1.0), (2, 1.0)], "N").with_note(note),
-        stribeck_velocity_m_s: Estimate::from_bounds(best.stribeck_velocity, low, high, "m/s"),
+        static_force_n: estimate(&[(1, 1.0), (2, 1.0)], "N")
+            .with_note("continued from the slowest speed measured to rest"),
+        stribeck_velocity_m_s: Estimate::from_bounds(vs, low.min(vs - half).max(0.0), high.max(vs + half), "m/s"),
         stribeck_exponent: EXPONENT,
     });
+    let without_bump: Vec<PassMean> =
+        means.iter().map(|m| PassMean { force_n: m.force_n - rise * bump(m.velocity_m_s), ..m.clone() }).collect();
+    fit.positive = direction_line(&without_bump, Direction::Positive);
+    fit.negative = direction_line(&without_bump, Direction::Negative);
 }
 
 struct Candidate {

@@ -100,6 +100,13 @@ impl Training {
         self.starts.partition_point(|start| *start <= (recording, sample)).saturating_sub(1)
     }
 
+    /// The same training with the weight taken from some clusters.
+    pub(super) fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
+        let mut part = self.clone();
+        part.weights.iter_mut().enumerate().filter(|(g, _)| left_out(*g)).for_each(|(_, w)| *w = 0.0);
+        part
+    }
+
     /// Root mean square acceleration, m/s².
     pub(super) fn rms_acceleration(&self) -> f64 {
         let steps = || self.runs.iter().flat_map(|r| &r.steps);
