@@ -42,7 +42,7 @@ pub(crate) struct Args {
     /// Degrees of the two joined polynomials of each branch, 2 to 7
     #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees)]
     degrees: Degrees,
-    /// Keep the two-step result instead of refining all parameters against the simulated force
+    /// Keep the two-step result instead of refining it against the simulated force
     #[arg(long)]
     no_refine: bool,
     /// Mass between sensor and seal, in kg: its inertia is taken out of the readings

@@ -1,4 +1,4 @@
-//! From recordings to an EMS element: the paper's two steps (EMS section IV), then a refinement of all parameters.
+//! From recordings to an EMS element: the paper's two steps (EMS section IV), then a refinement.
 //!
 //! ```text
 //! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)        steady.rs, stribeck.rs
@@ -41,7 +41,7 @@ pub struct IdentifyOptions {
     pub seed: u64,
     /// Degrees of the two joined polynomials, 2 to 7 (EMS (25): 4 and 4).
     pub degrees: [usize; 2],
-    /// Whether to refine all parameters against simulated force.
+    /// Whether to refine the result against simulated force.
     pub refine: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_hidden_mass: bool,

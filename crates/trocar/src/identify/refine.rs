@@ -1,4 +1,4 @@
-//! Last refinement: all parameters against simulated force (output-error least squares), with intervals from
+//! Last refinement, against simulated force (output-error least squares), with intervals from
 //! leaving out one cluster of passes at a time.
 //!
 //! The free-run simulation of a candidate is compared with the readings; Gauss-Newton steps with Levenberg-Marquardt

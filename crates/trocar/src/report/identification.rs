@@ -152,12 +152,12 @@ fn parameters(input: &IdentificationReport) -> Section {
     };
     let refinement = match &found.refinement {
         Some(r) if r.accepted => format!(
-            "The value is that of the refinement: all parameters against the simulated force. On passes held out of it the weighted \
+            "The value is that of the refinement against the simulated force, which holds F_0, F_c and β at the steady state's. On passes held out of it the weighted \
              error is {:.4} N, against {:.4} N of the paper's two steps, which stand beside it.",
             r.held_out_refined_rms_n, r.held_out_two_step_rms_n
         ),
         Some(r) => format!(
-            "The value is that of the paper's two steps. A refinement of all parameters against the simulated force was not accepted: \
+            "The value is that of the paper's two steps. A refinement against the simulated force was not accepted: \
              on passes held out of it the weighted error is {:.4} N, against {:.4} N of the two steps.",
             r.held_out_refined_rms_n, r.held_out_two_step_rms_n
         ),
