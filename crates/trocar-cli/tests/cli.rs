@@ -170,7 +170,7 @@ fn lost_data_are_reported_and_end_with_3() {
         ),
         (
             "saturated",
-            saw(|_, [t, x, f]| row([t, x, f.clamp(-1.5, 1.5)])),
+            saw(|_, [t, x, f]| row([t, x, f.clamp(-9.0, 1.5)])),
             vec!["saturated.csv", "stuck at 1.5 N", "hint:"],
         ),
     ];

@@ -76,7 +76,7 @@ pub enum IdentifyError {
     /// Nothing slides steadily anywhere.
     #[error(
         "no steady sliding found: {passes} passes between reversals, {stretches} stretches of constant velocity, none of them \
-         behind the deformation\n\nhint: record strokes at constant velocity (within 2 %, longer than 50 ms) that are longer than \
+         behind the deformation and free of clipped readings\n\nhint: record strokes at constant velocity (within 2 %, longer than 50 ms) that are longer than \
          the seal's deformation, in both directions and at several speeds"
     )]
     NoSteadySliding {
