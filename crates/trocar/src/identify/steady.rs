@@ -328,11 +328,16 @@ fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
     }
 }
 
-/// Whether the speeds of one direction pin a slope: at least two speeds a fifth apart.
+/// Whether the speeds of one direction pin a slope: the fastest a fifth above the slowest, and a quarter of the means
+/// a tenth off the usual speed. A single odd stroke among many of one speed pins nothing.
 fn speeds_differ(means: &[PassMean], direction: Direction) -> bool {
-    let speeds = means.iter().filter(|m| m.direction == direction).map(|m| m.velocity_m_s.abs());
-    let (low, high) = speeds.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
-    high > 1.2 * low
+    let own = means.iter().filter(|m| m.direction == direction);
+    let mut speeds: Vec<f64> = own.map(|m| m.velocity_m_s.abs()).collect();
+    speeds.sort_by(f64::total_cmp);
+    let (Some(slowest), Some(fastest)) = (speeds.first(), speeds.last()) else { return false };
+    let usual = speeds[speeds.len() / 2];
+    let off = speeds.iter().filter(|v| (*v / usual - 1.0).abs() > 0.1).count();
+    *fastest > 1.2 * slowest && 4 * off >= speeds.len()
 }
 
 fn has(means: &[PassMean], direction: Direction) -> bool {
