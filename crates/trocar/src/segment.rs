@@ -281,3 +281,20 @@ fn runs(
 pub fn travel(recording: &Recording, pass: &Pass, i: usize) -> f64 {
     pass.direction.sign() * (recording.position[i] - recording.position[pass.start])
 }
+
+/// The part of each stretch that lies `needed(|v|)` metres or more behind the start of its pass; what has none is left
+/// out.
+pub fn behind_start(
+    recording: &Recording,
+    passes: &[Pass],
+    stretches: &[Stretch],
+    needed: impl Fn(f64) -> f64,
+) -> Vec<Stretch> {
+    let part = |stretch: &Stretch| {
+        let needed = needed(stretch.velocity.abs());
+        let pass = &passes[stretch.pass];
+        let start = (stretch.start..stretch.end).find(|i| travel(recording, pass, *i) >= needed)?;
+        Some(Stretch { start, ..*stretch })
+    };
+    stretches.iter().filter_map(part).collect()
+}

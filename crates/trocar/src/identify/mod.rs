@@ -12,7 +12,7 @@ use serde::Serialize;
 use trocar_model::{Element, SlidingFriction};
 
 use crate::recording::{Recording, local_acceleration};
-use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches, travel};
+use crate::segment::{Pass, SegmentOptions, Stretch, behind_start, passes, reversal_threshold, stretches};
 
 pub use candidate::Candidate;
 use deformation::Sensors;
@@ -350,13 +350,7 @@ fn settled_stretches(
     steady: &SteadyFit,
     found: &DeformationFit,
 ) -> Vec<Stretch> {
-    let trimmed = |stretch: &Stretch| {
-        let needed = settled_travel(steady, found, stretch.velocity.abs());
-        let pass = &segments.passes[stretch.pass];
-        let start = (stretch.start..stretch.end).find(|i| travel(recording, pass, *i) >= needed)?;
-        Some(Stretch { start, ..*stretch })
-    };
-    segments.stretches.iter().filter_map(trimmed).collect()
+    behind_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
 }
 
 /// Blocks of all motion instead of the plateaus' means, down to a fiftieth of the fastest plateau.

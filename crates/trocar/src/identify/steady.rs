@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::{Recording, local_velocity};
-use crate::segment::{Direction, Pass, Stretch, travel};
+use crate::segment::{Direction, Pass, Stretch, behind_start};
 
 /// Mean force and velocity of the steady sliding in one pass at one speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -143,13 +143,7 @@ pub(super) fn pass_means(
     stretches: &[Stretch],
     settled: impl Fn(f64) -> f64,
 ) -> Vec<PassMean> {
-    let settled_part = |stretch: &Stretch| {
-        let pass = &passes[stretch.pass];
-        let needed = settled(stretch.velocity.abs());
-        let start = (stretch.start..stretch.end).find(|i| travel(recording, pass, *i) >= needed)?;
-        Some(Stretch { start, ..*stretch })
-    };
-    let parts: Vec<Stretch> = stretches.iter().filter_map(settled_part).collect();
+    let parts = behind_start(recording, passes, stretches, settled);
     let mut means: Vec<PassMean> = Vec::new();
     for direction in [Direction::Positive, Direction::Negative] {
         let own: Vec<Stretch> = parts.iter().filter(|s| passes[s.pass].direction == direction).copied().collect();
