@@ -4,6 +4,7 @@ use crate::damping::SealDamping;
 use crate::elastic::DeformationForce;
 use crate::error::ParamError;
 use crate::exponential::decay;
+use crate::friction::{Friction, velocity};
 use crate::sliding::SlidingFriction;
 
 /// Allowed distance between a branch end and the static force, as a fraction of the static force.
@@ -207,14 +208,35 @@ impl Element {
         State { deflection, yield_force, force, slip_velocity: 0.0 }
     }
 
+    /// State at rest on the mid curve M that holds `force`, N.
+    ///
+    /// Of several deflections with that force (a seal that turns over has three) the one of least amount; beyond the
+    /// sliding limits the nearer end. A force that is not finite counts as 0.
+    pub fn rest_at_force(&self, force: f64) -> State {
+        const CELLS: i32 = 200;
+        let force = if force.is_finite() { force } else { 0.0 };
+        let c = self.params.deformation.half_width();
+        let at = |k: i32| c * f64::from(k) / f64::from(CELLS);
+        let excess = |z: f64| self.params.deformation.mid(z) - force;
+        let brackets = (-CELLS..CELLS).filter(|k| excess(at(*k)) * excess(at(k + 1)) <= 0.0);
+        let Some(cell) = brackets.min_by_key(|k| (2 * k + 1).abs()) else {
+            return self.rest_state(if force > 0.0 { c } else { -c });
+        };
+        let (mut low, mut high) = (at(cell), at(cell + 1));
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if excess(low) * excess(middle) <= 0.0 { high = middle } else { low = middle }
+        }
+        self.rest_state(0.5 * (low + high))
+    }
+
     /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
     /// end.
     ///
     /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or velocity that is not
     /// finite, leaves the state untouched and returns the last force.
     pub fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
-        let velocity = displacement / duration;
-        if duration > 0.0 && duration <= f64::MAX && velocity.abs() <= f64::MAX {
+        if let Some(velocity) = velocity(displacement, duration) {
             // Two commits, so that the exact step stays in registers.
             if self.confined {
                 state.commit(self.advance_confined(state, velocity, duration));
@@ -333,6 +355,22 @@ impl Element {
             slip_velocity,
         };
         (state, left)
+    }
+}
+
+impl Friction for Element {
+    type State = State;
+
+    fn rest_at_force(&self, force: f64) -> State {
+        Element::rest_at_force(self, force)
+    }
+
+    fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
+        Element::step(self, state, displacement, duration)
+    }
+
+    fn force(state: &State) -> f64 {
+        state.force
     }
 }
 

@@ -15,33 +15,11 @@ const FORGOTTEN: f64 = 1e-3;
 /// Starts compared: deflections as fractions of the half width.
 const STARTS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 
-/// Deflection, m, in [-c, c] at which the mid curve M gives `force`, N, at rest.
-///
-/// Of several such deflections (a seal that turns over has three) the one of least amount; beyond the sliding limits
-/// the nearer end.
-pub fn deflection_of_force(element: &Element, force: f64) -> f64 {
-    const CELLS: i32 = 200;
-    let law = &element.params().deformation;
-    let c = law.half_width();
-    let at = |k: i32| c * f64::from(k) / f64::from(CELLS);
-    let excess = |z: f64| law.mid(z) - force;
-    let brackets = (-CELLS..CELLS).filter(|k| excess(at(*k)) * excess(at(k + 1)) <= 0.0);
-    let Some(cell) = brackets.min_by_key(|k| (2 * k + 1).abs()) else {
-        return if force > 0.0 { c } else { -c };
-    };
-    let (mut low, mut high) = (at(cell), at(cell + 1));
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if excess(low) * excess(middle) <= 0.0 { high = middle } else { low = middle }
-    }
-    0.5 * (low + high)
-}
-
 /// States at rest that together give `force`, N, each element bearing the share of its sliding limit.
 pub fn start_states(elements: &[Element], force: f64) -> Vec<State> {
     let limit = |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
     let total: f64 = elements.iter().map(limit).sum();
-    elements.iter().map(|e| e.rest_state(deflection_of_force(e, force * limit(e) / total))).collect()
+    elements.iter().map(|e| e.rest_at_force(force * limit(e) / total)).collect()
 }
 
 /// First of the steps (displacement in m, duration in s) after which the start no longer matters.
@@ -81,7 +59,7 @@ pub struct Replay {
 /// Gaps and resets start anew.
 pub fn replay(elements: &[Element], recording: &Recording, offset: f64) -> Replay {
     let mut out = Replay::default();
-    for range in recording.stretches() {
+    for range in recording.unbroken() {
         let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
         let increments = || x.windows(2).zip(t.windows(2)).map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
         if let Some(after) = forgotten_after(elements, increments()) {

@@ -95,7 +95,7 @@ pub fn reversal_threshold(recording: &Recording) -> f64 {
 /// The sample of the extreme position ends one pass and starts the next. Gaps and resets end a pass too.
 pub fn passes(recording: &Recording, threshold: f64) -> Vec<Pass> {
     let mut found: Vec<Pass> = Vec::new();
-    for range in recording.stretches() {
+    for range in recording.unbroken() {
         passes_of_range(&recording.position, range.start, range.end, threshold, &mut found);
     }
     for i in 1..found.len() {

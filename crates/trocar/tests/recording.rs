@@ -89,7 +89,7 @@ fn a_clean_file_gives_its_numbers_and_no_warning() {
     assert_eq!(recording.time[1999], 1.999);
     assert!((recording.quality.median_interval - 1e-3).abs() < 1e-12);
     assert_eq!(recording.quality.warnings, []);
-    assert!(recording.stretches().eq(std::iter::once(0..2000)));
+    assert!(recording.unbroken().eq(std::iter::once(0..2000)));
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn gaps_and_resets_end_a_stretch() {
     let reset = recording.quality.resets[0];
     assert_eq!(reset.line, 1502);
     assert!((reset.jump - 0.05).abs() < 1e-4);
-    assert_eq!(recording.stretches().collect::<Vec<_>>(), [0..1000, 1000..1500, 1500..1900]);
+    assert_eq!(recording.unbroken().collect::<Vec<_>>(), [0..1000, 1000..1500, 1500..1900]);
     assert_eq!(kinds(&recording), [WarningKind::Gaps, WarningKind::Resets]);
 }
 

@@ -83,7 +83,7 @@ fn reading(candidate: &Candidate, element: &Element, state: &mut State, step: &S
 
 /// State in which a run starts: at rest where the mid curve gives its first reading.
 pub(super) fn start(element: &Element, candidate: &Candidate, run: &Run) -> State {
-    element.rest_state(crate::replay::deflection_of_force(element, run.first_force - candidate.offset))
+    element.rest_at_force(run.first_force - candidate.offset)
 }
 
 /// Weighted squares of `candidate` on the clusters in `use_cluster`; infinite where it is no model.

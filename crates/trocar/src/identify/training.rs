@@ -74,7 +74,7 @@ impl Training {
         let mut sizes: Vec<f64> = Vec::new();
         let mut starts = Vec::new();
         for (index, part) in data.iter().enumerate() {
-            for Range { start: from, end: to } in part.recording.stretches() {
+            for Range { start: from, end: to } in part.recording.unbroken() {
                 if to > from + 1 {
                     runs.push(run(part, from, to, [shortest, FINEST * half_width], &mut sizes, |sample| {
                         starts.push((index, sample))

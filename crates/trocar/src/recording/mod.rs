@@ -137,7 +137,7 @@ impl Recording {
     }
 
     /// Ranges of samples without a gap or reset inside; nothing may be concluded across their ends.
-    pub fn stretches(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+    pub fn unbroken(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let starts = std::iter::once(0).chain(self.quality.breaks.iter().copied());
         let ends = self.quality.breaks.iter().copied().chain(std::iter::once(self.len()));
         starts.zip(ends).map(|(from, to)| from..to)

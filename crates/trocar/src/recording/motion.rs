@@ -81,7 +81,7 @@ struct Fit {
 
 fn local_fit(recording: &Recording, window: f64, take: impl Fn(Fit) -> f64) -> Vec<f64> {
     let mut out = Vec::with_capacity(recording.len());
-    for stretch in recording.stretches() {
+    for stretch in recording.unbroken() {
         let (time, position) = (&recording.time[stretch.clone()], &recording.position[stretch]);
         fit_stretch(time, position, window / 2.0, |fit| out.push(take(fit)));
     }

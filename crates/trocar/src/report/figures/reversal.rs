@@ -93,7 +93,7 @@ fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
 
 /// Samples around the traverse, inside the same unbroken part of the recording.
 fn window(recording: &Recording, shown: &Traverse) -> Range<usize> {
-    let part = recording.stretches().find(|part| part.contains(&shown.from)).unwrap_or(0..recording.len());
+    let part = recording.unbroken().find(|part| part.contains(&shown.from)).unwrap_or(0..recording.len());
     let [from, to] = [recording.time[shown.from], recording.time[shown.to]];
     let [before, after] = MARGINS.map(|margin| margin * (to - from));
     let start = recording.time.partition_point(|t| *t < from - before);
