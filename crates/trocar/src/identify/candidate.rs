@@ -2,6 +2,7 @@
 
 use trocar_model::{DeformationForce, Element, ElementParams, ParamError, SealDamping, SlidingFriction};
 
+use super::output_error::{Free, Trial};
 use super::shape::{BranchShape, Pins};
 
 /// An EMS element (key EMS in SOURCES.md, (8)-(14)) with the sensor offset beside it, before it is checked.
@@ -64,14 +65,6 @@ pub(super) struct Layout {
     pub(super) stribeck: bool,
     pub(super) damping: bool,
     pub(super) hidden_mass: bool,
-}
-
-/// One free number: its value, the step of its difference quotient and its upper end.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Free {
-    pub(super) value: f64,
-    pub(super) step: f64,
-    pub(super) high: f64,
 }
 
 /// Precisions, 1/variance, of what the steady state estimates.
@@ -137,7 +130,9 @@ impl Layout {
     /// The free numbers of a candidate.
     pub(super) fn free(self, candidate: &Candidate) -> Vec<Free> {
         let mut free = Vec::new();
-        self.visit(&mut candidate.clone(), |value, step, _, high| free.push(Free { value: *value, step, high }));
+        self.visit(&mut candidate.clone(), |value, step, low, high| {
+            free.push(Free { value: *value, step, low, high });
+        });
         free
     }
 
@@ -173,5 +168,40 @@ impl Layout {
             *value = held(*values.next().expect("one value for each free number"), low, high);
         });
         replaced
+    }
+}
+
+/// A candidate with the choice of its free numbers: what the output-error fit moves.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct EmsTrial {
+    pub(super) candidate: Candidate,
+    pub(super) layout: Layout,
+}
+
+impl Trial for EmsTrial {
+    type Model = Element;
+
+    fn model(&self) -> Option<Element> {
+        self.candidate.element().ok()
+    }
+
+    fn free(&self) -> Vec<Free> {
+        self.layout.free(&self.candidate)
+    }
+
+    fn with(&self, values: &[f64]) -> Self {
+        Self { candidate: self.layout.with(&self.candidate, values), layout: self.layout }
+    }
+
+    fn with_any(&self, values: &[f64]) -> Self {
+        Self { candidate: self.layout.with_any(&self.candidate, values), layout: self.layout }
+    }
+
+    fn offset(&self) -> f64 {
+        self.candidate.offset
+    }
+
+    fn hidden_mass(&self) -> f64 {
+        self.candidate.hidden_mass
     }
 }

@@ -1,15 +1,14 @@
 //! Refinement, intervals and warnings: from the two steps to the result.
 
-use statrs::statistics::{Data, OrderStatistics};
-
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, Layout, SteadyPrecisions};
+use super::candidate::{Candidate, EmsTrial, Layout, SteadyPrecisions};
 use super::deformation::{COARSEST, DampingTest, DeformationFit, Traverse, curves_of, mean_points};
 use super::estimate::{Estimate, t_quantile};
-use super::refine::{self, Refined};
+use super::output_error::{self, Fitted, Stop};
+use super::replicates::Replicates;
 use super::shape::BranchShape;
 use super::steady::{DirectionLine, SteadyFit};
 use super::training::{Segmented, Training};
@@ -34,43 +33,15 @@ pub(super) struct TwoSteps<'a> {
     pub(super) assumed: bool,
 }
 
-/// Replicates of a candidate, and how an interval follows from them.
-enum Replicates {
-    /// Clusters left out one at a time: variance, Student's t with the effective number of clusters. The last are
-    /// candidates with one prior off by its standard deviation: their squares add to the variance.
-    Jackknife(Vec<Candidate>, f64, Vec<Candidate>),
-    /// Clusters resampled: percentiles.
-    Bootstrap(Vec<Candidate>),
-}
+/// The last refinement.
+type Refined = Fitted<EmsTrial>;
 
-impl Replicates {
-    fn jackknife(found: &Refined, layout: Layout) -> Self {
-        Self::Jackknife(found.jackknife(layout), found.effective_clusters(), found.prior_off(layout))
-    }
+/// When the refinement stops.
+const STOP: Stop = Stop { iterations: 15, fall: 1e-3 };
 
-    fn estimate(&self, best: &Candidate, unit: &'static str, of: &dyn Fn(&Candidate) -> f64) -> Estimate {
-        let value = of(best);
-        let (Self::Jackknife(all, ..) | Self::Bootstrap(all)) = self;
-        if all.iter().all(|c| of(c) == value) {
-            return Estimate::not_pinned(value, unit, "the readings do not depend on it");
-        }
-        match self {
-            Self::Jackknife(left_out, effective, prior_off) => {
-                let g = left_out.len() as f64;
-                let values: Vec<f64> = left_out.iter().map(of).collect();
-                let mean = values.iter().sum::<f64>() / g.max(1.0);
-                let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-                let beforehand: f64 = prior_off.iter().map(|c| (of(c) - value).powi(2)).sum();
-                let error = ((g - 1.0) / g * squares + beforehand).sqrt();
-                Estimate::from_standard_error(value, error, effective - 1.0, unit)
-            }
-            Self::Bootstrap(resampled) if resampled.len() >= 20 => {
-                let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());
-                Estimate::from_bounds(value, values.quantile(0.025), values.quantile(0.975), unit)
-            }
-            Self::Bootstrap(_) => Estimate::not_pinned(value, unit, "too few resamples for an interval"),
-        }
-    }
+fn jackknife(found: &Refined) -> Replicates<Candidate> {
+    let candidates = |trials: Vec<EmsTrial>| trials.into_iter().map(|t| t.candidate).collect();
+    Replicates::Jackknife(candidates(found.jackknife()), found.effective_clusters(), candidates(found.prior_off()))
 }
 
 /// Refines, sets the intervals, and says what is to be said.
@@ -96,7 +67,7 @@ pub(super) fn conclude(
     let two_step_parameters = two_step_parameters(&two, options);
     let accepted = outcome.as_ref().filter(|o| o.summary.accepted);
     let (model, parameters) = match accepted {
-        Some(o) => (o.refined.candidate.clone(), refined_parameters(&two, &o.refined, layout, options)),
+        Some(o) => (o.refined.best.candidate.clone(), refined_parameters(&two, &o.refined, options)),
         None => (two.candidate.clone(), two_step_parameters.clone()),
     };
     let element = model.element()?;
@@ -148,20 +119,20 @@ fn refined(
         return Ok(None);
     }
     training.prior = prior(two, *layout);
-    let Some(mut found) = refine::refine(&training, &two.candidate, *layout) else { return Ok(None) };
-    if layout.hidden_mass && !hidden_mass_is_plausible(&found, *layout, &training) {
+    let from = EmsTrial { candidate: two.candidate.clone(), layout: *layout };
+    let Some(mut found) = output_error::fit(&training, &from, STOP) else { return Ok(None) };
+    if layout.hidden_mass && !hidden_mass_is_plausible(&found, &training) {
         layout.hidden_mass = false;
         training.prior = prior(two, *layout);
-        let without = Candidate { hidden_mass: 0.0, ..found.candidate.clone() };
-        let Some(again) = refine::refine(&training, &without, *layout) else { return Ok(None) };
+        let candidate = Candidate { hidden_mass: 0.0, ..found.best.candidate };
+        let without = EmsTrial { candidate, layout: *layout };
+        let Some(again) = output_error::fit(&training, &without, STOP) else { return Ok(None) };
         found = again;
     }
-    let Some([held_out_two_step, held_out_refined]) =
-        held_out_rms(two, deformation, &training, &found, *layout, options)
-    else {
+    let Some([held_out_two_step, held_out_refined]) = held_out_rms(two, deformation, &training, &found, options) else {
         return Ok(None);
     };
-    let before = (refine::cost(&training, &two.candidate, |_| true) / found.weight()).sqrt();
+    let before = (output_error::cost(&training, &from, |_| true) / found.weight()).sqrt();
     let summary = Refinement {
         two_step_rms_n: before,
         refined_rms_n: found.rms[1],
@@ -200,7 +171,7 @@ fn prior(two: &TwoSteps, layout: Layout) -> Vec<(f64, f64)> {
     };
     let free = layout.free(&two.candidate);
     let precisions = layout.precisions(&known, free.len());
-    free.iter().zip(precisions).map(|(f, p)| (f.value, refine::HELD * p)).collect()
+    free.iter().zip(precisions).map(|(f, p)| (f.value, output_error::HELD * p)).collect()
 }
 
 /// Errors, N, of the two steps and of the refinement on cycles that neither has seen: each half of the cycles (every
@@ -213,25 +184,26 @@ fn held_out_rms(
     deformation: &DeformationFit,
     training: &Training,
     found: &Refined,
-    layout: Layout,
     options: &IdentifyOptions,
 ) -> Option<[f64; 2]> {
+    let layout = found.best.layout;
     let mut halves = Vec::new();
     let (mut two_step_cost, mut first_order_cost) = (0.0, 0.0);
     for half in 0..2 {
         let held_out = move |g: usize| g % 2 == half;
         let chosen = |recording, sample| !held_out(training.cluster_of(recording, sample));
-        let two_step = two_steps_of_part(&two.steady, deformation, two.recordings, options, chosen)?;
-        let first_order = found.without(layout, &two_step, held_out)?;
-        two_step_cost += refine::cost(training, &two_step, held_out);
-        first_order_cost += refine::cost(training, &first_order, held_out);
+        let candidate = two_steps_of_part(&two.steady, deformation, two.recordings, options, chosen)?;
+        let two_step = EmsTrial { candidate, layout };
+        let first_order = found.without(&two_step, held_out)?;
+        two_step_cost += output_error::cost(training, &two_step, held_out);
+        first_order_cost += output_error::cost(training, &first_order, held_out);
         halves.push((two_step, held_out));
     }
     let refined_cost = if first_order_cost <= two_step_cost {
         first_order_cost
     } else {
-        let of = |(two_step, held_out): &(Candidate, _)| {
-            refine::trial(training, two_step, &found.candidate, layout, held_out)
+        let of = |(two_step, held_out): &(EmsTrial, _)| {
+            output_error::held_out_cost(training, two_step, &found.best, STOP, held_out)
         };
         halves.iter().map(of).sum::<Option<f64>>()?
     };
@@ -243,6 +215,7 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
         recording,
         passes: &segments.passes,
         settled: settled_stretches(recording, segments, &two.steady, found),
+        settled_scored: false,
         acceleration: acceleration(recording),
     };
     let data: Vec<Segmented> = two.recordings.iter().zip(two.segments).map(segmented).collect();
@@ -257,10 +230,11 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
 }
 
 /// Significant, and a small part of the reading: what moves the force more than the seal does is no forgotten rod.
-fn hidden_mass_is_plausible(found: &Refined, layout: Layout, training: &Training) -> bool {
-    let estimate = Replicates::jackknife(found, layout).estimate(&found.candidate, "kg", &|c| c.hidden_mass);
+fn hidden_mass_is_plausible(found: &Refined, training: &Training) -> bool {
+    let best = &found.best.candidate;
+    let estimate = jackknife(found).estimate(best, "kg", &|c| c.hidden_mass);
     let error = estimate.half_width() / t_quantile(1e6);
-    let small = estimate.value * training.rms_acceleration() < 0.1 * found.candidate.insertion.coulomb_force;
+    let small = estimate.value * training.rms_acceleration() < 0.1 * best.insertion.coulomb_force;
     estimate.value > HIDDEN_MASS_LEVEL * error && small
 }
 
@@ -361,7 +335,7 @@ fn two_step_parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Paramet
 }
 
 /// Branches refitted to traverses resampled by cycle (or left out one at a time).
-fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates {
+fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates<Candidate> {
     let pins = two.candidate.pins();
     let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
         let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
@@ -405,9 +379,9 @@ fn tested_damping(test: &DampingTest) -> Estimate {
         .with_note(format!("set to zero by the test: {:.3} N s/m found, p = {:.2}", found.value, test.p_value))
 }
 
-fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options: &IdentifyOptions) -> Vec<Parameter> {
-    let best = &refined.candidate;
-    let jackknife = Replicates::jackknife(refined, layout);
+fn refined_parameters(two: &TwoSteps, refined: &Refined, options: &IdentifyOptions) -> Vec<Parameter> {
+    let EmsTrial { candidate: best, layout } = &refined.best;
+    let jackknife = jackknife(refined);
     let estimate = |name: &str, unit, of: &dyn Fn(&Candidate) -> f64| named(name, jackknife.estimate(best, unit, of));
     let steady = &two.steady;
     let mut all = Vec::new();
@@ -437,14 +411,17 @@ fn refined_parameters(two: &TwoSteps, refined: &Refined, layout: Layout, options
     }
     let replicates = match options.bootstrap {
         0 => jackknife,
-        n => Replicates::Bootstrap(refined.bootstrap(layout, n, options.seed)),
+        n => {
+            let all = refined.bootstrap(n, options.seed);
+            Replicates::Bootstrap(all.into_iter().map(|t| t.candidate).collect())
+        }
     };
     all.extend(branch_parameters(best, &replicates));
     all
 }
 
 /// Join and coefficients of both branches; a join at the end of its range is not pinned, whatever its replicates say.
-fn branch_parameters(best: &Candidate, replicates: &Replicates) -> Vec<Parameter> {
+fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Vec<Parameter> {
     let parameter = |quantity: Quantity| {
         let shape = if quantity.name.starts_with("rising") { &best.rising } else { &best.falling };
         let estimate = if quantity.name.ends_with("join_m") && shape.join_at_bound() {

@@ -3,7 +3,7 @@
 //! ```text
 //! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)        steady.rs, stribeck.rs
 //!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs
-//!            -> all against simulated force, the steady state held, intervals  candidate.rs, training.rs, refine.rs
+//!            -> all against simulated force, the steady state held, intervals  candidate.rs, training.rs, output_error.rs
 //! ```
 //! Every recording is searched for what it can give. What the data do not pin is part of the result: an infinite
 //! interval, the reason, and a warning.
@@ -25,8 +25,9 @@ mod candidate;
 mod conclude;
 mod deformation;
 mod estimate;
+mod output_error;
 mod random;
-mod refine;
+mod replicates;
 mod shape;
 mod steady;
 mod stribeck;

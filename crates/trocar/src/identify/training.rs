@@ -23,52 +23,53 @@ const MOST_CLUSTERS: usize = 120;
 
 /// One step of the simulation.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Step {
-    pub(super) displacement: f64,
-    pub(super) duration: f64,
+pub(crate) struct Step {
+    pub(crate) displacement: f64,
+    pub(crate) duration: f64,
     /// Mean reading over the step's samples, N.
-    pub(super) force: f64,
+    pub(crate) force: f64,
     /// Mean acceleration over the step's samples, m/s².
-    pub(super) acceleration: f64,
+    pub(crate) acceleration: f64,
     /// Samples in the step; 0 where the state is not yet known.
-    pub(super) samples: f64,
+    pub(crate) samples: f64,
     /// Where in the step the mean over its samples lies: (n + 1)/(2n) of the way for n samples.
-    pub(super) centre: f64,
-    pub(super) cluster: usize,
+    pub(crate) centre: f64,
+    pub(crate) cluster: usize,
 }
 
 /// Steps of one unbroken part of a recording, from an unknown start.
 #[derive(Debug, Clone)]
-pub(super) struct Run {
-    pub(super) steps: Vec<Step>,
+pub(crate) struct Run {
+    pub(crate) steps: Vec<Step>,
     /// Reading before the first step, N.
-    pub(super) first_force: f64,
+    pub(crate) first_force: f64,
 }
 
 /// All that the refinement simulates.
 #[derive(Debug, Clone)]
-pub(super) struct Training {
-    pub(super) runs: Vec<Run>,
+pub(crate) struct Training {
+    pub(crate) runs: Vec<Run>,
     /// Weight of a sample of each cluster, 1/N².
-    pub(super) weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
     /// What is known of the free numbers beforehand, in their order: value and precision (1/variance).
-    pub(super) prior: Vec<(f64, f64)>,
+    pub(crate) prior: Vec<(f64, f64)>,
     /// Recording and sample at which each cluster starts, in order.
     starts: Vec<(usize, usize)>,
 }
 
 /// A recording with what the segmentation found in it.
-pub(super) struct Segmented<'a> {
-    pub(super) recording: &'a Recording,
-    pub(super) passes: &'a [Pass],
-    /// Stretches of constant velocity from where the sliding has settled. They are simulated but not scored: their
-    /// means are the steady state's data.
-    pub(super) settled: Vec<Stretch>,
-    pub(super) acceleration: Vec<f64>,
+pub(crate) struct Segmented<'a> {
+    pub(crate) recording: &'a Recording,
+    pub(crate) passes: &'a [Pass],
+    /// Stretches of constant velocity from where the sliding has settled.
+    pub(crate) settled: Vec<Stretch>,
+    /// Whether these are scored. Not where their means are data already, those of the steady state.
+    pub(crate) settled_scored: bool,
+    pub(crate) acceleration: Vec<f64>,
 }
 
 impl Training {
-    pub(super) fn new(data: &[Segmented], noise: f64, scatter: f64, half_width: f64) -> Self {
+    pub(crate) fn new(data: &[Segmented], noise: f64, scatter: f64, half_width: f64) -> Self {
         let shortest: f64 = data.iter().map(|d| d.recording.duration()).sum::<f64>() / MOST_CLUSTERS as f64;
         let mut runs = Vec::new();
         let mut sizes: Vec<f64> = Vec::new();
@@ -87,7 +88,7 @@ impl Training {
     }
 
     /// Takes the weight from all steps before the state is known: until unknown starts give one force.
-    pub(super) fn forget_unknown_starts(&mut self, element: &Element) {
+    pub(crate) fn forget_unknown_starts(&mut self, element: &Element) {
         for run in &mut self.runs {
             let steps = run.steps.iter().map(|s| (s.displacement, s.duration));
             let known = forgotten_after(std::slice::from_ref(element), steps).map_or(run.steps.len(), |i| i + 1);
@@ -96,25 +97,25 @@ impl Training {
     }
 
     /// Cluster that holds a sample of a recording.
-    pub(super) fn cluster_of(&self, recording: usize, sample: usize) -> usize {
+    pub(crate) fn cluster_of(&self, recording: usize, sample: usize) -> usize {
         self.starts.partition_point(|start| *start <= (recording, sample)).saturating_sub(1)
     }
 
     /// The same training with the weight taken from some clusters.
-    pub(super) fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
+    pub(crate) fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
         let mut part = self.clone();
         part.weights.iter_mut().enumerate().filter(|(g, _)| left_out(*g)).for_each(|(_, w)| *w = 0.0);
         part
     }
 
     /// Root mean square acceleration, m/s².
-    pub(super) fn rms_acceleration(&self) -> f64 {
+    pub(crate) fn rms_acceleration(&self) -> f64 {
         let steps = || self.runs.iter().flat_map(|r| &r.steps);
         let samples: f64 = steps().map(|s| s.samples).sum();
         (steps().map(|s| s.samples * s.acceleration.powi(2)).sum::<f64>() / samples.max(1.0)).sqrt()
     }
 
-    pub(super) fn clusters(&self) -> usize {
+    pub(crate) fn clusters(&self) -> usize {
         self.weights.len()
     }
 }
@@ -158,7 +159,7 @@ fn run(
         let samples = (next - at) as f64;
         let mean = |values: &[f64]| values[at + 1..=next].iter().sum::<f64>() / samples;
         let cluster = sizes.len() - 1;
-        let unscored = inside.is_some() || (at + 1..=next).any(|i| recording.is_clipped(i));
+        let unscored = (inside.is_some() && !part.settled_scored) || (at + 1..=next).any(|i| recording.is_clipped(i));
         let scored = if unscored { 0.0 } else { samples };
         sizes[cluster] += scored;
         steps.push(Step {
