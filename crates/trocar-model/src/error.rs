@@ -110,6 +110,36 @@ pub enum ParamError {
         /// F_c, N.
         coulomb_force: f64,
     },
+    /// A model has no element or more than [`crate::MAX_ELEMENTS`].
+    ElementCount {
+        /// Number of elements found.
+        count: usize,
+    },
+    /// A value of one of several elements is not finite or too small.
+    ElementOutOfRange {
+        /// Index of the element, from 0; messages count from 1.
+        index: usize,
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value found.
+        value: f64,
+        /// Unit of the value, empty for a pure number.
+        unit: &'static str,
+        /// Whether 0 would have been allowed.
+        zero_allowed: bool,
+    },
+    /// The shares of the elements in the sliding force do not add up to 1.
+    SharesNotOne {
+        /// The sum found.
+        sum: f64,
+    },
+    /// The limit forces of the hysteresis bank add up to less than the static force: its deflection would run away.
+    BankTooWeak {
+        /// Sum of the limit forces, N.
+        limit_force: f64,
+        /// F_s, N.
+        static_force: f64,
+    },
 }
 
 impl fmt::Display for ParamError {
@@ -157,6 +187,19 @@ impl fmt::Display for ParamError {
             Self::UndampedBreakaway { static_force, coulomb_force } => write!(
                 f,
                 "static_force {static_force} N above coulomb_force {coulomb_force} N needs viscous_damping or seal damping above zero"
+            ),
+            Self::ElementCount { count } => {
+                write!(f, "a model needs 1 to {} elements, got {count}", crate::MAX_ELEMENTS)
+            }
+            Self::ElementOutOfRange { index, name, value, unit, zero_allowed } => {
+                let least = if zero_allowed { "at least 0" } else { "above 0" };
+                let (number, gap) = (index + 1, space(unit));
+                write!(f, "{name} of element {number} must be finite and {least}, got {value}{gap}{unit}")
+            }
+            Self::SharesNotOne { sum } => write!(f, "the shares of the elements must add up to 1, got {sum}"),
+            Self::BankTooWeak { limit_force, static_force } => write!(
+                f,
+                "the limit forces of the elements must add up to at least static_force = {static_force} N, got {limit_force} N"
             ),
         }
     }

@@ -1,0 +1,267 @@
+//! The Maxwell-Slip model: springs with a dry slider each, side by side, EMS (1) to (3).
+
+use crate::error::{ParamError, not_negative};
+use crate::friction::{Friction, velocity};
+
+/// Largest number of elements of a model.
+pub const MAX_ELEMENTS: usize = 16;
+
+/// One spring in series with a dry slider.
+///
+/// | symbol | field         | unit | range |
+/// |--------|---------------|------|-------|
+/// | k_i    | `stiffness`   | N/m  | > 0   |
+/// | F_i    | `limit_force` | N    | > 0   |
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlipElement {
+    /// k_i, N/m, > 0.
+    pub stiffness: f64,
+    /// F_i, N, > 0: force at which the slider gives way.
+    pub limit_force: f64,
+}
+
+impl SlipElement {
+    /// Fills the unused places of a bank.
+    const NONE: Self = Self { stiffness: 0.0, limit_force: 0.0 };
+}
+
+/// Slip elements under one motion, checked. Also the memory of the modified Leuven model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bank {
+    elements: [SlipElement; MAX_ELEMENTS],
+    count: usize,
+    /// ΣF_i, N, summed in the order in which the forces are.
+    limit: f64,
+}
+
+impl Bank {
+    pub(crate) fn new(elements: &[SlipElement]) -> Result<Self, ParamError> {
+        check_count(elements.len())?;
+        let mut bank = Self { elements: [SlipElement::NONE; MAX_ELEMENTS], count: elements.len(), limit: 0.0 };
+        for (index, (place, element)) in bank.elements.iter_mut().zip(elements).enumerate() {
+            above_zero(index, "stiffness", element.stiffness, "N/m")?;
+            above_zero(index, "limit_force", element.limit_force, "N")?;
+            bank.limit += element.limit_force;
+            *place = *element;
+        }
+        if bank.limit.is_finite() {
+            Ok(bank)
+        } else {
+            Err(ParamError::NotFinite { name: "sum of limit_force", value: bank.limit })
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn elements(&self) -> &[SlipElement] {
+        &self.elements[..self.count.min(MAX_ELEMENTS)]
+    }
+
+    /// Forces that add up to `force` (N), clamped to ±`most`, each in proportion to its limit.
+    pub(crate) fn share(&self, force: f64, most: f64) -> [f64; MAX_ELEMENTS] {
+        let force = if force.is_finite() { force.max(-most).min(most) } else { 0.0 };
+        self.elements.map(|element| force / self.limit * element.limit_force)
+    }
+}
+
+/// Everything that changes while a [`MaxwellSlip`] runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MaxwellSlipState {
+    forces: [f64; MAX_ELEMENTS],
+    count: usize,
+    force: f64,
+}
+
+impl MaxwellSlipState {
+    /// f_i, N: force of each element, |f_i| <= F_i.
+    pub fn element_forces(&self) -> &[f64] {
+        &self.forces[..self.count]
+    }
+
+    /// F, N: force that the instrument exerts on the seal.
+    pub fn force(&self) -> f64 {
+        self.force
+    }
+}
+
+/// Maxwell-Slip model: rate-independent hysteresis with nonlocal memory, and viscous friction.
+///
+/// # Equations (key EMS in SOURCES.md, section II-A; also IWAN)
+/// ```text
+/// stick  df_i/dt = k_i·v          until |f_i| = F_i                  (1) (2)
+/// slip   df_i/dt = 0              until v changes sign               (1)
+/// F = Σ f_i + β·v                                                    (3)
+/// step   f_i⁺ = clamp(f_i + k_i·Δx, -F_i, F_i)
+/// ```
+/// | symbol | parameter            | unit  | range           |
+/// |--------|----------------------|-------|-----------------|
+/// | k_i, F_i | [`SlipElement`]    | N/m, N | > 0; 1 to [`MAX_ELEMENTS`] elements |
+/// | β      | `viscous_damping`    | N·s/m | >= 0            |
+///
+/// - **Step**: the exact solution for any monotone motion within the step, whatever its length and speed.
+/// - **Invariants**: |f_i| <= F_i; at constant v the force settles at ΣF_i·sgn(v) + β·v (4), exactly, after a finite
+///   travel; Masing's rules; returning to a turning point restores its force; Σf_i²/(2k_i) is stored, the rest of the
+///   work is lost, never gained.
+/// - **Limits**: stiffness never grows on the way from a reversal (k_i > 0), so a seal that turns over is out of reach.
+/// - **Errors**: [`ParamError`] from [`MaxwellSlip::new`]; never later.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MaxwellSlip {
+    bank: Bank,
+    viscous_damping: f64,
+}
+
+impl MaxwellSlip {
+    /// Checks the parameters; `viscous_damping` is β, N·s/m.
+    ///
+    /// # Errors
+    /// No element or more than [`MAX_ELEMENTS`], or a value that is not finite or out of its range.
+    pub fn new(elements: &[SlipElement], viscous_damping: f64) -> Result<Self, ParamError> {
+        not_negative("viscous_damping", viscous_damping, "N s/m")?;
+        Ok(Self { bank: Bank::new(elements)?, viscous_damping })
+    }
+
+    /// The elements.
+    pub fn elements(&self) -> &[SlipElement] {
+        self.bank.elements()
+    }
+
+    /// β, N·s/m.
+    pub fn viscous_damping(&self) -> f64 {
+        self.viscous_damping
+    }
+
+    /// State at rest without any force.
+    pub fn rest_state(&self) -> MaxwellSlipState {
+        self.rest_at_force(0.0)
+    }
+
+    /// State at rest that holds `force` (N), clamped to ±ΣF_i, shared in proportion to F_i. A force that is not finite
+    /// counts as 0.
+    pub fn rest_at_force(&self, force: f64) -> MaxwellSlipState {
+        let forces = self.bank.share(force, self.bank.limit);
+        let count = self.bank.count;
+        MaxwellSlipState { forces, count, force: forces[..count].iter().sum() }
+    }
+
+    /// Advances `state` by `displacement` (m) within `duration` (s); returns the force (N) at the end.
+    ///
+    /// A duration that is not positive, or a displacement, duration or velocity that is not finite, leaves the state
+    /// untouched and returns the last force.
+    #[inline]
+    pub fn step(&self, state: &mut MaxwellSlipState, displacement: f64, duration: f64) -> f64 {
+        let Some(velocity) = velocity(displacement, duration) else { return state.force };
+        let viscous = self.viscous_damping * velocity;
+        // The elements are bounded: only the viscous part can exceed all numbers.
+        if viscous.abs() + self.bank.limit > f64::MAX {
+            return state.force;
+        }
+        let mut elastic = 0.0;
+        for (force, element) in state.forces.iter_mut().zip(self.bank.elements()) {
+            let limit = element.limit_force;
+            *force = (*force + element.stiffness * displacement).max(-limit).min(limit); // EMS (1), (2)
+            elastic += *force;
+        }
+        state.force = elastic + viscous; // EMS (3)
+        state.force
+    }
+
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    pub fn step_velocity(&self, state: &mut MaxwellSlipState, velocity: f64, duration: f64) -> f64 {
+        self.step(state, velocity * duration, duration)
+    }
+
+    /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity that is not finite.
+    pub fn output(&self, state: &MaxwellSlipState, velocity: f64) -> f64 {
+        let elastic: f64 = state.forces.iter().zip(self.bank.elements()).map(|(force, _)| force).sum();
+        let force = elastic + self.viscous_damping * velocity;
+        if force.is_finite() { force } else { state.force }
+    }
+}
+
+impl Friction for MaxwellSlip {
+    type State = MaxwellSlipState;
+
+    fn rest_at_force(&self, force: f64) -> MaxwellSlipState {
+        MaxwellSlip::rest_at_force(self, force)
+    }
+
+    fn step(&self, state: &mut MaxwellSlipState, displacement: f64, duration: f64) -> f64 {
+        MaxwellSlip::step(self, state, displacement, duration)
+    }
+
+    fn force(state: &MaxwellSlipState) -> f64 {
+        state.force
+    }
+}
+
+/// Number of elements of a model.
+pub(crate) fn check_count(count: usize) -> Result<(), ParamError> {
+    if (1..=MAX_ELEMENTS).contains(&count) { Ok(()) } else { Err(ParamError::ElementCount { count }) }
+}
+
+/// A value of element `index` that must be finite and above zero.
+pub(crate) fn above_zero(index: usize, name: &'static str, value: f64, unit: &'static str) -> Result<(), ParamError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(ParamError::ElementOutOfRange { index, name, value, unit, zero_allowed: false })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+
+    use super::*;
+
+    fn two() -> MaxwellSlip {
+        let soft = SlipElement { stiffness: 100.0, limit_force: 0.5 };
+        let stiff = SlipElement { stiffness: 1000.0, limit_force: 1.0 };
+        MaxwellSlip::new(&[stiff, soft], 2.0).unwrap()
+    }
+
+    #[test]
+    fn virgin_curve_bends_where_each_element_gives_way() {
+        let model = two();
+        let mut state = model.rest_state();
+        // 1 mm: both stick; 5 mm: the soft one gives way; beyond: nothing more but viscous friction of 2 N s/m·0.1 m/s.
+        for (position, force) in [(1e-3, 1.1), (5e-3, 1.5), (9e-3, 1.5)] {
+            let travel = position - state.element_forces()[1] / 100.0;
+            assert!((model.step(&mut state, travel, travel / 0.1) - 0.2 - force).abs() < 1e-14);
+        }
+        assert_eq!(state.element_forces(), [1.0, 0.5]);
+    }
+
+    #[test]
+    fn a_hold_keeps_the_elastic_force_and_both_zeros_are_the_same() {
+        let model = two();
+        for zero in [0.0, -0.0] {
+            let mut state = model.rest_state();
+            model.step(&mut state, -4e-4, 1e-3);
+            let held = state.element_forces()[0] + state.element_forces()[1];
+            assert_eq!(model.step(&mut state, zero, 1e-3), held);
+            assert_eq!(model.output(&state, zero), held);
+        }
+    }
+
+    #[test]
+    fn rest_at_force_is_shared_by_limit_and_clamped() {
+        let model = two();
+        let state = model.rest_at_force(0.75);
+        assert_eq!(state.element_forces(), [0.5, 0.25]);
+        assert_eq!(model.rest_at_force(-99.0).force(), -1.5);
+        assert_eq!(model.rest_at_force(f64::NAN), model.rest_state());
+    }
+
+    #[test]
+    fn bad_parameters_are_named() {
+        let bad = MaxwellSlip::new(&[SlipElement { stiffness: -1.0, limit_force: 1.0 }], 0.0).unwrap_err();
+        assert_eq!(bad.to_string(), "stiffness of element 1 must be finite and above 0, got -1 N/m");
+        assert_eq!(MaxwellSlip::new(&[], 0.0), Err(ParamError::ElementCount { count: 0 }));
+        let many = [SlipElement { stiffness: 1.0, limit_force: 1.0 }; MAX_ELEMENTS + 1];
+        let bad = MaxwellSlip::new(&many, 0.0).unwrap_err();
+        assert_eq!(bad.to_string(), "a model needs 1 to 16 elements, got 17");
+        let huge = [SlipElement { stiffness: 1.0, limit_force: f64::MAX }; 2];
+        assert!(matches!(MaxwellSlip::new(&huge, 0.0), Err(ParamError::NotFinite { .. })));
+    }
+}
