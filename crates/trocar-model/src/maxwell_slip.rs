@@ -56,6 +56,11 @@ impl Bank {
         &self.elements[..self.count.min(MAX_ELEMENTS)]
     }
 
+    /// ΣF_i, N.
+    pub(crate) fn limit(&self) -> f64 {
+        self.limit
+    }
+
     /// Forces that add up to `force` (N), clamped to ±`most`, each in proportion to its limit.
     pub(crate) fn share(&self, force: f64, most: f64) -> [f64; MAX_ELEMENTS] {
         let force = if force.is_finite() { force.max(-most).min(most) } else { 0.0 };
