@@ -359,7 +359,7 @@ mod tests {
         let model = leuven(1.0);
         let mut state = model.rest_state();
         let force = model.step(&mut state, 1e-9, 1e-3);
-        assert!((force - 1e-6 - 1500.0 * 1e-9).abs() < 1e-14);
+        assert!((force - 1e-6 - 1.5e-6).abs() < 1e-12);
     }
 
     #[test]
