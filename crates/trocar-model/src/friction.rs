@@ -39,3 +39,8 @@ pub(crate) fn sign(value: f64) -> f64 {
         0.0
     }
 }
+
+/// A force that a model can hold at rest, N: clamped to ±`limit`; what is not finite counts as 0.
+pub(crate) fn held(force: f64, limit: f64) -> f64 {
+    if force.is_finite() { force.max(-limit).min(limit) } else { 0.0 }
+}

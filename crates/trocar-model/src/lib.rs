@@ -63,6 +63,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod dahl;
 pub mod damping;
 pub mod elastic;
 pub mod ems;
@@ -72,12 +73,15 @@ pub mod friction;
 pub mod gms;
 pub mod leuven;
 pub mod maxwell_slip;
+pub mod lugre;
 pub mod paper_literal;
 pub mod parallel;
 mod plausible;
 pub mod sliding;
 mod slip;
+pub mod stribeck;
 
+pub use dahl::{Dahl, DahlParams, DahlState};
 pub use damping::SealDamping;
 pub use elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
 pub use ems::{Element, ElementParams, Folding, Mode, State};
@@ -86,6 +90,8 @@ pub use friction::Friction;
 pub use gms::{Gms, GmsElement, GmsState, SlipRate};
 pub use leuven::{Leuven, LeuvenParams, LeuvenState};
 pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
+pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
 pub use paper_literal::{LiteralState, PaperLiteral};
 pub use parallel::{Parallel, step_parallel};
 pub use sliding::SlidingFriction;
+pub use stribeck::{StaticFriction, StaticState};

@@ -77,7 +77,7 @@ impl SlidingFriction {
     }
 
     /// (u/v_s)^δ and its derivative by u; the two usual shapes avoid a power.
-    fn exponent(&self, u: f64) -> (f64, f64) {
+    pub(crate) fn exponent(&self, u: f64) -> (f64, f64) {
         // The reciprocal does not wait for u: a division here would lengthen every step.
         let inverse = 1.0 / self.stribeck_velocity;
         let x = u * inverse;

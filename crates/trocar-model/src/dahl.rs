@@ -1,0 +1,233 @@
+//! The Dahl model: friction as a spring that yields the more, the nearer its force comes to the Coulomb force.
+
+use crate::error::{ParamError, not_negative, positive};
+use crate::exponential::decay;
+use crate::friction::{Friction, held, sign, velocity};
+
+/// Parameters of the Dahl model, key DAHL. Checked by [`Dahl::new`].
+///
+/// ```text
+/// df/dx = σ·|y|^i·sgn(y)         y = 1 - (f/F_c)·sgn(v)
+/// F     = f + β·v
+/// ```
+///
+/// | symbol | field             | unit  | range                        |
+/// |--------|-------------------|-------|------------------------------|
+/// | σ      | `stiffness`       | N/m   | > 0                          |
+/// | F_c    | `coulomb_force`   | N     | > 0                          |
+/// | i      | `exponent`        | 1     | > 0; mostly 0.5 to 1.5       |
+/// | β      | `viscous_damping` | N·s/m | >= 0; 0 is the model of DAHL |
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DahlParams {
+    /// σ, N/m, > 0: slope of the force where it is zero.
+    pub stiffness: f64,
+    /// F_c, N, > 0: force that a long slide settles at.
+    pub coulomb_force: f64,
+    /// i, pure number > 0: shape of the approach to F_c. Below 1 it ends within a finite travel, at 1 it is
+    /// exponential, above 1 it is algebraic.
+    pub exponent: f64,
+    /// β, N·s/m, >= 0.
+    pub viscous_damping: f64,
+}
+
+/// The Dahl model: validated, immutable; many states may share it.
+///
+/// - **Step**: the exact solution at constant velocity for any stiffness, speed and length. |y| is y, since y
+///   stays within [0, 2].
+/// - **Invariants**: |f| <= F_c, to the last bit; F(-x) = -F(x); for β = 0 independent of rate, and of the sampling of
+///   a monotone motion; passive with the storage f²/(2·σ), also in steps: F·Δx is never less than what that gains.
+/// - **Limits**: no memory of turning points: small loops do not close, and a small oscillation upon a bias drifts. No
+///   force to break away beyond F_c.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dahl {
+    params: DahlParams,
+}
+
+/// Everything that changes while a Dahl model runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DahlState {
+    hysteresis_force: f64,
+    force: f64,
+}
+
+impl DahlState {
+    /// f, N: force without its viscous part, |f| <= F_c.
+    pub fn hysteresis_force(&self) -> f64 {
+        self.hysteresis_force
+    }
+
+    /// F, N: force after the last step.
+    pub fn force(&self) -> f64 {
+        self.force
+    }
+}
+
+impl Dahl {
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// A value out of its range.
+    pub fn new(params: DahlParams) -> Result<Self, ParamError> {
+        positive("stiffness", params.stiffness, "N/m")?;
+        positive("coulomb_force", params.coulomb_force, "N")?;
+        positive("exponent", params.exponent, "")?;
+        not_negative("viscous_damping", params.viscous_damping, "N s/m")?;
+        Ok(Self { params })
+    }
+
+    /// The parameters.
+    pub fn params(&self) -> &DahlParams {
+        &self.params
+    }
+
+    /// State at rest without force.
+    pub fn rest_state(&self) -> DahlState {
+        self.rest_at_force(0.0)
+    }
+
+    /// State at rest that holds `force`, N, clamped to ±F_c; a force that is not finite counts as 0.
+    pub fn rest_at_force(&self, force: f64) -> DahlState {
+        let hysteresis_force = held(force, self.params.coulomb_force);
+        DahlState { hysteresis_force, force: hysteresis_force }
+    }
+
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
+    /// end.
+    pub fn step(&self, state: &mut DahlState, displacement: f64, duration: f64) -> f64 {
+        if let Some(velocity) = velocity(displacement, duration) {
+            let hysteresis_force = self.hysteresis(state.hysteresis_force, displacement);
+            let force = hysteresis_force + self.params.viscous_damping * velocity;
+            if force.abs() <= f64::MAX {
+                *state = DahlState { hysteresis_force, force };
+            }
+        }
+        state.force
+    }
+
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    pub fn step_velocity(&self, state: &mut DahlState, velocity: f64, duration: f64) -> f64 {
+        self.step(state, velocity * duration, duration)
+    }
+
+    /// Force at the very start of motion at `velocity` (m/s) from `state`, N.
+    pub fn output(&self, state: &DahlState, velocity: f64) -> f64 {
+        state.hysteresis_force + self.params.viscous_damping * velocity
+    }
+
+    /// f after `displacement`.
+    fn hysteresis(&self, f: f64, displacement: f64) -> f64 {
+        let DahlParams { stiffness, coulomb_force, .. } = self.params;
+        let s = sign(displacement);
+        if s == 0.0 {
+            return f;
+        }
+        let y = 1.0 - s * f / coulomb_force;
+        let travel = stiffness * displacement.abs() / coulomb_force;
+        s * coulomb_force * (1.0 - self.remainder(y, travel))
+    }
+
+    /// y after `travel` = σ·|Δx|/F_c: the solution of dy/dtravel = -y^i.
+    ///
+    /// With m = i - 1 it is (y^-m + m·travel)^(-1/m), 0 once the bracket is no longer positive. Written relative to y
+    /// it neither overflows for large m nor loses digits for small m.
+    fn remainder(&self, y: f64, travel: f64) -> f64 {
+        let m = self.params.exponent - 1.0;
+        if m == 0.0 {
+            return y * decay(travel);
+        }
+        let growth = m * (travel * libm::pow(y, m));
+        if growth <= -1.0 {
+            return 0.0;
+        }
+        let logarithm =
+            if growth < f64::INFINITY { libm::log1p(growth) } else { libm::log(m * travel) + m * libm::log(y) };
+        y * decay(logarithm / m)
+    }
+}
+
+impl Friction for Dahl {
+    type State = DahlState;
+
+    fn rest_at_force(&self, force: f64) -> DahlState {
+        Dahl::rest_at_force(self, force)
+    }
+
+    fn step(&self, state: &mut DahlState, displacement: f64, duration: f64) -> f64 {
+        Dahl::step(self, state, displacement, duration)
+    }
+
+    fn force(state: &DahlState) -> f64 {
+        state.force
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dahl(exponent: f64) -> Dahl {
+        Dahl::new(DahlParams { stiffness: 2000.0, coulomb_force: 3.0, exponent, viscous_damping: 0.0 }).unwrap()
+    }
+
+    /// From zero force, y = 1: where the solution is a plain number.
+    #[test]
+    fn virgin_curves_pass_known_points() {
+        // (exponent, travel σx/F_c, y there)
+        let points = [(0.5, 1.0, 0.25), (1.0, core::f64::consts::LN_2, 0.5), (1.5, 2.0, 0.25), (2.0, 3.0, 0.25)];
+        for (exponent, travel, y) in points {
+            let model = dahl(exponent);
+            let mut state = model.rest_state();
+            let force = model.step(&mut state, -travel * 3.0 / 2000.0, 1.0);
+            assert!((force + 3.0 * (1.0 - y)).abs() < 1e-14, "{exponent}: {force}");
+        }
+    }
+
+    #[test]
+    fn below_one_the_coulomb_force_is_reached() {
+        let model = dahl(0.5);
+        // From y = 2 the travel to y = 0 is 2·√2.
+        let full = 2.0 * core::f64::consts::SQRT_2 * 3.0 / 2000.0;
+        let mut state = model.rest_at_force(-3.0);
+        assert!(model.step(&mut state, 0.999 * full, 1.0) < 3.0);
+        assert_eq!(model.step(&mut state, 0.002 * full, 1.0), 3.0);
+        assert_eq!(model.step(&mut state, full, 1.0), 3.0);
+    }
+
+    #[test]
+    fn extreme_exponents_stay_within_bounds() {
+        for exponent in [1e-300, 1e-3, 1.0 - 1e-16, 1.0 + 3e-16, 300.0, 5e3, 1e300] {
+            let model = dahl(exponent);
+            let mut state = model.rest_at_force(-3.0);
+            for travel in [1e-300, 1e-9, 1e-3, 1.0, 1e9, 1e300] {
+                for displacement in [travel, -travel] {
+                    let before = state.force();
+                    let force = model.step(&mut state, displacement, 1.0);
+                    assert!(force.abs() <= 3.0, "{exponent} {displacement} {force}");
+                    // A rounding of y is 4e-16 of F_c.
+                    assert!(sign(displacement) * (force - before) >= -2e-15, "{exponent} {displacement} {force}");
+                }
+            }
+        }
+    }
+
+    /// Where y^i is beyond all numbers, y falls from 2 to 1 at once and then hardly further.
+    #[test]
+    fn great_exponents_fall_to_one() {
+        for exponent in [2e3, 5e3, 1e5] {
+            let model = dahl(exponent);
+            let force = model.step(&mut model.rest_at_force(-3.0), 3.0 / 2000.0, 1.0);
+            assert!(force > 0.0 && force < 3.0 * 4e-3, "{exponent}: {force}");
+        }
+    }
+
+    /// Near 1 the power law goes over into the exponential without a loss of digits.
+    #[test]
+    fn exponent_one_is_a_limit() {
+        for step in [3e-16, 1e-12, 1e-9] {
+            let (one, near) = (dahl(1.0), dahl(1.0 + step));
+            let (mut a, mut b) = (one.rest_at_force(-2.0), near.rest_at_force(-2.0));
+            let apart = one.step(&mut a, 1e-3, 1.0) - near.step(&mut b, 1e-3, 1.0);
+            assert!(apart.abs() < 1e-14 + 3.0 * step, "{step} {apart}");
+        }
+    }
+}
