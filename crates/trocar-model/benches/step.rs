@@ -1,4 +1,4 @@
-//! Time per sample of one element on a surgeon-like 1 kHz motion: `cargo bench -p trocar-model`.
+//! Time per sample of each friction model on a surgeon-like 1 kHz motion: `cargo bench -p trocar-model`.
 //!
 //! Slides, holds, reversals small and large, tremor. Prints the median and the fastest of the repetitions: the fastest is
 //! what the machine does when nothing else runs on it.
@@ -6,7 +6,10 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use trocar_model::{Element, ElementParams, ParamError, SealDamping, SlidingFriction};
+use trocar_model::{
+    Dahl, DahlParams, Element, ElementParams, Friction, LuGre, LuGreParams, ParamError, SealDamping, SlidingFriction,
+    StaticFriction, StribeckCurve,
+};
 
 const SAMPLES: usize = 40_000;
 const REPETITIONS: usize = 101;
@@ -34,32 +37,33 @@ fn motion() -> Vec<f64> {
     (1..SAMPLES).map(|k| position(k) - position(k - 1)).collect()
 }
 
-fn nanoseconds_per_sample(element: &Element, displacements: &[f64]) -> (f64, f64) {
+const STRIBECK: SlidingFriction = SlidingFriction {
+    coulomb_force: 2.4,
+    static_force: 3.0,
+    stribeck_velocity: 0.01,
+    stribeck_exponent: 2.0,
+    viscous_damping: 5.0,
+};
+
+/// Measures `model` on `displacements` and prints its row.
+fn report<M: Friction>(name: &str, model: &M, displacements: &[f64]) {
     let mut times = Vec::with_capacity(REPETITIONS);
     for _ in 0..REPETITIONS {
-        let mut state = element.rest_state(0.0);
+        let mut state = model.rest_at_force(0.0);
         let start = Instant::now();
         for &displacement in displacements {
-            black_box(element.step(&mut state, black_box(displacement), PERIOD));
+            black_box(model.step(&mut state, black_box(displacement), PERIOD));
         }
         times.push(start.elapsed().as_secs_f64() * 1e9 / displacements.len() as f64);
     }
     times.sort_by(f64::total_cmp);
-    (times[REPETITIONS / 2], times[0])
+    println!("{name:32} {:7.1} ns per sample, fastest {:7.1}", times[REPETITIONS / 2], times[0]);
 }
 
-fn main() -> Result<(), ParamError> {
-    let displacements = motion();
+fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
     let constant = ElementParams::plausible_10_5_mm()?;
-    let stribeck = SlidingFriction {
-        coulomb_force: 2.4,
-        static_force: 3.0,
-        stribeck_velocity: 0.01,
-        stribeck_exponent: 2.0,
-        viscous_damping: 5.0,
-    };
-    let folded = ElementParams { insertion: stribeck, withdrawal: stribeck, ..constant };
-    let gentle = SlidingFriction { stribeck_velocity: 0.15, ..stribeck };
+    let folded = ElementParams { insertion: STRIBECK, withdrawal: STRIBECK, ..constant };
+    let gentle = SlidingFriction { stribeck_velocity: 0.15, ..STRIBECK };
     let unique = ElementParams { insertion: gentle, withdrawal: gentle, ..constant };
     let damping = SealDamping::constant(1.0);
     let cases = [
@@ -71,9 +75,42 @@ fn main() -> Result<(), ParamError> {
         ("Stribeck, folded, sigma > 0", ElementParams { damping, ..folded }),
     ];
     for (name, params) in cases {
-        let element = Element::new(params)?;
-        let (median, fastest) = nanoseconds_per_sample(&element, &displacements);
-        println!("{name:32} {median:7.1} ns per sample, fastest {fastest:7.1}");
+        report(name, &Element::new(params)?, displacements);
     }
     Ok(())
+}
+
+fn report_classical(displacements: &[f64]) -> Result<(), ParamError> {
+    report("static, Coulomb", &StaticFriction::new(SlidingFriction::coulomb(3.0, 5.0))?, displacements);
+    report("static, Stribeck", &StaticFriction::new(STRIBECK)?, displacements);
+    for (name, exponent) in [("Dahl, exponent 1", 1.0), ("Dahl, exponent 1.5", 1.5), ("Dahl, exponent 0.5", 0.5)] {
+        let params = DahlParams { stiffness: 1500.0, coulomb_force: 3.0, exponent, viscous_damping: 5.0 };
+        report(name, &Dahl::new(params)?, displacements);
+    }
+    let gaussian = LuGreParams {
+        stiffness: 1500.0,
+        micro_damping: 5.0,
+        damping_velocity: f64::INFINITY,
+        sliding: STRIBECK,
+        curve: StribeckCurve::Exponential,
+    };
+    let cases = [
+        ("LuGre, Gaussian", gaussian),
+        ("LuGre, Gaussian, fading damping", LuGreParams { damping_velocity: 0.05, ..gaussian }),
+        ("LuGre, rational", LuGreParams { curve: StribeckCurve::Rational, ..gaussian }),
+        (
+            "LuGre, exponent 1.3",
+            LuGreParams { sliding: SlidingFriction { stribeck_exponent: 1.3, ..STRIBECK }, ..gaussian },
+        ),
+    ];
+    for (name, params) in cases {
+        report(name, &LuGre::new(params)?, displacements);
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), ParamError> {
+    let displacements = motion();
+    report_elements(&displacements)?;
+    report_classical(&displacements)
 }
