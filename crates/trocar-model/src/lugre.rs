@@ -125,7 +125,8 @@ impl LuGre {
     /// Whether the model can give back more energy than it was given.
     ///
     /// Passive if σ_2 >= σ_1·(F_s/F_c - 1), or if v_d <= 4·√(2·e)·F_c/σ_1. For constant σ_1 the first is also
-    /// necessary, key BARABANOV. Both follow from what is lost beside the storage σ_0·z²/2, with r = σ_0·z·sgn(v)/g <= F_s/g:
+    /// necessary, key BARABANOV. Both follow from what is lost beside the storage σ_0·z²/2, with
+    /// r = σ_0·z·sgn(v)/g <= F_s/g:
     ///
     /// ```text
     /// F·v - σ_0·z·dz/dt = |v|·[g·r² + σ_1(v)·|v|·(1 - r) + σ_2·|v|]
