@@ -2,6 +2,8 @@
 
 pub mod analyze;
 pub mod bench;
+pub mod classical;
+pub mod compare;
 pub mod error;
 pub mod identify;
 pub mod model_file;

@@ -113,7 +113,7 @@ impl Validation {
 
 /// Sums over samples, from which root mean squares and fits follow.
 #[derive(Default, Clone, Copy)]
-struct Sums {
+pub(crate) struct Sums {
     n: f64,
     squares: f64,
     force: f64,
@@ -121,13 +121,13 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(readings: impl Iterator<Item = (f64, f64)>) -> Self {
+    pub(crate) fn of(readings: impl Iterator<Item = (f64, f64)>) -> Self {
         readings.fold(Self::default(), |s, (error, force)| {
             s.plus(Self { n: 1.0, squares: error * error, force, force_squares: force * force })
         })
     }
 
-    fn plus(self, other: Self) -> Self {
+    pub(crate) fn plus(self, other: Self) -> Self {
         Self {
             n: self.n + other.n,
             squares: self.squares + other.squares,
@@ -136,11 +136,11 @@ impl Sums {
         }
     }
 
-    fn rms(&self) -> f64 {
+    pub(crate) fn rms(&self) -> f64 {
         (self.squares / self.n.max(1.0)).sqrt()
     }
 
-    fn fit_percent(&self) -> f64 {
+    pub(crate) fn fit_percent(&self) -> f64 {
         let n = self.n.max(1.0);
         let variance = self.force_squares / n - (self.force / n).powi(2);
         if variance > 0.0 { 100.0 * (1.0 - self.rms() / variance.sqrt()) } else { 0.0 }
@@ -184,7 +184,7 @@ fn validate_one(elements: &[Element], recording: &Recording, offset: f64) -> (Re
         samples: scored.len(),
         samples_before_known: recording.len() - scored.len(),
         by_speed: by_speed(recording, &error, &scored),
-        by_phase: by_phase(recording, &run, &error, &scored),
+        by_phase: Phases::of(phases_of(recording, &run, &scored).into_iter().zip(scored.iter().map(|i| error[*i]))),
         whiteness: whiteness(recording, &error, &scored),
         warnings,
     };
@@ -220,19 +220,40 @@ fn typical_speed(recording: &Recording, from: usize, to: usize) -> f64 {
     if t[b] > t[a] { s * (x[b] - x[a]) / (t[b] - t[a]) } else { 0.0 }
 }
 
-fn by_phase(recording: &Recording, run: &Replay, error: &[f64], scored: &[usize]) -> Phases {
+/// Phase of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Phase {
+    Deformation,
+    Sliding,
+    Hold,
+}
+
+/// Phases of the `scored` samples, as the replay of EMS elements tells them.
+pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
-    let held = |i: usize| velocity[i].abs() < HOLD_SPEED;
-    let total: f64 = scored.iter().map(|i| error[*i] * error[*i]).sum();
-    let part = |wanted: &dyn Fn(usize) -> bool| {
-        let sums = Sums::of(scored.iter().filter(|i| wanted(**i)).map(|i| (error[*i], 0.0)));
-        let share = if total > 0.0 { sums.squares / total } else { 0.0 };
-        Part { rms_n: sums.rms(), samples: sums.n as usize, share_of_squares: share }
+    let phase = |i: &usize| match (velocity[*i].abs() < HOLD_SPEED, run.sliding[*i]) {
+        (true, _) => Phase::Hold,
+        (false, true) => Phase::Sliding,
+        (false, false) => Phase::Deformation,
     };
-    Phases {
-        deformation: part(&|i| !held(i) && !run.sliding[i]),
-        sliding: part(&|i| !held(i) && run.sliding[i]),
-        hold: part(&held),
+    scored.iter().map(phase).collect()
+}
+
+impl Phases {
+    /// Errors, N, summed up by phase.
+    pub(crate) fn of(errors: impl Iterator<Item = (Phase, f64)>) -> Self {
+        let mut sums = [Sums::default(); 3];
+        for (phase, error) in errors {
+            let own = &mut sums[phase as usize];
+            *own = own.plus(Sums { n: 1.0, squares: error * error, ..Sums::default() });
+        }
+        let total: f64 = sums.iter().map(|s| s.squares).sum();
+        let part = |s: Sums| {
+            let share = if total > 0.0 { s.squares / total } else { 0.0 };
+            Part { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
+        };
+        let [deformation, sliding, hold] = sums.map(part);
+        Self { deformation, sliding, hold }
     }
 }
 

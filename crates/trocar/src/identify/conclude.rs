@@ -75,6 +75,7 @@ pub(super) fn conclude(
     let warnings = warnings(&two, &model, refinement.as_ref(), &parameters);
     progress("residuals", 0.9);
     let residual_rms = residual_rms(&two, &model, &element);
+    let free_parameters = free_parameters(&model, layout, two.assumed);
     Ok(Identification {
         model,
         element,
@@ -84,6 +85,7 @@ pub(super) fn conclude(
         steady: two.steady,
         deformation: two.deformation,
         refinement,
+        free_parameters,
         residual_rms,
         warnings,
     })
@@ -227,6 +229,14 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
     );
     training.forget_unknown_starts(&two.candidate.element()?);
     Ok(training)
+}
+
+/// Free numbers of the model itself; those of a deformation that is assumed do not count.
+fn free_parameters(model: &Candidate, layout: Layout, assumed: bool) -> usize {
+    let of_sensor = 1 + usize::from(layout.hidden_mass);
+    let branches = [&model.rising, &model.falling].map(|shape| 2 + shape.left.len() + shape.right.len());
+    let of_deformation = if assumed { 1 + branches.iter().sum::<usize>() } else { 0 };
+    layout.free(model).len() - of_sensor - of_deformation
 }
 
 /// Significant, and a small part of the reading: what moves the force more than the seal does is no forgotten rod.

@@ -22,9 +22,11 @@ pub use shape::{BranchShape, Pins};
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
 
 mod candidate;
+pub mod classical;
 mod conclude;
 mod deformation;
 mod estimate;
+mod nnls;
 mod output_error;
 mod random;
 mod replicates;
@@ -169,6 +171,8 @@ pub struct Identification {
     pub deformation: Result<DeformationFit, String>,
     /// Refinement; `None` when it was not asked for or not possible.
     pub refinement: Option<Refinement>,
+    /// Numbers of the model that the recordings gave, without the sensor's offset and an undeclared mass.
+    pub free_parameters: usize,
     /// Root mean square error, N, of the model over the recordings it was identified from.
     pub residual_rms: f64,
     /// What to know about the result.

@@ -370,6 +370,21 @@ impl<T: Trial> Fitted<T> {
         (0..count).into_par_iter().filter_map(replicate).collect()
     }
 
+    /// Departures of the free numbers with one cluster left out each, and their covariance if all samples were
+    /// independent. Both with a weak prior of `widths` (standard deviations), so that what the data do not pin stays
+    /// finite; a number held at an end of its range does not depart.
+    pub(crate) fn departures(&self, widths: &[f64]) -> (Vec<DVector<f64>>, DMatrix<f64>) {
+        let (mut hessian, score) = self.sums();
+        let p = score.len();
+        let variance = self.normal.data_cost() / self.weight();
+        widths.iter().enumerate().for_each(|(j, width)| hessian[(j, j)] += variance / (width * width));
+        let used = self.normal.hessians.iter().zip(&self.normal.scores).filter(|(h, _)| h.diagonal().sum() > 0.0);
+        let left_out = used.filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &self.held));
+        let unit = |j: usize| DVector::from_fn(p, |i, _| if i == j { variance } else { 0.0 });
+        let column = |j: usize| damped_step(&hessian, &unit(j), 1e-12, &self.held).unwrap_or_else(|| DVector::zeros(p));
+        (left_out.collect(), DMatrix::from_columns(&(0..p).map(column).collect::<Vec<_>>()))
+    }
+
     fn shifted(&self, hessian: &DMatrix<f64>, score: &DVector<f64>) -> Option<T> {
         let delta = damped_step(hessian, score, 1e-12, &vec![false; score.len()])?;
         let values: Vec<f64> = self.best.free().iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();

@@ -18,6 +18,9 @@ use crate::segment::{Pass, Stretch};
 const THINNING: usize = 20;
 /// Longest travel, as a part of the half width, over which samples are taken together.
 const FINEST: f64 = 0.003;
+/// The same where the sliding has settled and is scored, in units of that: models may take longer to settle than the
+/// EMS element.
+const SETTLED: f64 = 50.0;
 /// Most clusters; shorter passes are put together.
 const MOST_CLUSTERS: usize = 120;
 
@@ -143,6 +146,7 @@ fn run(
         }
         let inside = part.settled.get(stretch).filter(|s| s.start <= at);
         let next = match inside {
+            Some(s) if part.settled_scored => together(recording, at, s.end, SETTLED * finest),
             Some(s) => (at + THINNING).min(s.end - 1).max(at + 1),
             None => together(recording, at, to, finest),
         };

@@ -143,6 +143,16 @@ impl Recording {
         starts.zip(ends).map(|(from, to)| from..to)
     }
 
+    /// The samples in `range` as a recording of their own, `what` behind its name; a velocity column is left out.
+    ///
+    /// # Errors
+    /// As for [`Recording::from_columns`].
+    pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
+        let cut = |column: &[f64]| column[range.clone()].to_vec();
+        let name = format!("{}, {what}", self.name);
+        Self::from_columns(name, cut(&self.time), cut(&self.position), cut(&self.force))
+    }
+
     /// The recording with the inertia and weight of a moving mass taken out of the force:
     /// `force - mass * (acceleration + gravity)`.
     ///

@@ -1,0 +1,79 @@
+//! The friction models of EMS section II as one type, for whoever has to run any of them.
+
+use trocar_model::friction::Friction;
+use trocar_model::{Dahl, Gms, Leuven, LuGre, MaxwellSlip, StaticFriction};
+
+/// Any of the models that EMS compares itself with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // few, and never moved in a loop
+pub enum Classical {
+    /// Coulomb, Coulomb and viscous, or Stribeck.
+    Static(StaticFriction),
+    /// Dahl.
+    Dahl(Dahl),
+    /// LuGre.
+    LuGre(LuGre),
+    /// Modified Leuven.
+    Leuven(Leuven),
+    /// Maxwell-Slip, EMS (1)-(4).
+    MaxwellSlip(MaxwellSlip),
+    /// Generalized Maxwell-Slip, EMS (5)-(7).
+    Gms(Gms),
+}
+
+/// State of a [`Classical`] model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // changed in place, step by step
+pub enum ClassicalState {
+    /// Of a static model.
+    Static(<StaticFriction as Friction>::State),
+    /// Of a Dahl model.
+    Dahl(<Dahl as Friction>::State),
+    /// Of a LuGre model.
+    LuGre(<LuGre as Friction>::State),
+    /// Of a Leuven model.
+    Leuven(<Leuven as Friction>::State),
+    /// Of a Maxwell-Slip model.
+    MaxwellSlip(<MaxwellSlip as Friction>::State),
+    /// Of a Generalized Maxwell-Slip model.
+    Gms(<Gms as Friction>::State),
+}
+
+impl Friction for Classical {
+    type State = ClassicalState;
+
+    fn rest_at_force(&self, force: f64) -> ClassicalState {
+        match self {
+            Self::Static(model) => ClassicalState::Static(model.rest_at_force(force)),
+            Self::Dahl(model) => ClassicalState::Dahl(model.rest_at_force(force)),
+            Self::LuGre(model) => ClassicalState::LuGre(model.rest_at_force(force)),
+            Self::Leuven(model) => ClassicalState::Leuven(model.rest_at_force(force)),
+            Self::MaxwellSlip(model) => ClassicalState::MaxwellSlip(model.rest_at_force(force)),
+            Self::Gms(model) => ClassicalState::Gms(model.rest_at_force(force)),
+        }
+    }
+
+    /// As for each model; the state of another model is left untouched.
+    fn step(&self, state: &mut ClassicalState, displacement: f64, duration: f64) -> f64 {
+        match (self, state) {
+            (Self::Static(model), ClassicalState::Static(state)) => model.step(state, displacement, duration),
+            (Self::Dahl(model), ClassicalState::Dahl(state)) => model.step(state, displacement, duration),
+            (Self::LuGre(model), ClassicalState::LuGre(state)) => model.step(state, displacement, duration),
+            (Self::Leuven(model), ClassicalState::Leuven(state)) => model.step(state, displacement, duration),
+            (Self::MaxwellSlip(model), ClassicalState::MaxwellSlip(state)) => model.step(state, displacement, duration),
+            (Self::Gms(model), ClassicalState::Gms(state)) => model.step(state, displacement, duration),
+            (_, foreign) => Self::force(foreign),
+        }
+    }
+
+    fn force(state: &ClassicalState) -> f64 {
+        match state {
+            ClassicalState::Static(state) => StaticFriction::force(state),
+            ClassicalState::Dahl(state) => <Dahl as Friction>::force(state),
+            ClassicalState::LuGre(state) => <LuGre as Friction>::force(state),
+            ClassicalState::Leuven(state) => <Leuven as Friction>::force(state),
+            ClassicalState::MaxwellSlip(state) => <MaxwellSlip as Friction>::force(state),
+            ClassicalState::Gms(state) => <Gms as Friction>::force(state),
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! The claim of EMS section II-C, tested: about ten GMS elements, some thirty parameters, draw the reversal of one seal.
+
+use serde::Serialize;
+
+use super::Comparison;
+
+/// How a family of banks does against the EMS element at reversals.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ReversalMatch {
+    /// The family.
+    pub name: &'static str,
+    /// Error of the EMS element there, N, and its number of parameters.
+    pub ems_reversal_rms_n: f64,
+    /// Parameters of the EMS element.
+    pub ems_parameters: usize,
+    /// Fewest elements that reach that error; `None` where none of those tried does.
+    pub elements: Option<usize>,
+    /// Their number of parameters.
+    pub parameters: Option<usize>,
+    /// Largest number of elements tried.
+    pub most_elements: usize,
+    /// Least error of those tried, N.
+    pub best_reversal_rms_n: f64,
+    /// The number of elements that has it.
+    pub best_elements: usize,
+}
+
+/// Tests the claim for one family; `None` where it or the EMS element was not compared.
+pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<ReversalMatch> {
+    let entries = &comparison.entries;
+    let ems = entries.iter().find(|e| e.name == "ems")?;
+    let mut own: Vec<_> = entries.iter().filter(|e| e.name == family).collect();
+    own.sort_by_key(|e| e.elements);
+    let level = ems.scores.reversal_rms_n;
+    let matched = own.iter().find(|e| e.scores.reversal_rms_n <= level);
+    let best = own.iter().min_by(|a, b| a.scores.reversal_rms_n.total_cmp(&b.scores.reversal_rms_n))?;
+    Some(ReversalMatch {
+        name: family,
+        ems_reversal_rms_n: level,
+        ems_parameters: ems.parameters,
+        elements: matched.map(|e| e.elements),
+        parameters: matched.map(|e| e.parameters),
+        most_elements: own.last()?.elements,
+        best_reversal_rms_n: best.scores.reversal_rms_n,
+        best_elements: best.elements,
+    })
+}
+
+impl ReversalMatch {
+    /// The outcome in a sentence.
+    pub fn sentence(&self) -> String {
+        let ems = format!(
+            "the EMS element ({:.3} N rms behind reversals, {} parameters)",
+            self.ems_reversal_rms_n, self.ems_parameters
+        );
+        match (self.elements, self.parameters) {
+            (Some(elements), Some(parameters)) => {
+                format!("{} matches {ems} with {elements} elements and {parameters} parameters.", self.name)
+            }
+            _ => format!(
+                "{} does not match {ems} with up to {} elements; its best is {:.3} N with {}.",
+                self.name, self.most_elements, self.best_reversal_rms_n, self.best_elements
+            ),
+        }
+    }
+}

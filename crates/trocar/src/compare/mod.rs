@@ -1,0 +1,358 @@
+//! Every friction model that EMS names, fitted to the same recordings and scored on the same others.
+//!
+//! ```text
+//! training recordings -> identify (EMS)  -> classical models, from the same segmentation and start of known state
+//! held-back recordings -> free-run simulation of each -> errors over all, by phase, at reversals
+//! ```
+//! What is equal for all: the recordings (an undeclared mass that the identification finds is taken out of them), the
+//! sensor offset as one further number, the samples scored (those whose state is known to the EMS element), the start
+//! (at rest with the first reading). The times are measured, and the only numbers here that differ between two runs.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+use trocar_model::{Element, Friction};
+
+use crate::classical::Classical;
+use crate::identify::classical::{ClassicalData, ClassicalFit, Kind};
+use crate::identify::{
+    Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify,
+};
+use crate::recording::{Recording, RecordingError};
+use crate::validate::Phases;
+
+pub use claim::{ReversalMatch, reversal_match};
+pub use split::split;
+
+mod claim;
+mod score;
+mod split;
+
+/// A model to compare.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Choice {
+    /// The EMS element.
+    Ems,
+    /// A classical model.
+    Classical(Kind),
+}
+
+impl Choice {
+    /// All: EMS, the static and dynamic ones, Leuven with four elements, Maxwell-Slip and GMS with 1 to 12.
+    pub fn all() -> Vec<Self> {
+        let single = [
+            Kind::Coulomb,
+            Kind::CoulombViscous,
+            Kind::Stribeck,
+            Kind::Dahl,
+            Kind::LuGre,
+            Kind::LuGreRational,
+            Kind::Leuven(4),
+        ];
+        let banks = (1..=12).map(Kind::MaxwellSlip).chain((1..=12).map(Kind::Gms));
+        std::iter::once(Self::Ems).chain(single.into_iter().chain(banks).map(Self::Classical)).collect()
+    }
+}
+
+/// How to compare.
+#[derive(Debug, Clone)]
+pub struct CompareOptions {
+    /// The models; the EMS element is identified in any case, since the others take their scales from it.
+    pub models: Vec<Choice>,
+    /// How the EMS element is identified.
+    pub identify: IdentifyOptions,
+    /// Whether to measure times. Without, equal input gives equal bytes.
+    pub timing: bool,
+}
+
+/// A fitted model of either kind.
+#[derive(Debug, Clone, Copy)]
+#[allow(clippy::large_enum_variant)] // some dozens in all
+pub enum Compared {
+    /// The EMS element.
+    Ems(Element),
+    /// A classical model.
+    Classical(Classical),
+}
+
+/// One model: its fit and its scores.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// Which.
+    pub choice: Choice,
+    /// Name of the family.
+    pub name: &'static str,
+    /// Number of elements.
+    pub elements: usize,
+    /// Number of parameters estimated, without the sensor's offset that all have.
+    pub parameters: usize,
+    /// The model.
+    pub model: Compared,
+    /// Sensor offset F_0, N.
+    pub offset: f64,
+    /// The parameters with intervals.
+    pub estimates: Vec<Parameter>,
+    /// Errors.
+    pub scores: Scores,
+    /// Time of one step, ns, over the motion of the validation; `None` without timing.
+    pub ns_per_sample: Option<f64>,
+    /// Time of the fit, s; `None` without timing.
+    pub fit_s: Option<f64>,
+    /// What to know about the fit.
+    pub warnings: Vec<Warning>,
+}
+
+/// Errors of one model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scores {
+    /// Root mean square error, N, over the training recordings.
+    pub train_rms_n: f64,
+    /// The same over the validation recordings.
+    pub validate_rms_n: f64,
+    /// 100·(1 − rms/sd of the readings), %, on the validation recordings.
+    pub fit_percent: f64,
+    /// Akaike's criterion on the training recordings, with the effective number of samples.
+    pub aic: f64,
+    /// Schwarz' criterion, likewise.
+    pub bic: f64,
+    /// Root mean square error, N, within the deformation behind each reversal of the validation.
+    pub reversal_rms_n: f64,
+    /// The same for the worst single reversal, N.
+    pub worst_reversal_n: f64,
+    /// Error on the validation recordings by phase, as the EMS element tells the phases.
+    pub by_phase: Phases,
+    /// Root mean square error, N, of each validation recording.
+    pub by_recording_n: Vec<f64>,
+}
+
+/// The comparison.
+#[derive(Debug, Clone)]
+pub struct Comparison {
+    /// One entry a model, least validation error first.
+    pub entries: Vec<Entry>,
+    /// The EMS identification.
+    pub ems: Identification,
+    /// The training recordings as fitted.
+    pub training: Vec<Recording>,
+    /// The validation recordings as scored.
+    pub validation: Vec<Recording>,
+    /// Samples of the training recordings that are scored.
+    pub samples: usize,
+    /// Number of independent samples that they are worth, from the autocorrelation of the residuals of the model that
+    /// fits them best.
+    pub effective_samples: f64,
+    /// Travel, m, behind a reversal that counts for its error.
+    pub reversal_travel: f64,
+}
+
+/// Why there is no comparison.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CompareError {
+    /// The training recordings give no model.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A recording cannot be used.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Nothing to score on.
+    #[error("no recording to validate on")]
+    NoValidation,
+    /// A model could not be fitted.
+    #[error("{model}: {why}")]
+    NoFit {
+        /// The model.
+        model: String,
+        /// What went wrong.
+        why: String,
+    },
+}
+
+/// Fits all models to `training` and scores them on `validation`.
+///
+/// # Errors
+/// [`CompareError`]; a fit that is merely doubtful is part of the result.
+pub fn compare(
+    training: &[Recording],
+    validation: &[Recording],
+    options: &CompareOptions,
+    progress: Progress,
+) -> Result<Comparison, CompareError> {
+    if validation.is_empty() {
+        return Err(CompareError::NoValidation);
+    }
+    let clock = Instant::now();
+    let ems = identify(training, &options.identify, &|stage, part| progress(stage, 0.03 * part))?;
+    let ems_s = clock.elapsed().as_secs_f64();
+    let without_hidden_mass = |r: &Recording| r.clone().without_moving_mass(ems.model.hidden_mass, 0.0);
+    let training: Vec<Recording> = training.iter().map(without_hidden_mass).collect::<Result<_, _>>()?;
+    let validation: Vec<Recording> = validation.iter().map(without_hidden_mass).collect::<Result<_, _>>()?;
+    let data = ClassicalData::new(&training, &ems, &options.identify);
+    let fits = fit_all(&options.models, &data, progress)?;
+    progress("scoring", 0.97);
+    let mut models: Vec<Fitted> = fits.into_iter().map(Fitted::from).collect();
+    if options.models.contains(&Choice::Ems) {
+        models.push(Fitted::of_ems(&ems, ems_s));
+    }
+    let reversal_travel = reversal_travel(&ems, &training);
+    let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
+    let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.model, m.offset)).collect();
+    let effective_samples = grounds.effective_samples(&raw);
+    let times: Vec<Option<f64>> =
+        models.iter().map(|m| options.timing.then(|| m.model.nanoseconds_per_step(&validation[0]))).collect();
+    let entry = |((fitted, raw), ns): ((Fitted, &score::Raw), Option<f64>)| {
+        let scores = grounds.scores(raw, fitted.parameters, effective_samples);
+        fitted.into_entry(scores, ns, options.timing)
+    };
+    let mut entries: Vec<Entry> = models.into_iter().zip(&raw).zip(times).map(entry).collect();
+    entries.sort_by(|a, b| a.scores.validate_rms_n.total_cmp(&b.scores.validate_rms_n));
+    let samples = grounds.training_samples();
+    Ok(Comparison { entries, ems, training, validation, samples, effective_samples, reversal_travel })
+}
+
+/// Three half widths: the deformation of 2c and the beginning of the slide. Where it is not resolved, a tenth of the
+/// longest stroke.
+fn reversal_travel(ems: &Identification, training: &[Recording]) -> f64 {
+    let longest = training.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+    if ems.deformation.is_ok() { 3.0 * ems.model.half_width } else { 0.1 * longest }
+}
+
+/// A fit with its time, before it is scored.
+struct Fitted {
+    choice: Choice,
+    parameters: usize,
+    model: Compared,
+    offset: f64,
+    estimates: Vec<Parameter>,
+    warnings: Vec<Warning>,
+    fit_s: f64,
+}
+
+impl Fitted {
+    fn from((fit, fit_s): (ClassicalFit, f64)) -> Self {
+        Self {
+            choice: Choice::Classical(fit.kind),
+            parameters: fit.kind.parameters(),
+            model: Compared::Classical(fit.model),
+            offset: fit.offset,
+            estimates: fit.parameters,
+            warnings: fit.warnings,
+            fit_s,
+        }
+    }
+
+    fn of_ems(ems: &Identification, fit_s: f64) -> Self {
+        Self {
+            choice: Choice::Ems,
+            parameters: ems.free_parameters,
+            model: Compared::Ems(ems.element),
+            offset: ems.model.offset,
+            estimates: ems.parameters.clone(),
+            warnings: ems.warnings.clone(),
+            fit_s,
+        }
+    }
+
+    fn into_entry(self, scores: Scores, ns_per_sample: Option<f64>, timing: bool) -> Entry {
+        let (name, elements) = match self.choice {
+            Choice::Ems => ("ems", 1),
+            Choice::Classical(kind) => (kind.family(), kind.elements()),
+        };
+        Entry {
+            choice: self.choice,
+            name,
+            elements,
+            parameters: self.parameters,
+            model: self.model,
+            offset: self.offset,
+            estimates: self.estimates,
+            scores,
+            ns_per_sample,
+            fit_s: timing.then_some(self.fit_s),
+            warnings: self.warnings,
+        }
+    }
+}
+
+/// Fits all classical models; those of one family in the order of their size, since each starts from the smaller one.
+fn fit_all(
+    models: &[Choice],
+    data: &ClassicalData,
+    progress: Progress,
+) -> Result<Vec<(ClassicalFit, f64)>, CompareError> {
+    let mut kinds: Vec<Kind> = models
+        .iter()
+        .filter_map(|choice| match choice {
+            Choice::Classical(kind) => Some(*kind),
+            Choice::Ems => None,
+        })
+        .collect();
+    kinds.sort();
+    kinds.dedup();
+    // The work of a fit grows with the square of its parameters.
+    let work = |kind: &Kind| kind.parameters().pow(2);
+    let total: usize = kinds.iter().map(work).sum();
+    let done = AtomicUsize::new(0);
+    let mut families: Vec<&[Kind]> = kinds.chunk_by(|a, b| a.family() == b.family()).collect();
+    families.reverse();
+    let of_family = |family: &&[Kind]| {
+        let mut fits: Vec<(ClassicalFit, f64)> = Vec::new();
+        for kind in *family {
+            let clock = Instant::now();
+            let smaller = fits.last().map(|(fit, _)| fit).filter(|fit| fit.kind.elements() + 1 == kind.elements());
+            let fit = crate::identify::classical::fit(*kind, data, smaller)
+                .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
+            fits.push((fit, clock.elapsed().as_secs_f64()));
+            let part = done.fetch_add(work(kind), Ordering::Relaxed) + work(kind);
+            progress(&format!("fitted {kind}"), 0.03 + 0.94 * part as f64 / total as f64);
+        }
+        Ok(fits)
+    };
+    let fits: Result<Vec<Vec<_>>, CompareError> = families.par_iter().map(of_family).collect();
+    Ok(fits?.into_iter().flatten().collect())
+}
+
+impl Compared {
+    /// Force, N, at every sample of `recording`, without the sensor's offset: at rest with the first reading at the
+    /// start and behind every gap, then driven by the positions.
+    pub fn forces(&self, recording: &Recording, offset: f64) -> Vec<f64> {
+        match self {
+            Self::Ems(model) => forces(model, recording, offset),
+            Self::Classical(model) => match model {
+                Classical::Static(model) => forces(model, recording, offset),
+                Classical::Dahl(model) => forces(model, recording, offset),
+                Classical::LuGre(model) => forces(model, recording, offset),
+                Classical::Leuven(model) => forces(model, recording, offset),
+                Classical::MaxwellSlip(model) => forces(model, recording, offset),
+                Classical::Gms(model) => forces(model, recording, offset),
+            },
+        }
+    }
+
+    /// Median time of a step, ns, along a recording.
+    fn nanoseconds_per_step(&self, recording: &Recording) -> f64 {
+        const REPETITIONS: usize = 7;
+        let mut times: Vec<f64> = (0..REPETITIONS)
+            .map(|_| {
+                let clock = Instant::now();
+                std::hint::black_box(self.forces(std::hint::black_box(recording), 0.0));
+                clock.elapsed().as_secs_f64() * 1e9 / recording.len() as f64
+            })
+            .collect();
+        times.sort_by(f64::total_cmp);
+        times[REPETITIONS / 2]
+    }
+}
+
+fn forces<M: Friction>(model: &M, recording: &Recording, offset: f64) -> Vec<f64> {
+    let mut all = Vec::with_capacity(recording.len());
+    let (x, t) = (&recording.position, &recording.time);
+    for range in recording.unbroken() {
+        let mut state = model.rest_at_force(recording.force[range.start] - offset);
+        all.push(M::force(&state));
+        all.extend((range.start + 1..range.end).map(|i| model.step(&mut state, x[i] - x[i - 1], t[i] - t[i - 1])));
+    }
+    all
+}

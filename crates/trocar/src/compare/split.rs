@@ -1,0 +1,29 @@
+//! Recordings divided into a part to fit and a part to score, where nobody held any back.
+
+use crate::recording::{Recording, RecordingError};
+use crate::segment::{passes, reversal_threshold};
+
+/// Part of the time that is fitted.
+const FITTED: f64 = 2.0 / 3.0;
+
+/// Divides each recording at the reversal behind two thirds of its time: what is fitted, what is held back.
+///
+/// # Errors
+/// Where a part is too short to be a recording.
+pub fn split(recordings: &[Recording]) -> Result<(Vec<Recording>, Vec<Recording>), RecordingError> {
+    let mut parts = (Vec::new(), Vec::new());
+    for recording in recordings {
+        let at = place(recording);
+        parts.0.push(recording.part(0..at + 1, "fitted part")?);
+        parts.1.push(recording.part(at..recording.len(), "held-back part")?);
+    }
+    Ok(parts)
+}
+
+/// First reversal behind two thirds of the time; without one, the sample there.
+fn place(recording: &Recording) -> usize {
+    let wanted = recording.time[0] + FITTED * recording.duration();
+    let reversals = passes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
+    let behind = reversals.map(|p| p.start).find(|i| recording.time[*i] >= wanted);
+    behind.unwrap_or_else(|| recording.time.partition_point(|t| *t < wanted))
+}

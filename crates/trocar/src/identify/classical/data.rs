@@ -1,0 +1,59 @@
+//! The recordings as steps for the classical models, with the scales that the identification found in them.
+
+use crate::identify::training::{Segmented, Training};
+use crate::identify::{Identification, IdentifyOptions, Segments, segment, settled_stretches};
+use crate::recording::Recording;
+use crate::segment::Stretch;
+
+use super::kind::Scales;
+
+/// Half width assumed where no deformation is resolved, as a part of the longest stroke.
+const ASSUMED_WIDTH: f64 = 0.05;
+
+/// Steps to simulate, and the sizes of things.
+#[derive(Debug, Clone)]
+pub(crate) struct ClassicalData {
+    pub(crate) training: Training,
+    pub(crate) scales: Scales,
+}
+
+impl ClassicalData {
+    /// `recordings` hold no inertia any more; `found` was identified from them.
+    pub(crate) fn new(recordings: &[Recording], found: &Identification, options: &IdentifyOptions) -> Self {
+        let parts: Vec<(Segments, Vec<Stretch>)> = recordings.iter().map(|r| segmented(r, found, options)).collect();
+        let all: Vec<Segmented> = recordings.iter().zip(&parts).map(|(r, (s, settled))| part(r, s, settled)).collect();
+        let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+        let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
+        // All samples weigh the same: what is minimised is what is scored.
+        let mut training = Training::new(&all, 1.0, 0.0, half_width);
+        training.forget_unknown_starts(&found.element);
+        let scales = Scales {
+            offset: found.model.offset,
+            force: found.model.insertion.coulomb_force,
+            viscous: found.model.insertion.viscous_damping,
+            half_width,
+            stroke,
+            speeds: found.steady.speed_range_m_s,
+        };
+        Self { training, scales }
+    }
+}
+
+fn segmented(recording: &Recording, found: &Identification, options: &IdentifyOptions) -> (Segments, Vec<Stretch>) {
+    let segments = segment(recording, &options.segment);
+    let settled = match &found.deformation {
+        Ok(deformation) => settled_stretches(recording, &segments, &found.steady, deformation),
+        Err(_) => Vec::new(),
+    };
+    (segments, settled)
+}
+
+fn part<'a>(recording: &'a Recording, segments: &'a Segments, settled: &[Stretch]) -> Segmented<'a> {
+    Segmented {
+        recording,
+        passes: &segments.passes,
+        settled: settled.to_vec(),
+        settled_scored: true,
+        acceleration: vec![0.0; recording.len()],
+    }
+}

@@ -1,0 +1,185 @@
+//! The fit of one classical model, with intervals and doubts.
+
+use std::sync::Arc;
+
+use nalgebra::DVector;
+
+use crate::classical::Classical;
+use crate::identify::estimate::Estimate;
+use crate::identify::output_error::{self, Fitted, Free, Stop, Trial};
+use crate::identify::{Parameter, Warning};
+
+use super::data::ClassicalData;
+use super::kind::{Coordinate, Kind, Quantity, build, coordinates, quantities};
+use super::spread::{Dependent, Spread};
+use super::starts;
+
+/// When the short fits from every start stop, and when the best is done.
+const SHORT: Stop = Stop { iterations: 6, fall: 1e-3 };
+const LONG: Stop = Stop { iterations: 60, fall: 1e-6 };
+/// Scale of a number in steps of its difference quotient.
+const SCALE: f64 = 1e4;
+
+/// A classical model as the recordings give it.
+#[derive(Debug, Clone)]
+pub struct ClassicalFit {
+    /// Which model.
+    pub kind: Kind,
+    /// The model, ready to run.
+    pub model: Classical,
+    /// Sensor offset F_0, N.
+    pub offset: f64,
+    /// All parameters with intervals, the sensor offset among them.
+    pub parameters: Vec<Parameter>,
+    /// Root mean square error, N, over the steps fitted.
+    pub rms: f64,
+    /// Damped steps taken from the best start.
+    pub iterations: usize,
+    /// Whether the fit came to rest.
+    pub converged: bool,
+    /// What to know about the result.
+    pub warnings: Vec<Warning>,
+    /// The free numbers themselves, the offset first: a start for a larger model of the family.
+    pub(super) numbers: Vec<f64>,
+}
+
+/// A classical model under trial; logarithms where the fit moves those.
+#[derive(Debug, Clone)]
+pub(super) struct ClassicalTrial {
+    kind: Kind,
+    coordinates: Arc<[Coordinate]>,
+    values: Vec<f64>,
+}
+
+impl ClassicalTrial {
+    /// A trial at `numbers`, each held within its range.
+    pub(super) fn new(kind: Kind, coordinates: &Arc<[Coordinate]>, numbers: &[f64]) -> Self {
+        let values = numbers.iter().zip(coordinates.iter()).map(|(x, c)| {
+            let held = x.clamp(c.range[0], c.range[1]);
+            if c.log { held.ln() } else { held }
+        });
+        Self { kind, coordinates: coordinates.clone(), values: values.collect() }
+    }
+
+    /// The numbers themselves, the offset first.
+    fn numbers(&self) -> Vec<f64> {
+        self.values.iter().zip(self.coordinates.iter()).map(|(u, c)| if c.log { u.exp() } else { *u }).collect()
+    }
+
+    /// A quantity with its gradient by the free numbers.
+    fn dependent(&self, quantity: &Quantity) -> Dependent {
+        let of = |values: &[f64]| {
+            let value = (quantity.of)(&self.with_any(values).numbers());
+            if quantity.log { value.ln() } else { value }
+        };
+        let slope = |j: usize, _| {
+            let step = self.coordinates[j].step;
+            let at = |shift: f64| {
+                let mut values = self.values.clone();
+                values[j] += shift;
+                of(&values)
+            };
+            (at(step) - at(-step)) / (2.0 * step)
+        };
+        let gradient = DVector::from_fn(self.values.len(), slope);
+        let scale = quantity.from.iter().map(|j| SCALE * self.coordinates[*j].step).fold(0.0, f64::max);
+        Dependent { value: of(&self.values), gradient, scale, log: quantity.log }
+    }
+
+    fn range(coordinate: &Coordinate) -> [f64; 2] {
+        if coordinate.log { coordinate.range.map(f64::ln) } else { coordinate.range }
+    }
+}
+
+impl Trial for ClassicalTrial {
+    type Model = Classical;
+
+    fn model(&self) -> Option<Classical> {
+        build(self.kind, &self.numbers()[1..]).ok()
+    }
+
+    fn free(&self) -> Vec<Free> {
+        let of = |(value, c): (&f64, &Coordinate)| {
+            let [low, high] = Self::range(c);
+            Free { value: *value, step: c.step, low, high }
+        };
+        self.values.iter().zip(self.coordinates.iter()).map(of).collect()
+    }
+
+    fn with(&self, values: &[f64]) -> Self {
+        let within = values.iter().zip(self.coordinates.iter()).map(|(u, c)| {
+            let [low, high] = Self::range(c);
+            u.clamp(low, high)
+        });
+        self.with_any(&within.collect::<Vec<_>>())
+    }
+
+    fn with_any(&self, values: &[f64]) -> Self {
+        Self { values: values.to_vec(), ..self.clone() }
+    }
+
+    fn offset(&self) -> f64 {
+        self.values[0]
+    }
+}
+
+/// Fits one model; `smaller` is the same family with one element less.
+///
+/// # Errors
+/// A sentence when no start gives a model that runs.
+pub(crate) fn fit(kind: Kind, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Result<ClassicalFit, String> {
+    let coordinates: Arc<[Coordinate]> = coordinates(kind, &data.scales).into();
+    let starts = starts::starts(kind, data, smaller);
+    let trials = starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers));
+    let short = trials.filter_map(|trial| output_error::fit(&data.training, &trial, SHORT));
+    let best = short.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
+    let found = output_error::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
+    let model = found.best.model().ok_or("the best numbers make no model")?;
+    let parameters = parameters(&found);
+    let warnings = warnings(kind, &found, &parameters);
+    Ok(ClassicalFit {
+        kind,
+        model,
+        offset: found.best.offset(),
+        parameters,
+        rms: found.rms[1],
+        iterations: found.iterations,
+        converged: found.converged,
+        warnings,
+        numbers: found.best.numbers(),
+    })
+}
+
+fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
+    let best = &found.best;
+    let spread = Spread::new(found);
+    let offset = Quantity {
+        name: "offset_n".to_owned(),
+        unit: "N",
+        log: false,
+        of: Box::new(|numbers| numbers[0]),
+        from: vec![0],
+    };
+    let estimate = |q: Quantity| {
+        let value = (q.of)(&best.numbers());
+        if q.from.iter().any(|j| found.held[*j]) {
+            let why = "the fit holds it at an end of its range";
+            return Parameter { name: q.name, estimate: Estimate::not_pinned(value, q.unit, why) };
+        }
+        Parameter { estimate: spread.estimate(&best.dependent(&q), q.unit), name: q.name }
+    };
+    std::iter::once(offset).chain(quantities(best.kind, &best.coordinates)).map(estimate).collect()
+}
+
+fn warnings(kind: Kind, found: &Fitted<ClassicalTrial>, parameters: &[Parameter]) -> Vec<Warning> {
+    let mut all = Vec::new();
+    let mut say = |subject: String, message: String| all.push(Warning { subject, message, doubtful: true });
+    if !found.converged {
+        say(kind.to_string(), format!("the fit did not come to rest in {} steps", found.iterations));
+    }
+    for p in parameters.iter().filter(|p| !p.estimate.pinned) {
+        let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");
+        say(p.name.clone(), format!("not pinned: {why}"));
+    }
+    all
+}

@@ -1,0 +1,155 @@
+//! Where the fits of the classical models start from: numbers read off the data.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::identify::nnls::non_negative;
+
+use super::data::ClassicalData;
+use super::fit::ClassicalFit;
+use super::kind::{Kind, Scales};
+
+/// Limits tried for the elements of a bank.
+const GRID: usize = 24;
+/// Widths of the two elements that an element is divided into, relative to its own.
+const DIVIDED: [f64; 2] = [0.7, 1.3];
+
+/// Several starts, each with the sensor's offset first.
+pub(super) fn starts(kind: Kind, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Vec<Vec<f64>> {
+    let Scales { offset, force, viscous, half_width, speeds: [slowest, fastest], .. } = data.scales;
+    let stiffnesses = [0.5, 2.0, 8.0].map(|factor| factor * force / half_width);
+    let middle = (slowest * fastest).sqrt();
+    let small_rise = 0.05 * force;
+    let behind_offset: Vec<Vec<f64>> = match kind {
+        Kind::Coulomb => vec![vec![force]],
+        Kind::CoulombViscous => vec![vec![force, viscous]],
+        Kind::Stribeck => {
+            let of = |v: f64| vec![force, 0.2 * force, v, 2.0, viscous];
+            vec![of(0.3 * slowest), of(slowest), of(middle)]
+        }
+        Kind::Dahl => stiffnesses.map(|k| vec![k, force, 1.0, viscous]).to_vec(),
+        Kind::LuGre | Kind::LuGreRational => {
+            let of = |k: f64, v: f64| vec![k, 0.1 * viscous, force, small_rise, v, viscous];
+            stiffnesses.iter().flat_map(|k| [of(*k, slowest), of(*k, middle)]).collect()
+        }
+        Kind::Leuven(n) => leuven(n, data),
+        Kind::MaxwellSlip(n) => {
+            let banks = [Some(convex_bank(n, data)), divided(smaller, 1, 2)].into_iter().flatten();
+            let fresh = banks.map(|bank| [vec![viscous], flattened(&bank, None)].concat());
+            fresh.chain(smaller.map(|fit| doubled(&fit.numbers[1..], 1, 2))).collect()
+        }
+        Kind::Gms(n) => gms(n, data, smaller),
+    };
+    behind_offset.into_iter().map(|numbers| [vec![offset], numbers].concat()).collect()
+}
+
+fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
+    let Scales { force, viscous, speeds: [slowest, _], .. } = data.scales;
+    let bank = convex_bank(n, data);
+    let of = |exponent: f64, stiffer: f64| {
+        let mut numbers = vec![force, 0.05 * force, slowest, exponent, 0.1 * viscous, viscous];
+        numbers.extend(bank[..n - 1].iter().flat_map(|[k, limit]| [stiffer * k, *limit]));
+        numbers.push(stiffer * bank[n - 1][0]);
+        numbers
+    };
+    vec![of(1.0, 2.0), of(2.0, 1.0), of(6.0, 1.0)]
+}
+
+fn gms(n: usize, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Vec<Vec<f64>> {
+    let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
+    let bank = convex_bank(n, data);
+    let of = |rise: f64, v: f64, attraction: f64| {
+        [vec![viscous, rise * force, v, attraction * force], flattened(&bank, Some(0.0))].concat()
+    };
+    let mut all = vec![of(0.02, slowest, 50.0), of(0.2, (slowest * fastest).sqrt(), 5.0)];
+    if let (Some(fit), Some(bank)) = (smaller, divided(smaller, 4, 3)) {
+        all.push([fit.numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
+        all.push(doubled(&fit.numbers[1..], 4, 3));
+    }
+    all
+}
+
+/// The numbers of the smaller model with its first element doubled, each half as stiff: the same forces, so that no
+/// model ends worse than the smaller one.
+fn doubled(numbers: &[f64], first: usize, stride: usize) -> Vec<f64> {
+    let mut element = numbers[first..first + stride].to_vec();
+    element.iter_mut().enumerate().filter(|(i, _)| *i != 1).for_each(|(_, x)| *x *= 0.5);
+    let mut twin = element.clone();
+    twin[1] *= 1.0 + 1e-6;
+    let mut all = numbers.to_vec();
+    all.splice(first..first + stride, element.into_iter().chain(twin));
+    all
+}
+
+/// Stiffness and limit of each element in a row, with `damping` behind each if there is one.
+fn flattened(bank: &[[f64; 2]], damping: Option<f64>) -> Vec<f64> {
+    bank.iter().flat_map(|[k, limit]| [Some(*k), Some(*limit), damping].into_iter().flatten()).collect()
+}
+
+/// The bank of the smaller model with its strongest element divided into a shorter and a longer one.
+fn divided(smaller: Option<&ClassicalFit>, first: usize, stride: usize) -> Option<Vec<[f64; 2]>> {
+    let numbers = &smaller?.numbers[1..];
+    let mut bank: Vec<[f64; 2]> =
+        numbers[first..].chunks_exact(stride).map(|element| [element[0], element[1]]).collect();
+    let strength = |[k, limit]: &[f64; 2]| k * limit;
+    let strongest = (0..bank.len()).max_by(|a, b| strength(&bank[*a]).total_cmp(&strength(&bank[*b])))?;
+    let [k, limit] = bank.swap_remove(strongest);
+    bank.extend(DIVIDED.map(|width| [0.5 * k, width * limit]));
+    Some(bank)
+}
+
+/// Stiffness and limit of `n` elements: non-negative least squares over a grid of limits, of which the `n` strongest
+/// stay and are solved again; where fewer are needed, the strongest are divided.
+fn convex_bank(n: usize, data: &ClassicalData) -> Vec<[f64; 2]> {
+    let Scales { half_width, stroke, force, .. } = data.scales;
+    let (shortest, longest) = (0.02 * half_width, (4.0 * half_width).min(0.45 * stroke));
+    let ratio = (longest / shortest).powf(1.0 / (GRID - 1) as f64);
+    let grid: Vec<f64> = (0..GRID).map(|i| shortest * ratio.powi(i as i32)).collect();
+    let strongest = |limits: &[f64]| -> Vec<[f64; 2]> {
+        let mut bank: Vec<[f64; 2]> = bank_at(limits, data).into_iter().filter(|[k, _]| *k > 0.0).collect();
+        bank.sort_by(|a, b| (b[0] * b[1]).total_cmp(&(a[0] * a[1])));
+        bank.truncate(n);
+        bank
+    };
+    let few: Vec<f64> = strongest(&grid).iter().map(|[_, limit]| *limit).collect();
+    let mut bank = strongest(&few);
+    if bank.is_empty() {
+        bank.push([force / half_width, half_width]);
+    }
+    let mut next = 0;
+    while bank.len() < n {
+        let [k, limit] = bank[next];
+        bank[next] = [0.5 * k, DIVIDED[0] * limit];
+        bank.push([0.5 * k, (DIVIDED[1] * limit).min(longest)]);
+        next += 1;
+    }
+    bank.sort_by(|a, b| a[1].total_cmp(&b[1]));
+    bank
+}
+
+/// Stiffnesses for given limits: the force is linear in them (RIZOS), with a viscous part and the offset beside.
+fn bank_at(limits: &[f64], data: &ClassicalData) -> Vec<[f64; 2]> {
+    let p = limits.len() + 2;
+    let (mut gram, mut moment) = (DMatrix::zeros(p, p), DVector::zeros(p));
+    let mut row = vec![0.0; p];
+    for run in &data.training.runs {
+        let mut deflections = vec![0.0_f64; limits.len()];
+        for step in &run.steps {
+            for (j, (z, limit)) in deflections.iter_mut().zip(limits).enumerate() {
+                *z = (*z + step.displacement).clamp(-limit, *limit);
+                row[j] = *z;
+            }
+            row[p - 2] = step.displacement / step.duration;
+            row[p - 1] = 1.0;
+            if step.samples > 0.0 {
+                for (j, a) in row.iter().enumerate() {
+                    moment[j] += step.samples * a * step.force;
+                    row.iter().enumerate().for_each(|(i, b)| gram[(i, j)] += step.samples * a * b);
+                }
+            }
+        }
+    }
+    let free: Vec<bool> = (0..p).map(|j| j == p - 1).collect();
+    let solution = non_negative(&gram, &moment, &free);
+    let stiffness = |j: usize| solution.as_ref().map_or(0.0, |s| s[j]);
+    limits.iter().enumerate().map(|(j, limit)| [stiffness(j), *limit]).collect()
+}
