@@ -18,7 +18,7 @@ use trocar_model::{Element, Friction};
 use crate::classical::Classical;
 use crate::identify::classical::{ClassicalData, ClassicalFit, Kind};
 use crate::identify::{
-    Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify,
+    EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
 };
 use crate::recording::{Recording, RecordingError};
 use crate::validate::Phases;
@@ -33,14 +33,16 @@ mod split;
 /// A model to compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Choice {
-    /// The EMS element.
+    /// The EMS element as identified: the paper's two steps and the refinement.
     Ems,
+    /// The EMS element refitted by the criterion of the classical models.
+    EmsOutputError,
     /// A classical model.
     Classical(Kind),
 }
 
 impl Choice {
-    /// All: EMS, the static and dynamic ones, Leuven with four elements, Maxwell-Slip and GMS with 1 to 12.
+    /// All: EMS in both ways, the static and dynamic ones, Leuven with four elements, Maxwell-Slip and GMS with 1 to 12.
     pub fn all() -> Vec<Self> {
         let single = [
             Kind::Coulomb,
@@ -52,7 +54,10 @@ impl Choice {
             Kind::Leuven(4),
         ];
         let banks = (1..=12).map(Kind::MaxwellSlip).chain((1..=12).map(Kind::Gms));
-        std::iter::once(Self::Ems).chain(single.into_iter().chain(banks).map(Self::Classical)).collect()
+        [Self::Ems, Self::EmsOutputError]
+            .into_iter()
+            .chain(single.into_iter().chain(banks).map(Self::Classical))
+            .collect()
     }
 }
 
@@ -196,6 +201,12 @@ pub fn compare(
     if options.models.contains(&Choice::Ems) {
         models.push(Fitted::of_ems(&ems, ems_s));
     }
+    if options.models.contains(&Choice::EmsOutputError) {
+        let clock = Instant::now();
+        let fit = refit(&data, &ems, options.identify.degrees)
+            .map_err(|why| CompareError::NoFit { model: "ems-output-error".to_owned(), why })?;
+        models.push(Fitted::of_refit(fit, clock.elapsed().as_secs_f64()));
+    }
     let reversal_travel = reversal_travel(&ems, &training);
     let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
     let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.model, m.offset)).collect();
@@ -255,9 +266,22 @@ impl Fitted {
         }
     }
 
+    fn of_refit(fit: EmsRefit, fit_s: f64) -> Self {
+        Self {
+            choice: Choice::EmsOutputError,
+            parameters: fit.free_parameters,
+            model: Compared::Ems(fit.element),
+            offset: fit.model.offset,
+            estimates: fit.parameters,
+            warnings: fit.warnings,
+            fit_s,
+        }
+    }
+
     fn into_entry(self, scores: Scores, ns_per_sample: Option<f64>, timing: bool) -> Entry {
         let (name, elements) = match self.choice {
             Choice::Ems => ("ems", 1),
+            Choice::EmsOutputError => ("ems-output-error", 1),
             Choice::Classical(kind) => (kind.family(), kind.elements()),
         };
         Entry {
@@ -286,7 +310,7 @@ fn fit_all(
         .iter()
         .filter_map(|choice| match choice {
             Choice::Classical(kind) => Some(*kind),
-            Choice::Ems => None,
+            Choice::Ems | Choice::EmsOutputError => None,
         })
         .collect();
     kinds.sort();

@@ -56,9 +56,7 @@ fn step_back_inside(
 /// Solution on the active columns, zero elsewhere.
 fn solve(gram: &DMatrix<f64>, moment: &DVector<f64>, active: &[bool]) -> Option<DVector<f64>> {
     let own: Vec<usize> = (0..moment.len()).filter(|j| active[*j]).collect();
-    let part = DMatrix::from_fn(own.len(), own.len(), |i, j| {
-        gram[(own[i], own[j])] + if i == j { 1e-13 } else { 0.0 }
-    });
+    let part = DMatrix::from_fn(own.len(), own.len(), |i, j| gram[(own[i], own[j])] + if i == j { 1e-13 } else { 0.0 });
     let solution = part.cholesky()?.solve(&DVector::from_fn(own.len(), |i, _| moment[own[i]]));
     let mut x = DVector::zeros(moment.len());
     own.iter().zip(solution.iter()).for_each(|(j, value)| x[*j] = *value);

@@ -2,21 +2,19 @@
 
 use std::sync::Arc;
 
-use nalgebra::DVector;
-
 use crate::classical::Classical;
 use crate::identify::estimate::Estimate;
 use crate::identify::output_error::{self, Fitted, Free, Stop, Trial};
+use crate::identify::spread::{Reported, Spread};
 use crate::identify::{Parameter, Warning};
 
 use super::data::ClassicalData;
 use super::kind::{Coordinate, Kind, Quantity, build, coordinates, quantities};
-use super::spread::{Dependent, Spread};
 use super::starts;
 
 /// When the short fits from every start stop, and when the best is done.
-const SHORT: Stop = Stop { iterations: 6, fall: 1e-3 };
-const LONG: Stop = Stop { iterations: 60, fall: 1e-6 };
+pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3 };
+pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6 };
 /// Scale of a number in steps of its difference quotient.
 const SCALE: f64 = 1e4;
 
@@ -64,26 +62,6 @@ impl ClassicalTrial {
     /// The numbers themselves, the offset first.
     fn numbers(&self) -> Vec<f64> {
         self.values.iter().zip(self.coordinates.iter()).map(|(u, c)| if c.log { u.exp() } else { *u }).collect()
-    }
-
-    /// A quantity with its gradient by the free numbers.
-    fn dependent(&self, quantity: &Quantity) -> Dependent {
-        let of = |values: &[f64]| {
-            let value = (quantity.of)(&self.with_any(values).numbers());
-            if quantity.log { value.ln() } else { value }
-        };
-        let slope = |j: usize, _| {
-            let step = self.coordinates[j].step;
-            let at = |shift: f64| {
-                let mut values = self.values.clone();
-                values[j] += shift;
-                of(&values)
-            };
-            (at(step) - at(-step)) / (2.0 * step)
-        };
-        let gradient = DVector::from_fn(self.values.len(), slope);
-        let scale = quantity.from.iter().map(|j| SCALE * self.coordinates[*j].step).fold(0.0, f64::max);
-        Dependent { value: of(&self.values), gradient, scale, log: quantity.log }
     }
 
     fn range(coordinate: &Coordinate) -> [f64; 2] {
@@ -153,22 +131,18 @@ pub(crate) fn fit(kind: Kind, data: &ClassicalData, smaller: Option<&ClassicalFi
 fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let best = &found.best;
     let spread = Spread::new(found);
-    let offset = Quantity {
-        name: "offset_n".to_owned(),
-        unit: "N",
-        log: false,
-        of: Box::new(|numbers| numbers[0]),
-        from: vec![0],
-    };
+    let scale_of = |j: &usize| SCALE * best.coordinates[*j].step;
     let estimate = |q: Quantity| {
-        let value = (q.of)(&best.numbers());
-        if q.from.iter().any(|j| found.held[*j]) {
-            let why = "the fit holds it at an end of its range";
-            return Parameter { name: q.name, estimate: Estimate::not_pinned(value, q.unit, why) };
-        }
-        Parameter { estimate: spread.estimate(&best.dependent(&q), q.unit), name: q.name }
+        let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
+        let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
+        let how = Reported { unit: q.unit, log: q.log, scale, least: q.least(&best.numbers()) };
+        let estimate = match q.from.iter().any(|j| found.held[*j]) {
+            true => Estimate::not_pinned(of(best), q.unit, "the fit holds it at an end of its range"),
+            false => spread.estimate(best, how, &of),
+        };
+        Parameter { estimate, name: q.name }
     };
-    std::iter::once(offset).chain(quantities(best.kind, &best.coordinates)).map(estimate).collect()
+    quantities(best.kind, &best.coordinates).into_iter().map(estimate).collect()
 }
 
 fn warnings(kind: Kind, found: &Fitted<ClassicalTrial>, parameters: &[Parameter]) -> Vec<Warning> {

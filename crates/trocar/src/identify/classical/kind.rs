@@ -150,8 +150,7 @@ pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
     let coulomb = || Coordinate::log("coulomb_force_n", "N", [1e-2 * force, 1e2 * force]);
     let rise = || Coordinate::linear("rise_n", "N", [0.0, 20.0 * force], 1e-4 * force);
     let velocity = || Coordinate::log("stribeck_velocity_m_s", "m/s", [0.02 * slowest, 3.0 * fastest]);
-    let damping =
-        |name: &str| Coordinate::linear(name, "N s/m", [0.0, most], 1e-3 * force / fastest);
+    let damping = |name: &str| Coordinate::linear(name, "N s/m", [0.0, most], 1e-3 * force / fastest);
     let viscous = || damping("viscous_damping_n_s_m");
     let stiffness = |name: String| Coordinate::log(name, "N/m", [1e-4 * force / stroke, 1e4 * force / half_width]);
     let limit = |name: String| Coordinate::log(name, "m", [1e-3 * half_width, 0.5 * stroke]);
@@ -273,7 +272,20 @@ pub(super) struct Quantity {
     pub(super) from: Vec<usize>,
 }
 
-/// What is reported of a kind, behind the offset: its free numbers, and in place of some the usual ones.
+impl Quantity {
+    /// Least value that makes sense: what follows where the number that it stands for is at the lower end of its range.
+    pub(super) fn least(&self, numbers: &[f64]) -> f64 {
+        let [only] = self.from[..] else { return f64::NEG_INFINITY };
+        if self.log || only == 0 {
+            return f64::NEG_INFINITY;
+        }
+        let mut lowest = numbers.to_vec();
+        lowest[only] = 0.0;
+        (self.of)(&lowest)
+    }
+}
+
+/// What is reported of a kind: its free numbers, and in place of some the usual ones.
 pub(super) fn quantities(kind: Kind, coordinates: &[Coordinate]) -> Vec<Quantity> {
     let usual = |(j, c): (usize, &Coordinate)| match c.name.strip_prefix("limit_deflection_m_") {
         Some(i) => Quantity {
@@ -291,7 +303,7 @@ pub(super) fn quantities(kind: Kind, coordinates: &[Coordinate]) -> Vec<Quantity
         Kind::Gms(n) => Some(bank_force(n, 5, 3)),
         _ => None,
     };
-    sum.into_iter().chain(coordinates.iter().enumerate().skip(1).map(usual)).collect()
+    sum.into_iter().chain(coordinates.iter().enumerate().map(usual)).collect()
 }
 
 /// Σ k_i·Δ_i, N, of a bank whose elements begin at number `first`, `stride` numbers each.

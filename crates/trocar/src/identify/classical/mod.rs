@@ -8,10 +8,9 @@
 mod data;
 mod fit;
 mod kind;
-mod spread;
 mod starts;
 
-pub use fit::ClassicalFit;
 pub(crate) use data::ClassicalData;
-pub(crate) use fit::fit;
+pub use fit::ClassicalFit;
+pub(crate) use fit::{LONG, SHORT, fit};
 pub use kind::Kind;

@@ -1,0 +1,128 @@
+//! The EMS element by the criterion of the classical models: plain least squares of its free-run simulation.
+//!
+//! [`identify`](super::identify) follows the paper's two steps and holds the sliding force at the steady state's values, for
+//! the sake of its intervals. A comparison by squared error asks what the element can do at best; that is this.
+
+use trocar_model::Element;
+
+use super::candidate::{Candidate, EmsTrial, Layout};
+use super::classical::{ClassicalData, LONG, SHORT};
+use super::output_error::{self, Fitted};
+use super::shape::BranchShape;
+use super::spread::{Reported, Spread};
+use super::{Identification, Parameter, Warning};
+
+/// Half widths to start from where no deformation was resolved, in units of that assumed for the scales.
+const WIDTHS: [f64; 3] = [0.2, 0.5, 1.0];
+
+/// An EMS element by plain least squares.
+#[derive(Debug, Clone)]
+pub struct EmsRefit {
+    /// The numbers.
+    pub model: Candidate,
+    /// The model, ready to run.
+    pub element: Element,
+    /// Main parameters with intervals.
+    pub parameters: Vec<Parameter>,
+    /// Numbers fitted, without the sensor's offset.
+    pub free_parameters: usize,
+    /// What to know about the fit.
+    pub warnings: Vec<Warning>,
+}
+
+/// Refits the element of an identification; polynomials of `degrees` where it has none to start from.
+///
+/// # Errors
+/// A sentence when no start gives a model that runs.
+pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usize; 2]) -> Result<EmsRefit, String> {
+    let layout = Layout {
+        symmetric: found.model.insertion == found.model.withdrawal,
+        viscous: true,
+        stribeck: found.steady.stribeck.is_some(),
+        damping: true,
+        hidden_mass: false,
+    };
+    let candidate = Candidate { hidden_mass: 0.0, ..found.model.clone() };
+    let candidates = match &found.deformation {
+        Ok(_) => vec![candidate],
+        Err(_) => WIDTHS.map(|part| straight(&candidate, part * data.scales.half_width, degrees)).to_vec(),
+    };
+    let trials = candidates.into_iter().map(|candidate| EmsTrial { candidate, layout });
+    let short = trials.filter_map(|trial| output_error::fit(&data.training, &trial, SHORT));
+    let best = short.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
+    let fitted = output_error::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
+    let model = fitted.best.candidate.clone();
+    let element = model.element().map_err(|error| error.to_string())?;
+    let parameters = parameters(&fitted);
+    let free_parameters = layout.free(&model).len() - 1;
+    let warnings = warnings(&fitted, &parameters);
+    Ok(EmsRefit { model, element, parameters, free_parameters, warnings })
+}
+
+/// The candidate with straight branches of polynomials of `degrees`.
+fn straight(candidate: &Candidate, half_width: f64, [left, right]: [usize; 2]) -> Candidate {
+    let pins = candidate.pins();
+    let branch = BranchShape {
+        join: 0.0,
+        join_force: 0.5 * (pins.low + pins.high),
+        left: vec![0.0; left - 1],
+        right: vec![0.0; right - 1],
+    };
+    Candidate { half_width, rising: branch.clone(), falling: branch, ..candidate.clone() }
+}
+
+/// Name, unit, least sensible value, whether on the logarithm, and how it follows from a candidate.
+type Quantity = (&'static str, &'static str, f64, bool, fn(&Candidate) -> f64);
+
+fn quantities(layout: Layout) -> Vec<Quantity> {
+    const ANY: f64 = f64::NEG_INFINITY;
+    let mut all: Vec<Quantity> = vec![
+        ("offset_n", "N", ANY, false, |c| c.offset),
+        ("coulomb_force_n", "N", 0.0, true, |c| c.insertion.coulomb_force),
+        ("viscous_damping_n_s_m", "N s/m", 0.0, false, |c| c.insertion.viscous_damping),
+        ("half_width_m", "m", 0.0, true, |c| c.half_width),
+        ("seal_damping_n_s_m", "N s/m", 0.0, false, |c| c.seal_damping),
+        ("rising_join_m", "m", ANY, false, |c| c.rising.join * c.half_width),
+        ("falling_join_m", "m", ANY, false, |c| c.falling.join * c.half_width),
+    ];
+    if layout.stribeck {
+        all.push(("static_force_n", "N", 0.0, true, |c| c.insertion.static_force));
+        all.push(("stribeck_velocity_m_s", "m/s", 0.0, true, |c| c.insertion.stribeck_velocity));
+    }
+    if !layout.symmetric {
+        all.push(("coulomb_force_n_negative", "N", 0.0, true, |c| c.withdrawal.coulomb_force));
+        all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| c.withdrawal.viscous_damping));
+    }
+    all
+}
+
+fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
+    let EmsTrial { candidate: best, layout } = &fitted.best;
+    let spread = Spread::new(fitted);
+    let force = best.insertion.coulomb_force;
+    let parameter = |(name, unit, least, log, of): Quantity| {
+        let scale = match unit {
+            "N" => force,
+            "m" => best.half_width,
+            _ => best.insertion.viscous_damping.max(1.0),
+        };
+        let how = Reported { unit, log, scale, least };
+        Parameter { name: name.to_owned(), estimate: spread.estimate(&fitted.best, how, &|t| of(&t.candidate)) }
+    };
+    quantities(*layout).into_iter().map(parameter).collect()
+}
+
+fn warnings(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) -> Vec<Warning> {
+    let mut all = Vec::new();
+    let mut say = |subject: &str, message: String| {
+        all.push(Warning { subject: subject.to_owned(), message, doubtful: true });
+    };
+    if !fitted.converged {
+        say("fit", format!("did not come to rest in {} steps", fitted.iterations));
+    }
+    for p in parameters.iter().filter(|p| !p.estimate.pinned) {
+        let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");
+        say(&p.name, format!("not pinned: {why}"));
+    }
+    all
+}

@@ -1,0 +1,115 @@
+//! Intervals of a plain output-error fit, and whether the data pin its parameters at all.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::estimate::{Estimate, t_quantile};
+use super::output_error::{Fitted, Trial};
+
+/// Width of the weak prior on a number, in steps of its difference quotient: four orders of magnitude of a logarithm,
+/// ten times the sliding force.
+const PRIOR_WIDTH: f64 = 1e5;
+/// A number known no better than within this factor either way counts as not pinned.
+const WORST_FACTOR: f64 = 10.0;
+/// So does one whose interval is this many times wider than itself and than its scale.
+const WORST_RATIO: f64 = 10.0;
+
+/// How a fit scatters, to first order.
+pub(crate) struct Spread {
+    /// With one cluster left out each.
+    departures: Vec<DVector<f64>>,
+    /// As if all samples were independent.
+    covariance: DMatrix<f64>,
+    /// Degrees of freedom of Student's t.
+    degrees: f64,
+    /// Ratio of the clusters' variance to that of independent samples, in the median over the free numbers.
+    inflation: f64,
+}
+
+/// A number that follows from the free ones, to first order.
+struct Dependent {
+    value: f64,
+    gradient: DVector<f64>,
+}
+
+impl Dependent {
+    fn new<T: Trial>(trial: &T, of: &dyn Fn(&T) -> f64) -> Self {
+        let free = trial.free();
+        let values: Vec<f64> = free.iter().map(|f| f.value).collect();
+        let moved = |j: usize, shift: f64| {
+            let mut values = values.clone();
+            values[j] += shift;
+            of(&trial.with_any(&values))
+        };
+        let slope = |j: usize, _| {
+            let step = free[j].step;
+            (moved(j, step) - moved(j, -step)) / (2.0 * step)
+        };
+        Self { value: of(trial), gradient: DVector::from_fn(free.len(), slope) }
+    }
+}
+
+/// How a number is reported.
+#[derive(Clone, Copy)]
+pub(crate) struct Reported {
+    pub(crate) unit: &'static str,
+    /// Whether its interval is taken on the logarithm.
+    pub(crate) log: bool,
+    /// What its interval is measured by, in `unit`.
+    pub(crate) scale: f64,
+    /// Least value that makes sense, in `unit`.
+    pub(crate) least: f64,
+}
+
+impl Spread {
+    pub(crate) fn new<T: Trial>(found: &Fitted<T>) -> Self {
+        let free = found.best.free();
+        let widths: Vec<f64> = free.iter().map(|f| PRIOR_WIDTH * f.step).collect();
+        let (departures, covariance) = found.departures(&widths);
+        let degrees = found.effective_clusters() - 1.0;
+        let mut spread = Self { departures, covariance, degrees, inflation: 1.0 };
+        let unit = |j: usize| DVector::from_fn(free.len(), |i, _| f64::from(i == j));
+        let ratio = |j: usize| spread.jackknife(&unit(j)) / spread.covariance[(j, j)];
+        let mut ratios: Vec<f64> = (0..free.len()).filter(|j| !found.held[*j]).map(ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        spread.inflation = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0).max(1.0);
+        spread
+    }
+
+    /// Variance by the jackknife over clusters.
+    fn jackknife(&self, gradient: &DVector<f64>) -> f64 {
+        let g = self.departures.len() as f64;
+        let values: Vec<f64> = self.departures.iter().map(|d| gradient.dot(d)).collect();
+        let mean = values.iter().sum::<f64>() / g.max(1.0);
+        (g - 1.0) / g * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
+    }
+
+    /// A number of the best trial with its interval, or without one where the data do not pin it.
+    pub(crate) fn estimate<T: Trial>(&self, best: &T, how: Reported, of: &dyn Fn(&T) -> f64) -> Estimate {
+        let Reported { unit, log, scale, least } = how;
+        let Dependent { value, gradient } = match log {
+            true => Dependent::new(best, &|t| of(t).ln()),
+            false => Dependent::new(best, of),
+        };
+        let plain = |u: f64| if log { u.exp() } else { u };
+        let own = Estimate::from_standard_error(value, self.jackknife(&gradient).sqrt(), self.degrees, unit);
+        if !own.pinned {
+            return Estimate { value: plain(value), ..own };
+        }
+        // A direction that no cluster tells anything about scatters over none of them; the covariance sees it.
+        let as_independent = self.inflation * gradient.dot(&(&self.covariance * &gradient));
+        let half = own.half_width().max(t_quantile(1e6) * as_independent.max(0.0).sqrt());
+        let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };
+        if half > limit {
+            return Estimate::not_pinned(plain(value), unit, known_no_better(half, log, unit));
+        }
+        Estimate { value: plain(value), ci95: own.ci95.map(|bound| plain(bound).max(least)), ..own }
+    }
+}
+
+fn known_no_better(half: f64, log: bool, unit: &str) -> String {
+    match log {
+        true if half > 1e3_f64.ln() => "known no better than within a factor of 1000".to_owned(),
+        true => format!("known no better than within a factor of {:.0}", half.exp()),
+        false => format!("known no better than within ±{half:.1e} {unit}"),
+    }
+}
