@@ -85,8 +85,8 @@ impl LeuvenState {
 ///   is Maxwell-Slip.
 /// - **Step**: along the travel dz/d|x| is a function of F_h alone, and F_h is a straight line of z until the next element
 ///   yields. For n = 1 each such part is solved exactly; otherwise it is cut into parts of at most 1/8 of g, each with
-///   the exponential of the chord: second order, never past F_h = s(v), stable for any stiffness. σ1·dz/dt is that at
-///   the end of the step.
+///   the exponential of the chord: second order (1.5 for n < 1), never past F_h = s(v), stable for any stiffness, 1 % of
+///   g where one step holds a whole reversal. σ1·dz/dt is that at the end of the step.
 /// - **Invariants**: |f_i| <= F_i; |F_h| <= F_s; |z| <= max F_i/k_i; at constant v the force settles at s(v) + σ2·v. When g
 ///   falls below |F_h| the bank unloads against the motion. At v = 0 it holds. Passivity is not claimed.
 /// - **Errors**: [`ParamError`] from [`Leuven::new`]; never later.

@@ -1,14 +1,17 @@
-//! Maxwell-Slip and GMS against trajectories of other programs.
+//! Maxwell-Slip, GMS and modified Leuven against trajectories of other programs.
 
 use std::path::PathBuf;
 
-use trocar_model::{Gms, GmsElement, MaxwellSlip, SlidingFriction, SlipElement, SlipRate};
+use trocar_model::{Gms, GmsElement, Leuven, LeuvenParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate};
 
 /// N. Between three finite-element programs the spread is 1e-14 N.
 const MAXWELL_SLIP_TOLERANCE: f64 = 1e-10;
 
 /// N. A second reading of GMS, exact as well; positions are printed to 1 nm, stiffness is 6350 N/m.
 const GMS_TOLERANCE: f64 = 1e-8;
+
+/// N. The trajectory agrees with a closed form to 5e-14 N.
+const LEUVEN_TOLERANCE: f64 = 1e-10;
 
 const PERIOD: f64 = 1e-3;
 
@@ -121,4 +124,50 @@ fn gms_matches_the_force_form_on_the_rich_motion() {
 #[test]
 fn gms_matches_the_force_form_on_the_triangle() {
     gms_matches("gms_oracle_tri.csv");
+}
+
+/// Over a single spring that never yields, with n = 1, the modified Leuven model is LuGre; with F_s = F_c and no damping
+/// it is Dahl.
+fn leuven_matches(name: &str, static_force: f64, micro_damping: f64, viscous_damping: f64) {
+    let Some(rows) = rows(name) else { return };
+    let sliding = SlidingFriction {
+        coulomb_force: 1.5,
+        static_force,
+        stribeck_velocity: 0.01,
+        stribeck_exponent: 2.0,
+        viscous_damping,
+    };
+    let spring = SlipElement { stiffness: 2000.0, limit_force: 1e3 };
+    let model = Leuven::new(&[spring], LeuvenParams { sliding, exponent: 1.0, micro_damping }).unwrap();
+    let mut state = model.rest_state();
+    let (mut worst, mut worst_deflection) = (0.0_f64, 0.0_f64);
+    for pair in rows.windows(2) {
+        let velocity = (pair[1][1] - pair[0][1]) / PERIOD;
+        worst = worst.max((model.output(&state, velocity) - pair[0][3]).abs());
+        worst_deflection = worst_deflection.max((state.deflection() - pair[0][2]).abs());
+        model.step_velocity(&mut state, velocity, PERIOD);
+    }
+    println!("{name}: worst {worst:e} N, {worst_deflection:e} m over {} rows", rows.len());
+    assert!(worst < LEUVEN_TOLERANCE, "{worst}");
+    assert!(worst_deflection < LEUVEN_TOLERANCE / spring.stiffness, "{worst_deflection}");
+}
+
+#[test]
+fn leuven_over_one_spring_matches_lugre_on_the_rich_motion() {
+    leuven_matches("mujoco_lugre_gauss_rich.csv", 2.2, 5.0, 2.0);
+}
+
+#[test]
+fn leuven_over_one_spring_matches_lugre_on_the_triangle() {
+    leuven_matches("mujoco_lugre_gauss_tri.csv", 2.2, 5.0, 2.0);
+}
+
+#[test]
+fn leuven_over_one_spring_matches_dahl_on_the_rich_motion() {
+    leuven_matches("mujoco_dahl_rich.csv", 1.5, 0.0, 0.0);
+}
+
+#[test]
+fn leuven_over_one_spring_matches_dahl_on_the_triangle() {
+    leuven_matches("mujoco_dahl_tri.csv", 1.5, 0.0, 0.0);
 }
