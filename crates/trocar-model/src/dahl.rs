@@ -1,7 +1,7 @@
 //! The Dahl model: friction as a spring that yields the more, the nearer its force comes to the Coulomb force.
 
 use crate::error::{ParamError, not_negative, positive};
-use crate::exponential::decay;
+use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, held, sign, velocity};
 
 /// Parameters of the Dahl model, key DAHL. Checked by [`Dahl::new`].
@@ -135,12 +135,15 @@ impl Dahl {
         if m == 0.0 {
             return y * decay(travel);
         }
-        let growth = m * (travel * libm::pow(y, m));
+        let growth = m * (travel * power(y, m));
         if growth <= -1.0 {
             return 0.0;
         }
-        let logarithm =
-            if growth < f64::INFINITY { libm::log1p(growth) } else { libm::log(m * travel) + m * libm::log(y) };
+        let logarithm = if growth < f64::INFINITY {
+            logarithm_of_one_plus(growth)
+        } else {
+            libm::log(m * travel) + m * libm::log(y)
+        };
         y * decay(logarithm / m)
     }
 }

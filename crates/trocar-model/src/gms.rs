@@ -98,6 +98,8 @@ pub struct Gms {
     elements: [GmsElement; MAX_ELEMENTS],
     /// ν_i, m/N.
     scales: [f64; MAX_ELEMENTS],
+    /// C_i/ν_i, N/s.
+    rates: [f64; MAX_ELEMENTS],
     count: usize,
     sliding: SlidingFriction,
     slip_rate: SlipRate,
@@ -113,6 +115,11 @@ struct Drive {
     duration: f64,
     /// Bound of |dz_i/dt| in slip, m/s.
     fastest: f64,
+    /// g(|v|), N, and its inverse.
+    level: f64,
+    inverse_level: f64,
+    /// The last rate over the whole step, 1/s, and what it leaves: elements often share one.
+    fade: (f64, f64),
 }
 
 impl Gms {
@@ -126,6 +133,7 @@ impl Gms {
         check_count(elements.len())?;
         let mut places = [GmsElement::NONE; MAX_ELEMENTS];
         let mut scales = [0.0; MAX_ELEMENTS];
+        let mut rates = [0.0; MAX_ELEMENTS];
         for (index, element) in elements.iter().enumerate() {
             above_zero(index, "stiffness", element.stiffness, "N/m")?;
             above_zero(index, "share", element.share, "")?;
@@ -136,7 +144,8 @@ impl Gms {
             }
             scales[index] = element.share / element.stiffness;
             // Refuses a limit deflection that vanishes beside the other numbers.
-            let rate = element.attraction / (scales[index] * sliding.coulomb_force);
+            rates[index] = element.attraction / scales[index];
+            let rate = rates[index] / sliding.coulomb_force;
             above_zero(index, "attraction*stiffness/(share*coulomb_force)", rate, "1/s")?;
             places[index] = *element;
         }
@@ -144,7 +153,7 @@ impl Gms {
         if (sum - 1.0).abs() > SHARE_TOLERANCE {
             return Err(ParamError::SharesNotOne { sum });
         }
-        Ok(Self { elements: places, scales, count: elements.len(), sliding, slip_rate })
+        Ok(Self { elements: places, scales, rates, count: elements.len(), sliding, slip_rate })
     }
 
     /// The elements.
@@ -231,12 +240,15 @@ impl Gms {
             SlipRate::Free => f64::INFINITY,
             SlipRate::Limited => speed,
         };
-        let drive = Drive { sign: s, speed, travel: displacement.abs(), duration, fastest };
         let level = self.sliding.level(speed);
+        let travel = displacement.abs();
+        let inverse_level = 1.0 / level;
+        let mut drive = Drive { sign: s, speed, travel, duration, fastest, level, inverse_level, fade: (0.0, 1.0) };
         let mut force = self.sliding.viscous_damping * velocity;
         let deflections = next.deflections.iter_mut().zip(&mut next.slipping);
-        for ((element, nu), (z, slipping)) in self.elements().iter().zip(&self.scales).zip(deflections) {
-            let rate = element.advance(z, slipping, nu * level, &drive);
+        let constants = self.scales.iter().zip(&self.rates);
+        for ((element, (nu, rate)), (z, slipping)) in self.elements().iter().zip(constants).zip(deflections) {
+            let rate = advance(z, slipping, nu * drive.level, *rate, &mut drive);
             force += element.stiffness * *z + element.damping * rate; // EMS (7)
         }
         next.force = force;
@@ -260,47 +272,46 @@ impl Friction for Gms {
     }
 }
 
-impl GmsElement {
-    /// Moves one element with limit ν·g = `limit` (m); returns dz/dt (m/s) at the end.
-    #[inline(always)]
-    fn advance(&self, z: &mut f64, slipping: &mut bool, limit: f64, drive: &Drive) -> f64 {
-        let s = drive.sign;
-        let u = s * *z;
-        if !*slipping && u < limit {
-            let moved = u + drive.travel; // EMS (5), stick
-            *slipping = moved >= limit;
-            *z = s * if *slipping { limit } else { moved };
-            return if *slipping { 0.0 } else { s * drive.speed };
-        }
-        *slipping = true;
-        let distance = limit - u;
-        if distance == 0.0 {
-            return 0.0;
-        }
-        let left = relax(distance.abs(), limit, self.attraction, drive);
-        let (left, rate) = if distance < 0.0 { (-left.0, -left.1) } else { left };
-        *z = s * (limit - left);
-        s * rate
+/// Moves one element with limit ν·g = `limit` (m) and C/ν = `rate` (N/s); returns dz/dt (m/s) at the end.
+#[inline(always)]
+fn advance(z: &mut f64, slipping: &mut bool, limit: f64, rate: f64, drive: &mut Drive) -> f64 {
+    let s = drive.sign;
+    let u = s * *z;
+    if !*slipping && u < limit {
+        let moved = u + drive.travel; // EMS (5), stick
+        *slipping = moved >= limit;
+        *z = s * if *slipping { limit } else { moved };
+        return if *slipping { 0.0 } else { s * drive.speed };
     }
+    *slipping = true;
+    let distance = limit - u;
+    if distance == 0.0 {
+        return 0.0;
+    }
+    let left = relax(distance.abs(), rate * drive.inverse_level, drive);
+    let (left, rate) = if distance < 0.0 { (-left.0, -left.1) } else { left };
+    *z = s * (limit - left);
+    s * rate
 }
 
 /// Distance (m) from the limit after a step in slip, and the speed (m/s) at which it then shrinks, EMS (5).
 ///
-/// While C·distance/limit exceeds the bound the approach is linear, then exponential.
+/// While `rate`·distance exceeds the bound the approach is linear, then exponential with that rate (1/s).
 #[inline(always)]
-fn relax(distance: f64, limit: f64, attraction: f64, drive: &Drive) -> (f64, f64) {
-    let inverse_time = attraction / limit;
-    let linear = distance - drive.fastest / inverse_time;
-    let (start, time) = if linear > 0.0 {
+fn relax(distance: f64, rate: f64, drive: &mut Drive) -> (f64, f64) {
+    let linear = distance - drive.fastest / rate;
+    let left = if linear > 0.0 {
         if drive.travel <= linear {
             return (distance - drive.travel, drive.fastest);
         }
-        (distance - linear, drive.duration - linear / drive.fastest)
+        (distance - linear) * decay((drive.duration - linear / drive.fastest) * rate)
     } else {
-        (distance, drive.duration)
+        if rate != drive.fade.0 {
+            drive.fade = (rate, decay(drive.duration * rate));
+        }
+        distance * drive.fade.1
     };
-    let left = start * decay(inverse_time * time);
-    (left, inverse_time * left)
+    (left, left * rate)
 }
 
 #[cfg(test)]

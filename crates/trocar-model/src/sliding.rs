@@ -1,7 +1,7 @@
 //! Sliding friction between seal and instrument: Coulomb, viscous and Stribeck, EMS (11).
 
 use crate::error::{ParamError, not_negative, positive};
-use crate::exponential::decay;
+use crate::exponential::{decay, power};
 
 /// Friction of the sliding contact in one direction of slip.
 ///
@@ -87,7 +87,7 @@ impl SlidingFriction {
         } else if delta == 1.0 {
             (x, inverse)
         } else if x > 0.0 {
-            let power = libm::pow(x, delta);
+            let power = power(x, delta);
             (power, delta * power / u)
         } else {
             (0.0, if delta > 1.0 { 0.0 } else { f64::INFINITY })
