@@ -7,8 +7,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use trocar_model::{
-    Dahl, DahlParams, Element, ElementParams, Friction, LuGre, LuGreParams, ParamError, SealDamping, SlidingFriction,
-    StaticFriction, StribeckCurve,
+    Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
+    MaxwellSlip, ParamError, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
 const SAMPLES: usize = 40_000;
@@ -109,8 +109,31 @@ fn report_classical(displacements: &[f64]) -> Result<(), ParamError> {
     Ok(())
 }
 
+/// Four elements each; the shares are those of the Coulomb force.
+fn report_banks(displacements: &[f64]) -> Result<(), ParamError> {
+    const BANK: [(f64, f64); 4] = [(4000.0, 0.3), (1500.0, 0.27), (600.0, 0.23), (250.0, 0.2)];
+    let slip = BANK.map(|(stiffness, share)| SlipElement { stiffness, limit_force: 3.0 * share });
+    report("Maxwell-Slip, 4 elements", &MaxwellSlip::new(&slip, 5.0)?, displacements);
+    for (name, uneven) in [("GMS, 4 elements", 0.0), ("GMS, 4, an attraction each", 0.1)] {
+        let element = |i: usize| {
+            let (stiffness, share) = BANK[i];
+            let attraction = 50.0 * share / stiffness * (1.0 + uneven * i as f64);
+            GmsElement { stiffness, share, attraction, damping: 0.0 }
+        };
+        let elements: [GmsElement; 4] = std::array::from_fn(element);
+        report(name, &Gms::new(&elements, STRIBECK, SlipRate::Free)?, displacements);
+    }
+    for (name, exponent) in [("Leuven, 4 elements, n = 1", 1.0), ("Leuven, 4, n = 2", 2.0), ("Leuven, 4, n = 1.5", 1.5)]
+    {
+        let params = LeuvenParams { sliding: STRIBECK, exponent, micro_damping: 1.0 };
+        report(name, &Leuven::new(&slip, params)?, displacements);
+    }
+    Ok(())
+}
+
 fn main() -> Result<(), ParamError> {
     let displacements = motion();
     report_elements(&displacements)?;
-    report_classical(&displacements)
+    report_classical(&displacements)?;
+    report_banks(&displacements)
 }

@@ -48,6 +48,9 @@ pub struct Dahl {
 pub struct DahlState {
     hysteresis_force: f64,
     force: f64,
+    /// Of the last motion; 0 before any.
+    direction: f64,
+    remainder: Remainder,
 }
 
 impl DahlState {
@@ -88,17 +91,18 @@ impl Dahl {
     /// State at rest that holds `force`, N, clamped to ±F_c; a force that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> DahlState {
         let hysteresis_force = held(force, self.params.coulomb_force);
-        DahlState { hysteresis_force, force: hysteresis_force }
+        DahlState { hysteresis_force, force: hysteresis_force, direction: 0.0, remainder: Remainder::UNKNOWN }
     }
 
     /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
     /// end.
     pub fn step(&self, state: &mut DahlState, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration) {
-            let hysteresis_force = self.hysteresis(state.hysteresis_force, displacement);
-            let force = hysteresis_force + self.params.viscous_damping * velocity;
-            if force.abs() <= f64::MAX {
-                *state = DahlState { hysteresis_force, force };
+            let mut next = *state;
+            self.load(&mut next, displacement);
+            next.force = next.hysteresis_force + self.params.viscous_damping * velocity;
+            if next.force.abs() <= f64::MAX {
+                *state = next;
             }
         }
         state.force
@@ -114,37 +118,55 @@ impl Dahl {
         state.hysteresis_force + self.params.viscous_damping * velocity
     }
 
-    /// f after `displacement`.
-    fn hysteresis(&self, f: f64, displacement: f64) -> f64 {
-        let DahlParams { stiffness, coulomb_force, .. } = self.params;
-        let s = sign(displacement);
+    /// Moves f by `displacement`.
+    fn load(&self, state: &mut DahlState, displacement: f64) {
+        let DahlParams { stiffness, coulomb_force, exponent, .. } = self.params;
+        let (s, m) = (sign(displacement), exponent - 1.0);
         if s == 0.0 {
-            return f;
+            return;
         }
-        let y = 1.0 - s * f / coulomb_force;
-        let travel = stiffness * displacement.abs() / coulomb_force;
-        s * coulomb_force * (1.0 - self.remainder(y, travel))
+        if s != state.direction {
+            let y = 1.0 - s * state.hysteresis_force / coulomb_force;
+            state.remainder = Remainder { y, inverse_power: power(y, -m) };
+            state.direction = s;
+        }
+        state.remainder.advance(stiffness * displacement.abs() / coulomb_force, m);
+        state.hysteresis_force = s * coulomb_force * (1.0 - state.remainder.y);
     }
+}
 
-    /// y after `travel` = σ·|Δx|/F_c: the solution of dy/dtravel = -y^i.
+/// y = 1 - s·f/F_c, what is left to the Coulomb force in the direction s of motion, in [0, 2].
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Remainder {
+    y: f64,
+    /// y^-m with m = i - 1: it changes in proportion to the travel, so that the power is taken at reversals only.
+    inverse_power: f64,
+}
+
+impl Remainder {
+    const UNKNOWN: Self = Self { y: 1.0, inverse_power: 1.0 };
+
+    /// The solution of dy/dtravel = -y^i after `travel` = σ·|Δx|/F_c.
     ///
     /// With m = i - 1 it is (y^-m + m·travel)^(-1/m), 0 once the bracket is no longer positive. Written relative to y
     /// it neither overflows for large m nor loses digits for small m.
-    fn remainder(&self, y: f64, travel: f64) -> f64 {
-        let m = self.params.exponent - 1.0;
+    fn advance(&mut self, travel: f64, m: f64) {
         if m == 0.0 {
-            return y * decay(travel);
+            self.y *= decay(travel);
+            return;
         }
-        let growth = m * (travel * power(y, m));
-        if growth <= -1.0 {
-            return 0.0;
+        let growth = m * travel / self.inverse_power;
+        if growth <= -1.0 || self.y == 0.0 {
+            *self = Self { y: 0.0, inverse_power: if m < 0.0 { 0.0 } else { f64::INFINITY } };
+            return;
         }
         let logarithm = if growth < f64::INFINITY {
             logarithm_of_one_plus(growth)
         } else {
-            libm::log(m * travel) + m * libm::log(y)
+            libm::log(m * travel) + m * libm::log(self.y)
         };
-        y * decay(logarithm / m)
+        self.y *= decay(logarithm / m);
+        self.inverse_power += m * travel;
     }
 }
 

@@ -1,7 +1,7 @@
 //! The modified Leuven model: a LuGre-like sliding law over a hysteresis bank with nonlocal memory.
 
 use crate::error::{ParamError, not_negative, positive};
-use crate::exponential::decay;
+use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, sign, velocity};
 use crate::maxwell_slip::{Bank, MAX_ELEMENTS, SlipElement};
 use crate::sliding::SlidingFriction;
@@ -240,7 +240,7 @@ impl Leuven {
         } else if n == 2.0 {
             1.0 - ratio * ratio.abs()
         } else {
-            let power = libm::pow(ratio.abs(), n).min(f64::MAX);
+            let power = power(ratio.abs(), n).min(f64::MAX);
             1.0 - if ratio < 0.0 { -power } else { power }
         }
     }
@@ -310,7 +310,7 @@ impl Friction for Leuven {
 /// Travel (m) of the instrument for `far` (m) of z while dz/d|x| goes from `start` to `end` <= `start` in a straight line.
 fn chord_travel(far: f64, start: f64, end: f64) -> f64 {
     let fall = (start - end) / start;
-    if fall > 0.0 { far / start * (-libm::log1p(-fall) / fall) } else { far / start }
+    if fall > 0.0 { far / start * (-logarithm_of_one_plus(-fall) / fall) } else { far / start }
 }
 
 /// (1 - exp(-x))/x for x >= 0.

@@ -152,7 +152,7 @@ impl LuGre {
             StribeckCurve::Exponential => sliding.level(speed),
             StribeckCurve::Rational => {
                 let excess = sliding.static_force - sliding.coulomb_force;
-                sliding.coulomb_force + excess / (1.0 + sliding.exponent(speed.abs()).0)
+                sliding.coulomb_force + excess / (1.0 + sliding.exponent(speed.abs()))
             }
         }
     }

@@ -48,7 +48,10 @@ impl SlidingFriction {
 
     /// g(u) of EMS (11), N, at slip speed `speed` = |v_sl| >= 0, m/s. The sign of `speed` is ignored.
     pub fn level(&self, speed: f64) -> f64 {
-        self.level_and_slope(speed.abs()).0
+        if self.is_constant() {
+            return self.coulomb_force;
+        }
+        self.coulomb_force + (self.static_force - self.coulomb_force) * decay(self.exponent(speed.abs())) // EMS (11)
     }
 
     /// g(u) + β·u, N: the sliding force at slip speed `speed` = |v_sl| >= 0, m/s. The sign of `speed` is ignored.
@@ -66,31 +69,44 @@ impl SlidingFriction {
         if self.is_constant() {
             return (self.coulomb_force, 0.0);
         }
-        let (power, growth) = self.exponent(u);
+        let power = self.exponent(u);
         let fall = (self.static_force - self.coulomb_force) * decay(power);
-        (self.coulomb_force + fall, slope_of(fall, growth)) // EMS (11)
+        (self.coulomb_force + fall, slope_of(fall, self.growth(u, power))) // EMS (11)
     }
 
     /// dg/du at u >= 0 where g(u) = `level` is already known: saves the exponential.
     pub(crate) fn slope_at_level(&self, u: f64, level: f64) -> f64 {
-        if self.is_constant() { 0.0 } else { slope_of(level - self.coulomb_force, self.exponent(u).1) }
+        if self.is_constant() { 0.0 } else { slope_of(level - self.coulomb_force, self.growth(u, self.exponent(u))) }
     }
 
-    /// (u/v_s)^δ and its derivative by u; the two usual shapes avoid a power.
-    pub(crate) fn exponent(&self, u: f64) -> (f64, f64) {
+    /// (u/v_s)^δ; the two usual shapes avoid a power.
+    #[inline]
+    pub(crate) fn exponent(&self, u: f64) -> f64 {
         // The reciprocal does not wait for u: a division here would lengthen every step.
-        let inverse = 1.0 / self.stribeck_velocity;
-        let x = u * inverse;
-        let delta = self.stribeck_exponent;
-        if delta == 2.0 {
-            (x * x, 2.0 * x * inverse)
-        } else if delta == 1.0 {
-            (x, inverse)
-        } else if x > 0.0 {
-            let power = power(x, delta);
-            (power, delta * power / u)
+        let x = u * (1.0 / self.stribeck_velocity);
+        if self.stribeck_exponent == 2.0 {
+            x * x
+        } else if self.stribeck_exponent == 1.0 {
+            x
         } else {
-            (0.0, if delta > 1.0 { 0.0 } else { f64::INFINITY })
+            power(x, self.stribeck_exponent)
+        }
+    }
+
+    /// Derivative by u of (u/v_s)^δ = `exponent`.
+    #[inline]
+    fn growth(&self, u: f64, exponent: f64) -> f64 {
+        let (delta, inverse) = (self.stribeck_exponent, 1.0 / self.stribeck_velocity);
+        if delta == 2.0 {
+            2.0 * u * inverse * inverse
+        } else if delta == 1.0 {
+            inverse
+        } else if u > 0.0 {
+            delta * exponent / u
+        } else if delta > 1.0 {
+            0.0
+        } else {
+            f64::INFINITY
         }
     }
 
