@@ -1,6 +1,6 @@
 //! The Generalized Maxwell-Slip (GMS) model: slip elements whose limit follows the Stribeck curve, EMS (5) to (7).
 
-use crate::error::ParamError;
+use crate::error::{ParamError, finite};
 use crate::exponential::decay;
 use crate::friction::{Friction, sign, velocity};
 use crate::maxwell_slip::{MAX_ELEMENTS, above_zero, check_count};
@@ -103,6 +103,10 @@ pub struct Gms {
     count: usize,
     sliding: SlidingFriction,
     slip_rate: SlipRate,
+    /// β + Σσ_i, N·s/m.
+    damping: f64,
+    /// Bound of |F| without what grows with the velocity, N.
+    slip_bound: f64,
 }
 
 /// The motion of one step, as all elements see it.
@@ -153,7 +157,13 @@ impl Gms {
         if (sum - 1.0).abs() > SHARE_TOLERANCE {
             return Err(ParamError::SharesNotOne { sum });
         }
-        Ok(Self { elements: places, scales, rates, count: elements.len(), sliding, slip_rate })
+        let damping = sliding.viscous_damping + elements.iter().map(|element| element.damping).sum::<f64>();
+        // |z_i| <= ν_i·F_s, so that a slipping element is no faster than C_i·(1 + F_s/F_c).
+        let fastest = 1.0 + sliding.static_force / sliding.coulomb_force;
+        let dampers = elements.iter().map(|element| element.damping * element.attraction * fastest);
+        let slip_bound = finite("bound of the force", sliding.static_force + dampers.sum::<f64>())?;
+        let count = elements.len();
+        Ok(Self { elements: places, scales, rates, count, sliding, slip_rate, damping, slip_bound })
     }
 
     /// The elements.
@@ -199,11 +209,11 @@ impl Gms {
     /// finite, leaves the state untouched and returns the last force.
     #[inline]
     pub fn step(&self, state: &mut GmsState, displacement: f64, duration: f64) -> f64 {
-        if let Some(velocity) = velocity(displacement, duration) {
-            let next = self.advance(state, velocity, displacement, duration);
-            if next.force.abs() <= f64::MAX {
-                *state = next;
-            }
+        // The deflections are bounded: only the damping forces can exceed all numbers.
+        if let Some(velocity) = velocity(displacement, duration)
+            && self.slip_bound + self.damping * velocity.abs() <= f64::MAX
+        {
+            self.advance(state, velocity, displacement, duration);
         }
         state.force
     }
@@ -215,8 +225,11 @@ impl Gms {
 
     /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity that is not finite.
     pub fn output(&self, state: &GmsState, velocity: f64) -> f64 {
-        let force = if velocity.is_finite() { self.advance(state, velocity, 0.0, 0.0).force } else { state.force };
-        if force.is_finite() { force } else { state.force }
+        let mut state = *state;
+        if self.slip_bound + self.damping * velocity.abs() <= f64::MAX {
+            self.advance(&mut state, velocity, 0.0, 0.0);
+        }
+        state.force
     }
 
     fn elastic_force(&self, state: &GmsState) -> f64 {
@@ -224,16 +237,15 @@ impl Gms {
     }
 
     #[inline(always)]
-    fn advance(&self, state: &GmsState, velocity: f64, displacement: f64, duration: f64) -> GmsState {
-        let mut next = *state;
+    fn advance(&self, state: &mut GmsState, velocity: f64, displacement: f64, duration: f64) {
         let s = sign(velocity);
-        if s != next.direction {
-            next.direction = s;
-            next.slipping = [false; MAX_ELEMENTS];
+        if s != state.direction {
+            state.direction = s;
+            state.slipping = [false; MAX_ELEMENTS];
         }
         if s == 0.0 {
-            next.force = self.elastic_force(&next);
-            return next;
+            state.force = self.elastic_force(state);
+            return;
         }
         let speed = velocity.abs();
         let fastest = match self.slip_rate {
@@ -245,14 +257,13 @@ impl Gms {
         let inverse_level = 1.0 / level;
         let mut drive = Drive { sign: s, speed, travel, duration, fastest, level, inverse_level, fade: (0.0, 1.0) };
         let mut force = self.sliding.viscous_damping * velocity;
-        let deflections = next.deflections.iter_mut().zip(&mut next.slipping);
+        let deflections = state.deflections.iter_mut().zip(&mut state.slipping);
         let constants = self.scales.iter().zip(&self.rates);
         for ((element, (nu, rate)), (z, slipping)) in self.elements().iter().zip(constants).zip(deflections) {
             let rate = advance(z, slipping, nu * drive.level, *rate, &mut drive);
             force += element.stiffness * *z + element.damping * rate; // EMS (7)
         }
-        next.force = force;
-        next
+        state.force = force;
     }
 }
 

@@ -1,6 +1,6 @@
 //! The modified Leuven model: a LuGre-like sliding law over a hysteresis bank with nonlocal memory.
 
-use crate::error::{ParamError, not_negative, positive};
+use crate::error::{ParamError, finite, not_negative, positive};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, sign, velocity};
 use crate::maxwell_slip::{Bank, MAX_ELEMENTS, SlipElement};
@@ -94,6 +94,8 @@ impl LeuvenState {
 pub struct Leuven {
     bank: Bank,
     params: LeuvenParams,
+    /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
+    damping: f64,
 }
 
 /// The bank as it lies ahead of z in one direction.
@@ -118,7 +120,11 @@ impl Leuven {
         if limit_force < (1.0 - LIMIT_TOLERANCE) * static_force {
             return Err(ParamError::BankTooWeak { limit_force, static_force });
         }
-        Ok(Self { bank, params })
+        // |F_h| <= F_s and g >= F_c.
+        let most = power(static_force / params.sliding.coulomb_force, params.exponent);
+        let damping = params.sliding.viscous_damping + params.micro_damping * (1.0 + most);
+        let damping = if params.micro_damping > 0.0 { damping } else { params.sliding.viscous_damping };
+        Ok(Self { bank, params, damping: finite("bound of the damping", damping)? })
     }
 
     /// The parameters beside the bank.
@@ -154,11 +160,10 @@ impl Leuven {
     /// finite, leaves the state untouched and returns the last force.
     #[inline]
     pub fn step(&self, state: &mut LeuvenState, displacement: f64, duration: f64) -> f64 {
-        if let Some(velocity) = velocity(displacement, duration) {
-            let next = self.advance(state, velocity, displacement.abs());
-            if next.force.abs() <= f64::MAX && next.deflection.abs() <= f64::MAX {
-                *state = next;
-            }
+        if let Some(velocity) = velocity(displacement, duration)
+            && self.bank.limit() + self.damping * velocity.abs() <= f64::MAX
+        {
+            self.advance(state, velocity, displacement.abs());
         }
         state.force
     }
@@ -170,26 +175,27 @@ impl Leuven {
 
     /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity that is not finite.
     pub fn output(&self, state: &LeuvenState, velocity: f64) -> f64 {
-        let force = if velocity.is_finite() { self.advance(state, velocity, 0.0).force } else { state.force };
-        if force.is_finite() { force } else { state.force }
+        let mut state = *state;
+        if self.bank.limit() + self.damping * velocity.abs() <= f64::MAX {
+            self.advance(&mut state, velocity, 0.0);
+        }
+        state.force
     }
 
     #[inline(always)]
-    fn advance(&self, state: &LeuvenState, velocity: f64, travel: f64) -> LeuvenState {
-        let mut next = *state;
+    fn advance(&self, state: &mut LeuvenState, velocity: f64, travel: f64) {
         let s = sign(velocity);
         if s == 0.0 {
-            next.force = self.bank.force(&next.forces);
-            return next;
+            state.force = self.bank.force(&state.forces);
+            return;
         }
         let level = self.params.sliding.level(velocity.abs());
-        let hysteresis = self.load(&mut next, s, level, travel);
+        let hysteresis = self.load(state, s, level, travel);
         let mut force = hysteresis + self.params.sliding.viscous_damping * velocity;
         if self.params.micro_damping > 0.0 {
             force += self.params.micro_damping * velocity * self.gain(s * hysteresis / level);
         }
-        next.force = force;
-        next
+        state.force = force;
     }
 
     /// Moves the bank while the instrument travels by `travel` (m) towards `s`; returns F_h, N.
@@ -199,12 +205,13 @@ impl Leuven {
     fn load(&self, state: &mut LeuvenState, s: f64, level: f64, travel: f64) -> f64 {
         let mut hysteresis = self.bank.force(&state.forces);
         let mut left = travel;
+        let mut reached = None;
         for part in 0..STRIDES + MAX_ELEMENTS + 1 {
             if left <= 0.0 {
                 break;
             }
             let ratio = s * hysteresis / level;
-            let gain = self.gain(ratio);
+            let gain = reached.unwrap_or_else(|| self.gain(ratio));
             let heading = s * sign(gain);
             let Ahead { stiffness, room } = self.bank.ahead(&state.forces, heading);
             // At equilibrium, or with all elements yielded, nothing moves.
@@ -215,10 +222,12 @@ impl Leuven {
             let settled = (level - s * hysteresis).abs() / stiffness;
             let stride = if part < STRIDES { self.stride(ratio) * level / stiffness } else { f64::INFINITY };
             let far = room.min(settled).min(stride).min(start * left);
-            let end = if far < settled { self.gain(ratio + s * heading * stiffness * far / level).abs() } else { 0.0 };
+            let gain_there = if far < settled { self.gain(ratio + s * heading * stiffness * far / level) } else { 0.0 };
+            let end = gain_there.abs();
             let needed = if far < start * left { chord_travel(far, start, end) } else { f64::INFINITY };
             let moved = if needed < left {
                 left -= needed;
+                reached = Some(gain_there);
                 far
             } else {
                 let moved = start * left * filled((start - end) / far * left);
