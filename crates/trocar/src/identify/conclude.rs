@@ -22,6 +22,9 @@ use crate::segment::Direction;
 /// A hidden mass is kept when it differs from zero by this many standard errors.
 const HIDDEN_MASS_LEVEL: f64 = 2.0;
 
+/// Most clusters of cycles.
+const MOST_CLUSTERS: usize = 120;
+
 /// What the two steps left.
 pub(super) struct TwoSteps<'a> {
     pub(super) recordings: &'a [Recording],
@@ -226,6 +229,7 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
         sensors(two.recordings).force_noise.max(1e-6),
         two.steady.pass_scatter_n,
         two.candidate.half_width,
+        MOST_CLUSTERS,
     );
     training.forget_unknown_starts(&two.candidate.element()?);
     Ok(training)

@@ -385,6 +385,11 @@ impl<T: Trial> Fitted<T> {
         (left_out.collect(), DMatrix::from_columns(&(0..p).map(column).collect::<Vec<_>>()))
     }
 
+    /// Information of each cluster along `direction`, relative to the others: dᵀ·H_g·d.
+    pub(crate) fn information(&self, direction: &DVector<f64>) -> Vec<f64> {
+        self.normal.hessians.iter().map(|h| direction.dot(&(h * direction)).max(0.0)).collect()
+    }
+
     fn shifted(&self, hessian: &DMatrix<f64>, score: &DVector<f64>) -> Option<T> {
         let delta = damped_step(hessian, score, 1e-12, &vec![false; score.len()])?;
         let values: Vec<f64> = self.best.free().iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();

@@ -107,7 +107,7 @@ fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
             _ => best.insertion.viscous_damping.max(1.0),
         };
         let how = Reported { unit, log, scale, least };
-        Parameter { name: name.to_owned(), estimate: spread.estimate(&fitted.best, how, &|t| of(&t.candidate)) }
+        Parameter { name: name.to_owned(), estimate: spread.estimate(how, &|t| of(&t.candidate)) }
     };
     quantities(*layout).into_iter().map(parameter).collect()
 }

@@ -14,13 +14,12 @@ const WORST_FACTOR: f64 = 10.0;
 const WORST_RATIO: f64 = 10.0;
 
 /// How a fit scatters, to first order.
-pub(crate) struct Spread {
+pub(crate) struct Spread<'a, T> {
+    found: &'a Fitted<T>,
     /// With one cluster left out each.
     departures: Vec<DVector<f64>>,
     /// As if all samples were independent.
     covariance: DMatrix<f64>,
-    /// Degrees of freedom of Student's t.
-    degrees: f64,
     /// Ratio of the clusters' variance to that of independent samples, in the median over the free numbers.
     inflation: f64,
 }
@@ -60,13 +59,12 @@ pub(crate) struct Reported {
     pub(crate) least: f64,
 }
 
-impl Spread {
-    pub(crate) fn new<T: Trial>(found: &Fitted<T>) -> Self {
+impl<'a, T: Trial> Spread<'a, T> {
+    pub(crate) fn new(found: &'a Fitted<T>) -> Self {
         let free = found.best.free();
         let widths: Vec<f64> = free.iter().map(|f| PRIOR_WIDTH * f.step).collect();
         let (departures, covariance) = found.departures(&widths);
-        let degrees = found.effective_clusters() - 1.0;
-        let mut spread = Self { departures, covariance, degrees, inflation: 1.0 };
+        let mut spread = Self { found, departures, covariance, inflation: 1.0 };
         let unit = |j: usize| DVector::from_fn(free.len(), |i, _| f64::from(i == j));
         let ratio = |j: usize| spread.jackknife(&unit(j)) / spread.covariance[(j, j)];
         let mut ratios: Vec<f64> = (0..free.len()).filter(|j| !found.held[*j]).map(ratio).collect();
@@ -83,20 +81,31 @@ impl Spread {
         (g - 1.0) / g * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
     }
 
+    /// Degrees of freedom of Student's t (CARTER): those of as many equal clusters as tell of the number that departs
+    /// along `direction`, less one. What few passes tell, such as the slow ones of F_s, has few.
+    fn degrees(&self, direction: &DVector<f64>) -> f64 {
+        let shares = self.found.information(direction);
+        let (sum, squares) = shares.iter().fold((0.0, 0.0), |(sum, squares), s| (sum + s, squares + s * s));
+        sum * sum / f64::max(squares, f64::MIN_POSITIVE) - 1.0
+    }
+
     /// A number of the best trial with its interval, or without one where the data do not pin it.
-    pub(crate) fn estimate<T: Trial>(&self, best: &T, how: Reported, of: &dyn Fn(&T) -> f64) -> Estimate {
+    pub(crate) fn estimate(&self, how: Reported, of: &dyn Fn(&T) -> f64) -> Estimate {
         let Reported { unit, log, scale, least } = how;
+        let best = &self.found.best;
         let Dependent { value, gradient } = match log {
             true => Dependent::new(best, &|t| of(t).ln()),
             false => Dependent::new(best, of),
         };
         let plain = |u: f64| if log { u.exp() } else { u };
-        let own = Estimate::from_standard_error(value, self.jackknife(&gradient).sqrt(), self.degrees, unit);
+        let direction = &self.covariance * &gradient;
+        let error = self.jackknife(&gradient).sqrt();
+        let own = Estimate::from_standard_error(value, error, self.degrees(&direction), unit);
         if !own.pinned {
             return Estimate { value: plain(value), ..own };
         }
         // A direction that no cluster tells anything about scatters over none of them; the covariance sees it.
-        let as_independent = self.inflation * gradient.dot(&(&self.covariance * &gradient));
+        let as_independent = self.inflation * gradient.dot(&direction);
         let half = own.half_width().max(t_quantile(1e6) * as_independent.max(0.0).sqrt());
         let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };
         if half > limit {

@@ -21,8 +21,6 @@ const FINEST: f64 = 0.003;
 /// The same where the sliding has settled and is scored, in units of that: models may take longer to settle than the
 /// EMS element.
 const SETTLED: f64 = 50.0;
-/// Most clusters; shorter passes are put together.
-const MOST_CLUSTERS: usize = 120;
 
 /// One step of the simulation.
 #[derive(Debug, Clone, Copy)]
@@ -72,8 +70,9 @@ pub(crate) struct Segmented<'a> {
 }
 
 impl Training {
-    pub(crate) fn new(data: &[Segmented], noise: f64, scatter: f64, half_width: f64) -> Self {
-        let shortest: f64 = data.iter().map(|d| d.recording.duration()).sum::<f64>() / MOST_CLUSTERS as f64;
+    /// Shorter cycles are put together until there are at most `most_clusters`.
+    pub(crate) fn new(data: &[Segmented], noise: f64, scatter: f64, half_width: f64, most_clusters: usize) -> Self {
+        let shortest: f64 = data.iter().map(|d| d.recording.duration()).sum::<f64>() / most_clusters as f64;
         let mut runs = Vec::new();
         let mut sizes: Vec<f64> = Vec::new();
         let mut starts = Vec::new();
@@ -180,10 +179,14 @@ fn run(
     Run { steps, first_force: recording.force[from] }
 }
 
-/// Last of the samples behind `at` that are taken together: few, close in position and time.
+/// Last of the samples behind `at` that are taken together: few, close in position and time, moving one way.
 fn together(recording: &Recording, at: usize, to: usize, finest: f64) -> usize {
     const LONGEST: f64 = 0.02;
     let (x, t) = (&recording.position, &recording.time);
-    let close = |i: &usize| (x[*i] - x[at]).abs() <= finest && t[*i] - t[at] <= LONGEST;
+    let first = x[at + 1] - x[at];
+    let close = |i: &usize| {
+        let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
+        one_way && (x[*i] - x[at]).abs() <= finest && t[*i] - t[at] <= LONGEST
+    };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }

@@ -10,6 +10,10 @@ use super::kind::Scales;
 /// Half width assumed where no deformation is resolved, as a part of the longest stroke.
 const ASSUMED_WIDTH: f64 = 0.05;
 
+/// Most clusters of cycles: fewer than for the EMS element, since without a steady state of its own the fit must not take
+/// neighbouring cycles for independent.
+const MOST_CLUSTERS: usize = 40;
+
 /// Steps to simulate, and the sizes of things.
 #[derive(Debug, Clone)]
 pub(crate) struct ClassicalData {
@@ -25,7 +29,7 @@ impl ClassicalData {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
         // All samples weigh the same: what is minimised is what is scored.
-        let mut training = Training::new(&all, 1.0, 0.0, half_width);
+        let mut training = Training::new(&all, 1.0, 0.0, half_width, MOST_CLUSTERS);
         training.forget_unknown_starts(&found.element);
         let scales = Scales {
             offset: found.model.offset,

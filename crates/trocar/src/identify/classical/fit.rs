@@ -15,6 +15,8 @@ use super::starts;
 /// When the short fits from every start stop, and when the best is done.
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3 };
 pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6 };
+/// Starts that are fitted to the end.
+const FINALISTS: usize = 2;
 /// Scale of a number in steps of its difference quotient.
 const SCALE: f64 = 1e4;
 
@@ -109,9 +111,11 @@ pub(crate) fn fit(kind: Kind, data: &ClassicalData, smaller: Option<&ClassicalFi
     let coordinates: Arc<[Coordinate]> = coordinates(kind, &data.scales).into();
     let starts = starts::starts(kind, data, smaller);
     let trials = starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers));
-    let short = trials.filter_map(|trial| output_error::fit(&data.training, &trial, SHORT));
-    let best = short.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
-    let found = output_error::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
+    let mut short: Vec<Fitted<ClassicalTrial>> =
+        trials.filter_map(|trial| output_error::fit(&data.training, &trial, SHORT)).collect();
+    short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
+    let long = short.iter().take(FINALISTS).filter_map(|s| output_error::fit(&data.training, &s.best, LONG));
+    let found = long.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
     let model = found.best.model().ok_or("the best numbers make no model")?;
     let parameters = parameters(&found);
     let warnings = warnings(kind, &found, &parameters);
@@ -138,7 +142,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
         let how = Reported { unit: q.unit, log: q.log, scale, least: q.least(&best.numbers()) };
         let estimate = match q.from.iter().any(|j| found.held[*j]) {
             true => Estimate::not_pinned(of(best), q.unit, "the fit holds it at an end of its range"),
-            false => spread.estimate(best, how, &of),
+            false => spread.estimate(how, &of),
         };
         Parameter { estimate, name: q.name }
     };

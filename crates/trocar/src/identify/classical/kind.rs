@@ -149,7 +149,7 @@ pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
     let most = 1e3 * force / fastest;
     let coulomb = || Coordinate::log("coulomb_force_n", "N", [1e-2 * force, 1e2 * force]);
     let rise = || Coordinate::linear("rise_n", "N", [0.0, 20.0 * force], 1e-4 * force);
-    let velocity = || Coordinate::log("stribeck_velocity_m_s", "m/s", [0.02 * slowest, 3.0 * fastest]);
+    let velocity = || Coordinate::log("stribeck_velocity_m_s", "m/s", [0.1 * slowest, 3.0 * fastest]);
     let damping = |name: &str| Coordinate::linear(name, "N s/m", [0.0, most], 1e-3 * force / fastest);
     let viscous = || damping("viscous_damping_n_s_m");
     let stiffness = |name: String| Coordinate::log(name, "N/m", [1e-4 * force / stroke, 1e4 * force / half_width]);

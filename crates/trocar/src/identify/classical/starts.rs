@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::identify::nnls::non_negative;
 
 use super::data::ClassicalData;
-use super::fit::ClassicalFit;
+use super::fit::{ClassicalFit, fit};
 use super::kind::{Kind, Scales};
 
 /// Limits tried for the elements of a bank.
@@ -28,8 +28,9 @@ pub(super) fn starts(kind: Kind, data: &ClassicalData, smaller: Option<&Classica
         }
         Kind::Dahl => stiffnesses.map(|k| vec![k, force, 1.0, viscous]).to_vec(),
         Kind::LuGre | Kind::LuGreRational => {
-            let of = |k: f64, v: f64| vec![k, 0.1 * viscous, force, small_rise, v, viscous];
-            stiffnesses.iter().flat_map(|k| [of(*k, slowest), of(*k, middle)]).collect()
+            let of = |k: f64, rise: f64, v: f64| vec![k, 0.1 * viscous, force - 0.5 * rise, rise, v, viscous];
+            let heads = [(small_rise, slowest), (small_rise, middle), (0.3 * force, slowest), (0.3 * force, middle)];
+            stiffnesses.iter().flat_map(|k| heads.map(|(rise, v)| of(*k, rise, v))).collect()
         }
         Kind::Leuven(n) => leuven(n, data),
         Kind::MaxwellSlip(n) => {
@@ -42,25 +43,40 @@ pub(super) fn starts(kind: Kind, data: &ClassicalData, smaller: Option<&Classica
     behind_offset.into_iter().map(|numbers| [vec![offset], numbers].concat()).collect()
 }
 
+/// From LuGre, which is the Leuven model of one element and n = 1, and from Maxwell-Slip, which it nears for large n.
 fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
-    let Scales { force, viscous, speeds: [slowest, _], .. } = data.scales;
-    let bank = convex_bank(n, data);
-    let of = |exponent: f64, stiffer: f64| {
-        let mut numbers = vec![force, 0.05 * force, slowest, exponent, 0.1 * viscous, viscous];
-        numbers.extend(bank[..n - 1].iter().flat_map(|[k, limit]| [stiffer * k, *limit]));
-        numbers.push(stiffer * bank[n - 1][0]);
+    let Scales { force, viscous, half_width, speeds: [slowest, _], .. } = data.scales;
+    let of = |head: [f64; 6], bank: &[[f64; 2]]| {
+        let mut numbers = head.to_vec();
+        numbers.extend(bank[..n - 1].iter().flatten());
+        numbers.push(bank[n - 1][0]);
         numbers
     };
-    vec![of(1.0, 2.0), of(2.0, 1.0), of(6.0, 1.0)]
+    let mut all = Vec::new();
+    if let Ok(lugre) = fit(Kind::LuGre, data, None) {
+        let [_, stiffness, micro, coulomb, rise, velocity, beta] = lugre.numbers[..] else { return all };
+        for (exponent, softer, inner) in [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)] {
+            let inner_stiffness = inner * softer * stiffness / (n - 1).max(1) as f64;
+            let width = |i: usize| half_width * 0.2 * 4f64.powf(i as f64 / (n - 1).max(1) as f64);
+            let mut bank: Vec<[f64; 2]> = (0..n - 1).map(|i| [inner_stiffness, width(i)]).collect();
+            bank.push([softer * stiffness * if n > 1 { 1.0 - inner } else { 1.0 }, half_width]);
+            all.push(of([coulomb, rise, velocity, exponent, micro, beta], &bank));
+        }
+    }
+    let bank = convex_bank(n, data);
+    all.extend([2.0, 6.0].map(|exponent| of([force, 0.05 * force, slowest, exponent, 0.1 * viscous, viscous], &bank)));
+    all
 }
 
 fn gms(n: usize, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let bank = convex_bank(n, data);
-    let of = |rise: f64, v: f64, attraction: f64| {
-        [vec![viscous, rise * force, v, attraction * force], flattened(&bank, Some(0.0))].concat()
+    let of = |rise: f64, v: f64, attraction: f64, damping: f64| {
+        [vec![viscous, rise * force, v, attraction * force], flattened(&bank, Some(damping))].concat()
     };
-    let mut all = vec![of(0.02, slowest, 50.0), of(0.2, (slowest * fastest).sqrt(), 5.0)];
+    let middle = (slowest * fastest).sqrt();
+    let damping = viscous.max(1e-2 * force / fastest) / n as f64;
+    let mut all = vec![of(0.02, slowest, 50.0, 0.0), of(0.2, middle, 5.0, 0.0), of(0.3, slowest, 50.0, damping)];
     if let (Some(fit), Some(bank)) = (smaller, divided(smaller, 4, 3)) {
         all.push([fit.numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
         all.push(doubled(&fit.numbers[1..], 4, 3));
