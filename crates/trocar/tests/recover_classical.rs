@@ -177,7 +177,10 @@ fn truth(kind: Kind, draw: &mut Draw) -> Truth {
 }
 
 /// Positions at constant speeds there and back, with partial reversals on the way, pass by pass.
-fn passes(repetitions: usize) -> Vec<Vec<f64>> {
+///
+/// With `swings` strokes of changing speed besides. Not for the static models: near their turns the encoder stands still
+/// or flickers by a step, which shows no direction.
+fn passes(repetitions: usize, swings: bool) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for _ in 0..repetitions {
         for speed in [4e-3, 8e-3, 15e-3, 25e-3, 45e-3, 80e-3] {
@@ -190,7 +193,9 @@ fn passes(repetitions: usize) -> Vec<Vec<f64>> {
                 at = turn;
             }
         }
-        all.extend([false, true].map(swing));
+        if swings {
+            all.extend([false, true].map(swing));
+        }
     }
     all
 }
@@ -207,7 +212,8 @@ fn swing(back: bool) -> Vec<f64> {
 fn record(model: &Classical, draw: &mut Draw, repetitions: usize) -> Recording {
     let mut state = model.rest_at_force(0.0);
     let (mut at, mut position, mut force) = (0.0, vec![0.0], vec![0.1]);
-    for pass in passes(repetitions) {
+    let swings = !matches!(model, Classical::Static(_));
+    for pass in passes(repetitions, swings) {
         let level = 1.0 + LEVEL * draw.normal();
         for x in pass {
             let seal = model.step(&mut state, x - at, INTERVAL);
