@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
+use trocar::summary::MovingMass;
 
 use crate::console::{BadArgument, Console};
 
@@ -56,6 +57,33 @@ impl Reading {
             memory_limit: memory.map(|bytes| bytes / PEAK_TO_COLUMNS),
         }
     }
+}
+
+/// What moves between sensor and seal.
+#[derive(clap::Args)]
+pub(crate) struct Rod {
+    /// Mass between sensor and seal, in kg: its inertia is taken out of the readings
+    #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
+    moving_mass_kg: f64,
+    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81 for a withdrawal
+    /// downwards, -9.81 for an insertion downwards); 0 leaves the weight in the offset
+    #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
+    gravity_m_s2: f64,
+}
+
+impl Rod {
+    pub(crate) fn moving_mass(&self) -> MovingMass {
+        MovingMass { mass: self.moving_mass_kg, gravity: self.gravity_m_s2 }
+    }
+}
+
+/// The recording without the declared mass and without the hidden one, whose weight is part of the offset.
+pub(crate) fn without(recording: Recording, declared: MovingMass, hidden: f64) -> anyhow::Result<Recording> {
+    let mass = declared.mass + hidden;
+    if mass == 0.0 {
+        return Ok(recording);
+    }
+    Ok(recording.without_moving_mass(mass, declared.gravity * declared.mass / mass)?)
 }
 
 /// Tells the memory that the whole work needs, not only the columns.

@@ -5,6 +5,7 @@
 
 mod console;
 mod input;
+mod models;
 mod progress;
 mod table;
 mod verbs;
@@ -38,6 +39,7 @@ enum Verb {
     Bench(verbs::bench::Args),
     Identify(verbs::identify::Args),
     Validate(verbs::validate::Args),
+    Compare(verbs::compare::Args),
     Simulate(verbs::simulate::Args),
     Analyze(verbs::analyze::Args),
     Demo(verbs::demo::Args),
@@ -91,6 +93,7 @@ fn run(console: &Console, verb: Verb) -> anyhow::Result<Done> {
         Verb::Bench(args) => verbs::bench::run(console, &args),
         Verb::Identify(args) => verbs::identify::run(console, &args),
         Verb::Validate(args) => verbs::validate::run(console, &args),
+        Verb::Compare(args) => verbs::compare::run(console, &args),
         Verb::Simulate(args) => verbs::simulate::run(console, &args),
         Verb::Analyze(args) => verbs::analyze::run(console, &args),
         Verb::Demo(args) => verbs::demo::run(console, &args),

@@ -14,7 +14,7 @@ use crate::recording::{Quality, Recording};
 use crate::validate::Validation;
 
 /// Value of the key `program`.
-const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
+pub(crate) const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
 
 /// Mass between sensor and seal whose inertia and weight were taken out of the readings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]

@@ -13,7 +13,7 @@ use trocar_model::{Element, MAX_DEGREE};
 
 use crate::Done;
 use crate::console::{self, Console};
-use crate::input::{Reading, finite, not_negative};
+use crate::input::{Reading, Rod, without};
 use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
@@ -45,13 +45,8 @@ pub(crate) struct Args {
     /// Keep the two-step result instead of refining it against the simulated force
     #[arg(long)]
     no_refine: bool,
-    /// Mass between sensor and seal, in kg: its inertia is taken out of the readings
-    #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
-    moving_mass_kg: f64,
-    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81 for a withdrawal
-    /// downwards, -9.81 for an insertion downwards); 0 leaves the weight in the offset
-    #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
-    gravity_m_s2: f64,
+    #[command(flatten)]
+    rod: Rod,
     /// Print summary.json instead of the table
     #[arg(long)]
     json: bool,
@@ -80,7 +75,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         console.warn(&format!("{}: validated on what it was identified from: no validation", overlap.join(", ")));
     }
     let overlaps = !overlap.is_empty();
-    let moving_mass = MovingMass { mass: args.moving_mass_kg, gravity: args.gravity_m_s2 };
+    let moving_mass = args.rod.moving_mass();
     let options = IdentifyOptions {
         bootstrap: args.bootstrap,
         seed: args.seed,
@@ -139,17 +134,8 @@ impl Job {
     }
 }
 
-/// The recording without the declared mass and without the hidden one, whose weight is part of the offset.
-fn without(recording: Recording, declared: MovingMass, hidden: f64) -> anyhow::Result<Recording> {
-    let mass = declared.mass + hidden;
-    if mass == 0.0 {
-        return Ok(recording);
-    }
-    Ok(recording.without_moving_mass(mass, declared.gravity * declared.mass / mass)?)
-}
-
 /// What the recordings can and cannot give.
-fn say_survey(console: &Console, survey: &Survey) {
+pub(crate) fn say_survey(console: &Console, survey: &Survey) {
     for r in &survey.recordings {
         console.remark(&format!(
             "{}: {} samples, {:.1} s, stroke {:.1} mm, {}, {}; constant velocity {}",

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use trocar::model_file::{ModelFile, SensorInfo};
 use trocar::recording::Recording;
+use trocar::summary::MovingMass;
 use trocar::validate::{Validation, validate};
 
 use crate::Done;
 use crate::console::{self, Console};
-use crate::input::{Reading, finite, not_negative};
+use crate::input::{Reading, finite, not_negative, without};
 use crate::table::{Table, number};
 
 /// Compare a model with recordings it has not seen
@@ -48,8 +49,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         number(offset),
         number(mass)
     ));
+    // The weight of the mass is part of the offset.
     let recordings: Result<Vec<Recording>, _> =
-        recordings.into_iter().map(|recording| without(recording, mass)).collect();
+        recordings.into_iter().map(|recording| without(recording, MovingMass { mass, gravity: 0.0 }, 0.0)).collect();
     let mut validation = validate(&model.elements, &recordings?, offset);
     for (result, path) in validation.recordings.iter_mut().zip(&args.recordings) {
         result.path = path.display().to_string();
@@ -60,11 +62,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let text = if args.json { serde_json::to_string_pretty(&validation)? + "\n" } else { table(&validation) };
     console::print(&text)?;
     Ok(Done::doubtful_if(lost || validation.is_doubtful()))
-}
-
-/// The weight of the mass is part of the offset.
-fn without(recording: Recording, mass: f64) -> anyhow::Result<Recording> {
-    if mass == 0.0 { Ok(recording) } else { Ok(recording.without_moving_mass(mass, 0.0)?) }
 }
 
 /// One line a recording, and one for all.

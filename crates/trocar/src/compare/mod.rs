@@ -25,10 +25,12 @@ use crate::validate::Phases;
 
 pub use claim::{ReversalMatch, reversal_match};
 pub use split::split;
+pub use summary::{Outcome, Summary};
 
 mod claim;
 mod score;
 mod split;
+mod summary;
 
 /// A model to compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

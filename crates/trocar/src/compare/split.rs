@@ -8,14 +8,20 @@ const FITTED: f64 = 2.0 / 3.0;
 
 /// Divides each recording at the reversal behind two thirds of its time: what is fitted, what is held back.
 ///
+/// Both parts keep the hash of the whole recording, which is that of its file.
+///
 /// # Errors
 /// Where a part is too short to be a recording.
 pub fn split(recordings: &[Recording]) -> Result<(Vec<Recording>, Vec<Recording>), RecordingError> {
     let mut parts = (Vec::new(), Vec::new());
     for recording in recordings {
         let at = place(recording);
-        parts.0.push(recording.part(0..at + 1, "fitted part")?);
-        parts.1.push(recording.part(at..recording.len(), "held-back part")?);
+        let part = |range, what| {
+            let part = recording.part(range, what)?;
+            Ok::<_, RecordingError>(Recording { sha256: recording.sha256.clone(), ..part })
+        };
+        parts.0.push(part(0..at + 1, "fitted part")?);
+        parts.1.push(part(at..recording.len(), "held-back part")?);
     }
     Ok(parts)
 }

@@ -1,0 +1,189 @@
+//! `trocar compare`
+
+use std::path::PathBuf;
+
+use trocar::compare::{CompareOptions, Comparison, Entry, Outcome, compare, split};
+use trocar::identify::{IdentifyOptions, Warning};
+use trocar::output::StagedFolder;
+use trocar::recording::Recording;
+use trocar::survey::Survey;
+use trocar::validate::validate;
+
+use super::identify::say_survey;
+use crate::Done;
+use crate::console::{self, BadArgument, Console};
+use crate::input::{Reading, Rod, without};
+use crate::models::{Models, models};
+use crate::progress::Progress;
+use crate::table::{Table, number};
+
+/// Parameters not pinned are named up to this number.
+const MOST_NAMES: usize = 8;
+
+/// Compare friction models: fit them all to the same recordings, score them on the same others
+///
+/// The EMS element beside the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven, Maxwell-Slip and
+/// Generalized Maxwell-Slip. Each is fitted to the training recordings and then run along the positions of the
+/// validation recordings. Prints a table, least validation error first. Ends with exit code 3 when a recording lost data
+/// or a validation recording never lets the seal slide; parameters that are not pinned are part of the result.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recordings to fit to: CSV with time, position and force columns, '-' for standard input
+    #[arg(required = true, value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
+    /// Recordings to score on [default: the last third of each recording, which is then not fitted]
+    #[arg(long, value_name = "RECORDING", num_args = 1..)]
+    validate: Vec<PathBuf>,
+    /// Models, with commas between: ems, coulomb, coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven,
+    /// maxwell-slip, gms; the last three also with a number of elements or a range, as in gms:4 or gms:4-10 (otherwise
+    /// leuven has 4, the others 1 to 12)
+    #[arg(long, default_value = "all", value_name = "LIST", value_parser = models)]
+    models: Models,
+    /// Folder for compare.json, report.html and figures; it need not exist
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Measure no times: equal recordings then give equal bytes
+    #[arg(long)]
+    no_timing: bool,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    #[command(flatten)]
+    rod: Rod,
+    /// Print compare.json instead of the table
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+    let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
+    let mut training = args.reading.recordings(console, &paths)?;
+    let lost = training.iter().any(|r| !r.quality.warnings.is_empty());
+    let moving_mass = args.rod.moving_mass();
+    refuse_twice(&training)?;
+    training = training.into_iter().map(|r| without(r, moving_mass, 0.0)).collect::<anyhow::Result<_>>()?;
+    let mut validation = training.split_off(args.recordings.len());
+    let held_back = validation.is_empty();
+    if held_back {
+        console.remark("no recordings to score on: the last third of each is held back from the fits and scored on");
+        (training, validation) = split(&training)?;
+    }
+    // Better to learn now than after the work that nothing can be written there.
+    let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
+    let identify = IdentifyOptions {
+        bootstrap: 0,
+        seed: args.seed,
+        inertia_removed: moving_mass.mass > 0.0,
+        ..Default::default()
+    };
+    say_survey(console, &Survey::new(&training, &identify.segment));
+    let options = CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
+    let progress = Progress::new(console);
+    let comparison = compare(&training, &validation, &options, &|stage, part| progress.report(stage, part))?;
+    drop(progress);
+    let outcome = Outcome { comparison: &comparison, seed: args.seed, held_back, moving_mass };
+    let json = outcome.summary().to_json();
+    if let Some(staged) = staged {
+        staged.write("compare.json", json.as_bytes())?;
+        staged.commit()?;
+    }
+    let unknown = say_unknown_states(console, &comparison);
+    console::print(&if args.json { json } else { text(&comparison) })?;
+    Ok(Done::doubtful_if(lost || unknown))
+}
+
+/// A recording counted twice would weigh twice; one in both lists would not be validated on.
+fn refuse_twice(recordings: &[Recording]) -> Result<(), BadArgument> {
+    for (i, second) in recordings.iter().enumerate() {
+        if let Some(first) = recordings[..i].iter().find(|first| first.sha256 == second.sha256) {
+            return Err(BadArgument(format!(
+                "{} and {} hold the same bytes: a recording is either fitted or scored on, and once only",
+                first.name, second.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Warns of validation recordings on which the seal never slides; whether there are any.
+fn say_unknown_states(console: &Console, comparison: &Comparison) -> bool {
+    let ems = &comparison.ems;
+    let scores = validate(std::slice::from_ref(&ems.element), &comparison.validation, ems.model.offset);
+    for recording in &scores.recordings {
+        for warning in &recording.warnings {
+            console.warn(&format!("{}: {warning}", recording.path));
+        }
+    }
+    scores.is_doubtful()
+}
+
+/// The table, the claim of the paper tested, and the warnings.
+fn text(comparison: &Comparison) -> String {
+    let mut text = table(&comparison.entries).to_text();
+    text.push('\n');
+    for claim in comparison.claims() {
+        text.push_str(&format!("{}\n", claim.sentence()));
+    }
+    text.push_str(&format!(
+        "AIC and BIC: on the training recordings, {} samples worth {:.0} independent ones; errors in N rms\n",
+        comparison.samples, comparison.effective_samples
+    ));
+    for entry in &comparison.entries {
+        for warning in in_brief(entry) {
+            text.push_str(&format!("{} {}: {warning}\n", entry.name, entry.elements));
+        }
+    }
+    text
+}
+
+fn table(entries: &[Entry]) -> Table {
+    let mut table = Table::headed([
+        "model",
+        "elements",
+        "parameters",
+        "train N",
+        "validate N",
+        "fit %",
+        "AIC",
+        "BIC",
+        "worst reversal N",
+        "ns/sample",
+        "fit s",
+        "warnings",
+    ]);
+    let time = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
+    for entry in entries {
+        let scores = &entry.scores;
+        table.row([
+            entry.name.to_owned(),
+            entry.elements.to_string(),
+            entry.parameters.to_string(),
+            number(scores.train_rms_n),
+            number(scores.validate_rms_n),
+            format!("{:.2}", scores.fit_percent),
+            format!("{:.1}", scores.aic),
+            format!("{:.1}", scores.bic),
+            number(scores.worst_reversal_n),
+            time(entry.ns_per_sample),
+            time(entry.fit_s),
+            entry.warnings.len().to_string(),
+        ]);
+    }
+    table
+}
+
+/// The warnings of a model, those of parameters that are not pinned in one; the reasons of each are in the JSON.
+fn in_brief(entry: &Entry) -> Vec<String> {
+    let is_pin = |warning: &&Warning| warning.message.starts_with("not pinned");
+    let (pins, others): (Vec<&Warning>, Vec<&Warning>) = entry.warnings.iter().partition(is_pin);
+    let mut lines: Vec<String> = others.iter().map(|w| format!("{}: {}", w.subject, w.message)).collect();
+    let names: Vec<&str> = pins.iter().map(|w| w.subject.as_str()).collect();
+    match names.len() {
+        0 => {}
+        1..=MOST_NAMES => lines.push(format!("not pinned: {}", names.join(", "))),
+        count => lines.push(format!("not pinned: {count} numbers, named in the JSON")),
+    }
+    lines
+}

@@ -1,0 +1,213 @@
+//! What a comparison leaves behind: `compare.json`.
+//!
+//! Names and hashes instead of folders, and no time unless times were asked for: equal input gives equal bytes.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::identify::{Estimate, Parameter, Warning};
+use crate::recording::Recording;
+use crate::summary::{MovingMass, PROGRAM};
+use crate::validate::Phases;
+
+use super::{Comparison, Entry, ReversalMatch, reversal_match};
+
+/// Families of banks about which EMS section II-C says something.
+const BANKS: [&str; 2] = ["maxwell-slip", "gms"];
+
+/// A comparison and what it started from.
+#[derive(Debug, Clone, Copy)]
+pub struct Outcome<'a> {
+    /// The result.
+    pub comparison: &'a Comparison,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Whether the validation recordings are the last thirds of those fitted ([`split`](super::split)), for want of
+    /// others.
+    pub held_back: bool,
+    /// What was taken out of the readings.
+    pub moving_mass: MovingMass,
+}
+
+/// `compare.json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary<'a> {
+    /// Program and version.
+    pub program: &'static str,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Whether the validation is the last third of the recordings fitted.
+    pub held_back: bool,
+    /// Samples of the training recordings that are scored.
+    pub samples: usize,
+    /// Number of independent samples that they are worth.
+    pub effective_samples: f64,
+    /// Travel, m, behind a reversal that counts for its error.
+    pub reversal_travel_m: f64,
+    /// Mass that was taken out of the readings.
+    pub moving_mass: MovingMass,
+    /// Mass, kg, found in the readings and taken out of them too.
+    pub hidden_mass_kg: f64,
+    /// One entry a model, least validation error first.
+    pub models: Vec<ModelSummary<'a>>,
+    /// The claim of EMS section II-C for each family of banks that was compared.
+    pub reversal_claim: Vec<ClaimSummary>,
+    /// All recordings.
+    pub recordings: Vec<RecordingSummary<'a>>,
+}
+
+/// One model in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct ModelSummary<'a> {
+    /// Name of the family.
+    pub name: &'static str,
+    /// Number of elements.
+    pub elements: usize,
+    /// Number of parameters estimated, without the sensor's offset that all have.
+    pub parameters: usize,
+    /// Root mean square error, N, on the training recordings.
+    pub train_rms_n: f64,
+    /// The same on the validation recordings.
+    pub validate_rms_n: f64,
+    /// 100·(1 − rms/sd of the readings), %, on the validation recordings.
+    pub fit_percent: f64,
+    /// Akaike's criterion on the training recordings.
+    pub aic: f64,
+    /// Schwarz' criterion, likewise.
+    pub bic: f64,
+    /// Root mean square error, N, behind the reversals of the validation.
+    pub reversal_rms_n: f64,
+    /// The same for the worst single reversal, N.
+    pub worst_reversal_n: f64,
+    /// Error on the validation recordings by phase.
+    pub by_phase: &'a Phases,
+    /// Error of each validation recording.
+    pub by_recording: Vec<RecordingError<'a>>,
+    /// Time of one step, ns; `None` without timing.
+    pub ns_per_sample: Option<f64>,
+    /// Time of the fit, s; `None` without timing.
+    pub fit_s: Option<f64>,
+    /// Sensor offset F_0, N.
+    pub offset_n: f64,
+    /// Parameters by name with unit.
+    pub estimates: BTreeMap<&'a str, &'a Estimate>,
+    /// What to know about the fit, subject first.
+    pub warnings: Vec<String>,
+}
+
+/// Error of a model on one recording.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RecordingError<'a> {
+    /// File name without its folder.
+    pub name: &'a str,
+    /// Root mean square error, N.
+    pub rms_n: f64,
+}
+
+/// The claim tested for one family.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ClaimSummary {
+    /// The numbers.
+    #[serde(flatten)]
+    pub result: ReversalMatch,
+    /// The outcome in words.
+    pub sentence: String,
+}
+
+/// A recording in the summary.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RecordingSummary<'a> {
+    /// File name without its folder.
+    pub name: &'a str,
+    /// SHA-256 of the file's bytes.
+    pub sha256: &'a str,
+    /// `training` or `validation`.
+    pub used_for: &'static str,
+    /// Samples.
+    pub samples: usize,
+    /// Time from the first to the last sample, s.
+    pub duration_s: f64,
+    /// What was lost or is doubtful about the data.
+    pub warnings: Vec<String>,
+}
+
+impl Comparison {
+    /// The claim of EMS section II-C tested, for each family of banks that was compared.
+    pub fn claims(&self) -> Vec<ReversalMatch> {
+        BANKS.iter().filter_map(|family| reversal_match(self, family)).collect()
+    }
+}
+
+impl<'a> Outcome<'a> {
+    /// The contents of `compare.json`.
+    pub fn summary(&self) -> Summary<'a> {
+        let Self { comparison, seed, held_back, moving_mass } = *self;
+        let claim = |result: ReversalMatch| ClaimSummary { sentence: result.sentence(), result };
+        let recordings = |used_for, all: &'a [Recording]| all.iter().map(move |r| recording(r, used_for));
+        Summary {
+            program: PROGRAM,
+            seed,
+            held_back,
+            samples: comparison.samples,
+            effective_samples: comparison.effective_samples,
+            reversal_travel_m: comparison.reversal_travel,
+            moving_mass,
+            hidden_mass_kg: comparison.ems.model.hidden_mass,
+            models: comparison.entries.iter().map(|entry| model(entry, &comparison.validation)).collect(),
+            reversal_claim: comparison.claims().into_iter().map(claim).collect(),
+            recordings: recordings("training", &comparison.training)
+                .chain(recordings("validation", &comparison.validation))
+                .collect(),
+        }
+    }
+}
+
+impl Summary<'_> {
+    /// The text of `compare.json`: equal results give equal text. A number without bound is `null`.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("every key is a string");
+        text.push('\n');
+        text
+    }
+}
+
+fn model<'a>(entry: &'a Entry, validation: &'a [Recording]) -> ModelSummary<'a> {
+    let scores = &entry.scores;
+    let errors = validation.iter().zip(&scores.by_recording_n);
+    let name = |parameter: &'a Parameter| (parameter.name.as_str(), &parameter.estimate);
+    ModelSummary {
+        name: entry.name,
+        elements: entry.elements,
+        parameters: entry.parameters,
+        train_rms_n: scores.train_rms_n,
+        validate_rms_n: scores.validate_rms_n,
+        fit_percent: scores.fit_percent,
+        aic: scores.aic,
+        bic: scores.bic,
+        reversal_rms_n: scores.reversal_rms_n,
+        worst_reversal_n: scores.worst_reversal_n,
+        by_phase: &scores.by_phase,
+        by_recording: errors.map(|(r, rms_n)| RecordingError { name: &r.name, rms_n: *rms_n }).collect(),
+        ns_per_sample: entry.ns_per_sample,
+        fit_s: entry.fit_s,
+        offset_n: entry.offset,
+        estimates: entry.estimates.iter().map(name).collect(),
+        warnings: entry
+            .warnings
+            .iter()
+            .map(|Warning { subject, message, .. }| format!("{subject}: {message}"))
+            .collect(),
+    }
+}
+
+fn recording<'a>(recording: &'a Recording, used_for: &'static str) -> RecordingSummary<'a> {
+    RecordingSummary {
+        name: &recording.name,
+        sha256: &recording.sha256,
+        used_for,
+        samples: recording.len(),
+        duration_s: recording.duration(),
+        warnings: recording.quality.warnings.iter().map(ToString::to_string).collect(),
+    }
+}
