@@ -6,8 +6,8 @@ use trocar::compare::{CompareOptions, Comparison, Entry, Outcome, compare, split
 use trocar::identify::{IdentifyOptions, Warning};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
+use trocar::report;
 use trocar::survey::Survey;
-use trocar::validate::validate;
 
 use super::identify::say_survey;
 use crate::Done;
@@ -87,11 +87,16 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let json = outcome.summary().to_json();
     if let Some(staged) = staged {
         staged.write("compare.json", json.as_bytes())?;
+        report::stage_document(&staged, &report::comparison::document(&outcome, "Friction models compared"))?;
         staged.commit()?;
     }
-    let unknown = say_unknown_states(console, &comparison);
+    let unknown = outcome.unknown_states();
+    unknown.iter().for_each(|warning| console.warn(warning));
     console::print(&if args.json { json } else { text(&comparison) })?;
-    Ok(Done::doubtful_if(lost || unknown))
+    if let Some(folder) = &args.out {
+        console.remark(&format!("report: {}", folder.join("report.html").display()));
+    }
+    Ok(Done::doubtful_if(lost || !unknown.is_empty()))
 }
 
 /// A recording counted twice would weigh twice; one in both lists would not be validated on.
@@ -105,18 +110,6 @@ fn refuse_twice(recordings: &[Recording]) -> Result<(), BadArgument> {
         }
     }
     Ok(())
-}
-
-/// Warns of validation recordings on which the seal never slides; whether there are any.
-fn say_unknown_states(console: &Console, comparison: &Comparison) -> bool {
-    let ems = &comparison.ems;
-    let scores = validate(std::slice::from_ref(&ems.element), &comparison.validation, ems.model.offset);
-    for recording in &scores.recordings {
-        for warning in &recording.warnings {
-            console.warn(&format!("{}: {warning}", recording.path));
-        }
-    }
-    scores.is_doubtful()
 }
 
 /// The table, the claim of the paper tested, and the warnings.

@@ -6,10 +6,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::identify::{Estimate, Parameter, Warning};
+use crate::identify::{Estimate, Identification, Parameter, Warning};
 use crate::recording::Recording;
 use crate::summary::{MovingMass, PROGRAM};
-use crate::validate::Phases;
+use crate::validate::{Phases, RecordingValidation, validate};
 
 use super::{Comparison, Entry, ReversalMatch, reversal_match};
 
@@ -140,6 +140,14 @@ impl Comparison {
 }
 
 impl<'a> Outcome<'a> {
+    /// What leaves an unknown state in the scores: validation recordings on which the seal never slides all round.
+    pub fn unknown_states(&self) -> Vec<String> {
+        let Identification { element, model, .. } = &self.comparison.ems;
+        let scores = validate(std::slice::from_ref(element), &self.comparison.validation, model.offset);
+        let of = |r: &RecordingValidation| r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>();
+        scores.recordings.iter().flat_map(of).collect()
+    }
+
     /// The contents of `compare.json`.
     pub fn summary(&self) -> Summary<'a> {
         let Self { comparison, seed, held_back, moving_mass } = *self;

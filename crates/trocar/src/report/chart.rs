@@ -67,6 +67,7 @@ struct ChartPanel<'a> {
     x: [&'a str; 2],
     y: [&'a str; 2],
     limits: [f64; 4],
+    logarithmic: [bool; 2],
     aspect: f64,
     series: Vec<ChartSeries<'a>>,
     marks: Vec<ChartMark<'a>>,
@@ -84,6 +85,8 @@ struct ChartSeries<'a> {
     low: Option<Codes>,
     #[serde(skip_serializing_if = "Option::is_none")]
     high: Option<Codes>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    labels: Option<&'a [String]>,
 }
 
 #[derive(Serialize)]
@@ -131,6 +134,7 @@ fn chart_panel<'a>(figure: &'a Figure, index: usize, panel: &'a Panel, limits: L
         x: [&panel.x.label, &panel.x.unit],
         y: [&panel.y.label, &panel.y.unit],
         limits: limits.flat(),
+        logarithmic: [panel.x.logarithmic, panel.y.logarithmic],
         aspect: panel.aspect,
         series: panel.series.iter().map(|series| chart_series(series, limits)).collect(),
         marks: panel.marks.iter().filter_map(chart_mark).collect(),
@@ -146,6 +150,7 @@ fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
             let kept = decimate::markers(&series.x, &series.y, limits.flat(), [2 * columns; 2], SHOWN_POINTS);
             ("points", kept, None)
         }
+        Kind::Labelled { .. } => ("labels", (0..series.x.len()).collect(), None),
         Kind::ErrorBars { low, high } => ("bars", (0..series.x.len()).collect(), Some((low, high))),
         Kind::Band { low, high } => {
             let mut kept = path(low);
@@ -164,6 +169,7 @@ fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
         y: (kind != "band").then(|| pick(&series.y)),
         low: edges.map(|(low, _)| pick(low)),
         high: edges.map(|(_, high)| pick(high)),
+        labels: if let Kind::Labelled { labels } = &series.kind { Some(labels) } else { None },
     }
 }
 

@@ -149,12 +149,14 @@ pub struct Axis {
     pub unit: String,
     /// The axis reaches down (or up) to zero even where the data do not.
     pub include_zero: bool,
+    /// Equal ratios take equal lengths; what is not above zero is not drawn.
+    pub logarithmic: bool,
 }
 
 impl Axis {
     /// An axis that spans its data.
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), unit: unit.into(), include_zero: false }
+        Self { label: label.into(), unit: unit.into(), include_zero: false, logarithmic: false }
     }
 
     /// An axis that always shows zero.
@@ -162,11 +164,17 @@ impl Axis {
         self.include_zero = true;
         self
     }
+
+    /// An axis on which equal ratios take equal lengths.
+    pub fn logarithmic(mut self) -> Self {
+        self.logarithmic = true;
+        self
+    }
 }
 
 /// A named set of points with its role and its way of being drawn.
 ///
-/// `x` and `y` are as long as each other (and as the `low`, `high` of a band or of error bars; a band's `y` may be empty).
+/// `x` and `y` are as long as each other (and as the texts of labelled points, and the `low`, `high` of a band or of error bars; a band's `y` may be empty).
 /// A value that is not finite is a gap. `x` need not be sorted: loops are drawn as they are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
@@ -193,6 +201,11 @@ impl Series {
         Self { name: name.into(), role, kind: Kind::Points, x, y }
     }
 
+    /// A marker on each point and a text beside it.
+    pub fn labelled(name: impl Into<String>, role: Role, x: Vec<f64>, y: Vec<f64>, labels: Vec<String>) -> Self {
+        Self { name: name.into(), role, kind: Kind::Labelled { labels }, x, y }
+    }
+
     /// The area between two curves.
     pub fn band(name: impl Into<String>, role: Role, x: Vec<f64>, low: Vec<f64>, high: Vec<f64>) -> Self {
         Self { name: name.into(), role, kind: Kind::Band { low, high }, x, y: Vec::new() }
@@ -216,6 +229,8 @@ impl Series {
 pub enum Role {
     /// What the sensor read.
     Measured,
+    /// The same behind several models: broad and pale.
+    Backdrop,
     /// What the identified model computes.
     Model,
     /// A curve fitted to the points beside it.
@@ -236,6 +251,29 @@ pub enum Role {
     Neutral,
     /// One of several equals (recordings, speeds); colours and markers repeat after six.
     Category(u8),
+    /// A friction model under comparison: colour and marker by family, dashes by variant (three of them).
+    Friction(Family, u8),
+}
+
+/// Families of friction models, a colour each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Extended Maxwell-Slip.
+    Ems,
+    /// Coulomb, viscous, Stribeck.
+    Static,
+    /// Dahl.
+    Dahl,
+    /// LuGre.
+    LuGre,
+    /// Leuven.
+    Leuven,
+    /// Maxwell-Slip.
+    MaxwellSlip,
+    /// Generalized Maxwell-Slip.
+    Gms,
+    /// Any other.
+    Other,
 }
 
 /// How a series is drawn.
@@ -245,6 +283,11 @@ pub enum Kind {
     Line,
     /// One marker per point.
     Points,
+    /// One marker per point with a text beside it, placed where it covers nothing.
+    Labelled {
+        /// The texts, as many as there are points.
+        labels: Vec<String>,
+    },
     /// Filled area between `low` and `high`.
     Band {
         /// Lower edge, unit of the y axis.

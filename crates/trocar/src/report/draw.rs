@@ -4,6 +4,8 @@
 //! offers columns beside or over the data), labelled intervals that keep clear of the data, axes aligned across stacked
 //! panels, and dashes that do not start anew at every point of a line in the bitmap.
 
+mod labels;
+
 use std::fmt::Write as _;
 
 use kuva::backend::png::PngBackend;
@@ -12,7 +14,7 @@ use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, TextSpan};
 
 use super::decimate;
 use super::document::{Axis, Figure, Kind, Mark, Panel, Series};
-use super::number::{Ticks, text_width, ticks};
+use super::number::{Ticks, log_ticks, text_width, ticks};
 use super::style::{self, BAND_OPACITY, Marker, Style};
 use super::view::{self, Entry, Limits};
 
@@ -27,6 +29,8 @@ const LEGEND_ROW: f64 = 17.0;
 const TITLE_ROW: f64 = 19.0;
 const SWATCH: f64 = 24.0;
 const LETTER: f64 = 24.0;
+/// Radius of a marker that has a text of its own.
+const LABELLED_RADIUS: f64 = 3.6;
 const TICK_LENGTH: f64 = 4.0;
 const INK: &str = "#1a1a1a";
 const GRID: &str = "#e4e4e4";
@@ -89,6 +93,8 @@ struct Frame<'a> {
     width: f64,
     height: f64,
     limits: Limits,
+    /// Whether x and y are logarithmic.
+    logarithmic: [bool; 2],
     x_ticks: Ticks,
     y_ticks: Ticks,
     /// Height of title row above the legend, 0 without.
@@ -106,12 +112,21 @@ struct Frame<'a> {
 
 impl Frame<'_> {
     fn x(&self, value: f64) -> f64 {
-        self.left + (value - self.limits.x[0]) / (self.limits.x[1] - self.limits.x[0]) * self.width
+        self.left + part(self.limits.x, self.logarithmic[0], value) * self.width
     }
 
     fn y(&self, value: f64) -> f64 {
-        self.top + (self.limits.y[1] - value) / (self.limits.y[1] - self.limits.y[0]) * self.height
+        self.top + (1.0 - part(self.limits.y, self.logarithmic[1], value)) * self.height
     }
+}
+
+/// Part of the way from the lower to the upper limit; not finite where a logarithmic axis has no place.
+fn part([low, high]: [f64; 2], logarithmic: bool, value: f64) -> f64 {
+    if logarithmic { (value / low).ln() / (high / low).ln() } else { (value - low) / (high - low) }
+}
+
+fn axis_ticks([low, high]: [f64; 2], logarithmic: bool, target: usize) -> Ticks {
+    if logarithmic { log_ticks(low, high, target) } else { ticks(low, high, target) }
 }
 
 impl<'a> Layout<'a> {
@@ -120,7 +135,8 @@ impl<'a> Layout<'a> {
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
         let cell = (width - 14.0 * (columns as f64 - 1.0)) / columns as f64;
         let limits = view::limits(figure);
-        let left = limits.iter().map(|limits| left_margin(limits.y)).fold(0.0, f64::max);
+        let left_of = |(limits, panel): (&Limits, &Panel)| left_margin(limits.y, panel.y.logarithmic);
+        let left = limits.iter().zip(&figure.panels).map(left_of).fold(0.0, f64::max);
         let right = figure.panels.iter().map(right_margin).fold(0.0, f64::max);
         let inner = cell - left - right;
         let mut layout = Self { width, height: 0.0, legend: Vec::new(), frames: Vec::new() };
@@ -165,7 +181,8 @@ impl<'a> Frame<'a> {
             width,
             height,
             limits,
-            x_ticks: ticks(limits.x[0], limits.x[1], ((width / 58.0) as usize).max(4)),
+            logarithmic: [panel.x.logarithmic, panel.y.logarithmic],
+            x_ticks: axis_ticks(limits.x, panel.x.logarithmic, ((width / 50.0) as usize).max(4)),
             y_ticks: Ticks { at: Vec::new(), labels: Vec::new() },
             title: 0.0,
             legend: Vec::new(),
@@ -178,14 +195,16 @@ impl<'a> Frame<'a> {
         let rows = frame.label_rows.iter().max().map_or(0, |row| row + 1);
         let headroom = rows as f64 * LEGEND_ROW;
         let [low, high] = limits.y;
-        frame.limits.y[1] = high + (high - low) * headroom / (height - headroom).max(20.0);
-        frame.y_ticks = ticks(low, frame.limits.y[1], ((height / 34.0) as usize).max(3));
+        let more = headroom / (height - headroom).max(20.0);
+        frame.limits.y[1] =
+            if panel.y.logarithmic { high * (high / low).powf(more) } else { high + (high - low) * more };
+        frame.y_ticks = axis_ticks(frame.limits.y, panel.y.logarithmic, ((height / 34.0) as usize).max(3));
         frame
     }
 }
 
-fn left_margin(y: [f64; 2]) -> f64 {
-    let labels = ticks(y[0], y[1], 8).labels;
+fn left_margin(y: [f64; 2], logarithmic: bool) -> f64 {
+    let labels = axis_ticks(y, logarithmic, 8).labels;
     let widest = labels.iter().map(|label| text_width(label, f64::from(TICK_SIZE))).fold(12.0, f64::max);
     widest + 30.0
 }
@@ -272,6 +291,7 @@ impl Sheet {
         }
         self.axes(panel, frame);
         self.mark_labels(panel, frame);
+        self.point_labels(panel, frame);
     }
 
     fn head(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
@@ -368,6 +388,16 @@ impl Sheet {
         }
     }
 
+    fn point_labels(&mut self, panel: &Panel, frame: &Frame<'_>) {
+        for ([x, y], label, colour) in labels::placed(panel, frame) {
+            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0;
+            self.rectangle([x - half - 1.0, y - 6.0, 2.0 * half + 2.0, 12.0], "#ffffff", 0.75);
+            let content = literal(&view::printable(label));
+            let (size, anchor, color) = (TICK_SIZE, TextAnchor::Middle, Some(Color::from(colour)));
+            self.scene.add(Primitive::Text { x, y: y + 4.0, content, size, anchor, rotate: None, bold: false, color });
+        }
+    }
+
     fn axes(&mut self, panel: &Panel, frame: &Frame<'_>) {
         let (right, bottom) = (frame.left + frame.width, frame.top + frame.height);
         for (at, label) in frame.x_ticks.at.iter().zip(&frame.x_ticks.labels) {
@@ -422,6 +452,10 @@ impl Sheet {
                 for run in runs(edges.map(|(lower, upper)| (lower.0, lower.1, upper.1))) {
                     self.area(&run, style.light);
                 }
+            }
+            Kind::Labelled { .. } => {
+                let finite = (0..series.x.len()).map(|i| place(i, &series.y)).filter(Drawable::is_drawable);
+                self.markers(&finite.collect::<Vec<_>>(), style, LABELLED_RADIUS);
             }
             Kind::Points => {
                 let cells = [columns, frame.height as usize];

@@ -4,10 +4,11 @@
 //! Document -> report.html            one file, no external request, works without JavaScript and on paper
 //!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
-//! **Invariant:** drawing knows [`Document`] alone: it estimates, simulates and converts nothing. Only [`identification`] knows
-//! results; it fills a document from them.
+//! **Invariant:** drawing knows [`Document`] alone: it estimates, simulates and converts nothing. Only [`identification`] and
+//! [`comparison`] know results; they fill documents from them.
 
 mod chart;
+pub mod comparison;
 mod decimate;
 mod document;
 mod draw;
@@ -28,8 +29,8 @@ use rayon::prelude::*;
 use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Figure, Kind, Mark, Panel, Parameter, Role, Section, Series, Table, Tile,
-    Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Family, Figure, Kind, Mark, Panel, Parameter, Role, Section, Series, Table,
+    Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
@@ -61,7 +62,7 @@ pub enum ReportError {
         figure: String,
         /// Name of the series.
         series: String,
-        /// The column that differs: "y", "low" or "high".
+        /// The column that differs: "y", "labels", "low" or "high".
         column: &'static str,
         /// Its number of values.
         found: usize,
@@ -172,6 +173,7 @@ fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
     let y = ("y", series.y.len());
     let columns = match &series.kind {
         Kind::Line | Kind::Points => vec![y],
+        Kind::Labelled { labels } => vec![y, ("labels", labels.len())],
         Kind::Band { low, high } => vec![("low", low.len()), ("high", high.len())],
         Kind::ErrorBars { low, high } => vec![y, ("low", low.len()), ("high", high.len())],
     };

@@ -24,6 +24,24 @@ pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
     Ticks { at, labels }
 }
 
+/// Ticks of a logarithmic axis inside `[low, high]`, both above zero: some or no multiples of powers of ten, so that they are
+/// at most about `target`; plain ones where the axis spans too little.
+pub(super) fn log_ticks(low: f64, high: f64, target: usize) -> Ticks {
+    let exponents = low.log10().floor() as i32..=high.log10().ceil() as i32;
+    let places = |factors: &[f64]| -> Vec<f64> {
+        let all = exponents.clone().flat_map(|e| factors.iter().map(move |factor| factor * 10f64.powi(e)));
+        all.filter(|at| (low..=high).contains(at)).collect()
+    };
+    let fineness: [&[f64]; 2] = [&[1.0, 2.0, 3.0, 5.0, 7.0], &[1.0, 2.0, 5.0]];
+    let fitting = fineness.into_iter().map(places).find(|at| at.len() <= target);
+    let at = fitting.unwrap_or_else(|| places(&[1.0]));
+    if at.len() < 2 {
+        return ticks(low, high, target);
+    }
+    let labels = at.iter().map(|value| significant(*value, 1)).collect();
+    Ticks { at, labels }
+}
+
 fn tick_label(value: f64, step_exponent: i32, largest: f64) -> String {
     if !(1e-3..1e6).contains(&largest) {
         return if value == 0.0 { "0".into() } else { typographic(&format!("{value:.1e}")) };
@@ -89,6 +107,15 @@ mod tests {
         let marks = ticks(-0.31, 0.29, 6);
         assert_eq!(marks.labels, ["\u{2212}0.3", "\u{2212}0.2", "\u{2212}0.1", "0.0", "0.1", "0.2"]);
         assert!(marks.at.iter().all(|at| (-0.31..=0.29).contains(at)));
+    }
+
+    #[test]
+    fn ticks_of_ratios_are_round() {
+        let marks = log_ticks(0.04, 1.7, 6);
+        assert_eq!(marks.labels, ["0.05", "0.1", "0.2", "0.5", "1"]);
+        assert_eq!(log_ticks(1e-4, 2e3, 8).labels, ["0.0001", "0.001", "0.01", "0.1", "1", "10", "100", "1000"]);
+        assert_eq!(log_ticks(0.15, 1.7, 6).labels, ["0.2", "0.3", "0.5", "0.7", "1"]);
+        assert!(log_ticks(0.31, 0.38, 5).at.len() > 2);
     }
 
     #[test]

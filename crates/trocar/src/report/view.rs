@@ -1,6 +1,6 @@
 //! What both the printed and the interactive picture of a panel agree on: limits of the axes and the legend.
 
-use super::document::{Figure, Kind, Mark, Panel, Role, Series};
+use super::document::{Axis, Figure, Kind, Mark, Panel, Role, Series};
 
 /// Limits of a panel's axes, finite and of positive width, with a margin around the data.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,11 @@ pub(super) fn limits(figure: &Figure) -> Vec<Limits> {
         x.fill(all);
     }
     let y = figure.panels.iter().map(y_span);
-    x.iter().zip(y).map(|(x, y)| Limits { x: x.padded(0.02), y: y.padded(0.05) }).collect()
+    let spans = x.iter().zip(y).zip(&figure.panels);
+    let padded = |span: Span, axis: &Axis, share| {
+        if axis.logarithmic { span.padded_by_ratio(share) } else { span.padded(share) }
+    };
+    spans.map(|((x, y), p)| Limits { x: padded(*x, &p.x, 0.02), y: padded(y, &p.y, 0.05) }).collect()
 }
 
 fn x_span(panel: &Panel) -> Span {
@@ -37,7 +41,13 @@ fn x_span(panel: &Panel) -> Span {
         Mark::Y { .. } | Mark::YRange { .. } => [f64::NAN; 2],
     });
     let zero = if panel.x.include_zero { 0.0 } else { f64::NAN };
-    data.chain(marks).chain([zero]).fold(Span::EMPTY, Span::with)
+    data.chain(marks).chain([zero]).filter(shown_on(&panel.x)).fold(Span::EMPTY, Span::with)
+}
+
+/// Whether an axis has a place for a value.
+fn shown_on(axis: &Axis) -> impl Fn(&f64) -> bool {
+    let logarithmic = axis.logarithmic;
+    move |value| !logarithmic || *value > 0.0
 }
 
 fn y_span(panel: &Panel) -> Span {
@@ -48,13 +58,13 @@ fn y_span(panel: &Panel) -> Span {
         Mark::X { .. } | Mark::XRange { .. } => [f64::NAN; 2],
     });
     let zero = if panel.y.include_zero { 0.0 } else { f64::NAN };
-    data.chain(marks).chain([zero]).fold(Span::EMPTY, Span::with)
+    data.chain(marks).chain([zero]).filter(shown_on(&panel.y)).fold(Span::EMPTY, Span::with)
 }
 
 fn ordinates(series: &Series) -> impl Iterator<Item = &f64> {
     let edges: [&[f64]; 2] = match &series.kind {
         Kind::Band { low, high } | Kind::ErrorBars { low, high } => [low, high],
-        Kind::Line | Kind::Points => [&[], &[]],
+        Kind::Line | Kind::Points | Kind::Labelled { .. } => [&[], &[]],
     };
     series.y.iter().chain(edges[0]).chain(edges[1])
 }
@@ -87,6 +97,15 @@ impl Span {
         }
         [self.low - share * width, self.high + share * width]
     }
+
+    /// The same on a logarithmic axis; both ends are above zero.
+    fn padded_by_ratio(self, share: f64) -> [f64; 2] {
+        if self.low > self.high {
+            return [0.1, 1.0];
+        }
+        let logarithm = Self { low: self.low.log10(), high: self.high.log10() };
+        logarithm.padded(share).map(|exponent| 10f64.powf(exponent))
+    }
 }
 
 /// One line of a legend: all series of one name and role.
@@ -111,7 +130,7 @@ pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
         });
         match series.kind {
             Kind::Line => entries[at].line = true,
-            Kind::Points | Kind::ErrorBars { .. } => entries[at].marker = true,
+            Kind::Points | Kind::Labelled { .. } | Kind::ErrorBars { .. } => entries[at].marker = true,
             Kind::Band { .. } => entries[at].band = true,
         }
     }

@@ -33,11 +33,11 @@
   }
 
   function prepare(series) {
-    const { name, style, kind } = series;
+    const { name, style, kind, labels } = series;
     const [x, y, low, high] = [series.x, series.y, series.low, series.high].map(decode);
     let sorted = true;
     for (let i = 1; i < x.length && sorted; i++) sorted = !(x[i] < x[i - 1]);
-    return { name, style, kind, x, y: y || low, low, high, sorted, visible: true, look: styles[style] };
+    return { name, style, kind, labels, x, y: y || low, low, high, sorted, visible: true, look: styles[style] };
   }
 
   class Panel {
@@ -96,23 +96,26 @@
       const { width, height } = this.size();
       const scale = (width - 80) / (x1 - x0);
       const rows = labelRows(this.data.marks, (value) => (value - x0) * scale, width - 80, 1);
-      const top = y1 + (y1 - y0) * 16 * rows.count / Math.max(60, height - 60 - 16 * rows.count);
+      const more = 16 * rows.count / Math.max(60, height - 60 - 16 * rows.count);
+      const [logX, logY] = this.data.logarithmic;
+      const top = logY ? y1 * (y1 / y0) ** more : y1 + (y1 - y0) * more;
       this.full = { x: [x0, x1], y: [y0, top] };
-      const axis = (text, size) => ({
+      const axis = (text, size, log) => ({
         label: text, labelSize: 22, size, stroke: () => css("ink"), font: "12px system-ui, sans-serif",
         labelFont: "12px system-ui, sans-serif", labelGap: 0,
         grid: { stroke: () => css("grid"), width: 1 }, ticks: { stroke: () => css("soft"), width: 1, size: 5 },
-        values: (u, ticks) => ticks.map((value) => value == null ? "" : tick(value, ticks)),
+        values: (u, ticks) => ticks.map((value) => value == null ? "" : log ? String(+value.toPrecision(3)) : tick(value, ticks)),
+        ...(log ? { splits: (u, axis, low, high) => logTicks(low, high, axis ? height / 34 : width / 50), filter: (u, ticks) => ticks } : {}),
       });
       const options = {
         ...this.size(), padding: [8, 12, 0, 0], legend: { show: false },
         scales: {
-          x: { time: false, range: (u, low, high) => [low, high] },
-          y: { auto: false, range: (u, low, high) => (low == null || low === high ? this.full.y : [low, high]) },
+          x: { time: false, distr: logX ? 3 : 1, range: (u, low, high) => [low, high] },
+          y: { auto: false, distr: logY ? 3 : 1, range: (u, low, high) => (low == null || low === high ? this.full.y : [low, high]) },
         },
         axes: [
-          axis(named(this.data.x), 30),
-          { ...axis(named(this.data.y), (u, labels) => 14 + Math.max(20, ...(labels || []).map(textWidth))), space: 34 },
+          axis(named(this.data.x), 30, logX),
+          { ...axis(named(this.data.y), (u, labels) => 14 + Math.max(20, ...(labels || []).map(textWidth)), logY), space: 34 },
         ],
         series: [{}, { paths: () => null, points: { show: false } }],
         cursor: {
@@ -159,9 +162,10 @@
         for (const series of visible) {
           if (series.kind === "line") drawLine(u, ctx, series, ratio);
           if (series.kind === "bars") drawBars(u, ctx, series, ratio);
-          if (series.kind === "points" || series.kind === "bars") drawMarkers(u, ctx, series, ratio);
+          if (["points", "bars", "labels"].includes(series.kind)) drawMarkers(u, ctx, series, ratio);
         }
         this.drawMarkLabels(u, ctx, ratio);
+        drawPointLabels(u, ctx, visible, ratio);
       });
     }
 
@@ -205,11 +209,12 @@
     }
 
     zoom(factor) {
-      const [x, y] = ["x", "y"].map((key) => {
-        const { min, max } = this.plot.scales[key];
+      const [x, y] = ["x", "y"].map((key, at) => {
+        const [to, from] = this.data.logarithmic[at] ? [Math.log, Math.exp] : [Number, Number];
+        const [min, max] = [this.plot.scales[key].min, this.plot.scales[key].max].map(to);
         const centre = (min + max) / 2, half = (max - min) / 2 * factor;
         const [low, high] = this.full[key];
-        return { min: Math.max(low, centre - half), max: Math.min(high, centre + half) };
+        return { min: Math.max(low, from(centre - half)), max: Math.min(high, from(centre + half)) };
       });
       this.setView(x, y);
     }
@@ -253,7 +258,7 @@
         if (i < 0 || !Number.isFinite(series.y[i])) continue;
         const px = u.valToPos(series.x[i], "x"), py = u.valToPos(series.y[i], "y");
         if (series.sorted && Math.abs(px - left) > 40) continue;
-        this.readout.append(" \u00b7 " + (series.name || "") + " ");
+        this.readout.append(" \u00b7 " + (series.labels ? series.labels[i] : series.name || "") + " ");
         make("b", "", this.readout).textContent = this.value(series, i);
         if (px < 0 || py < 0 || px > u.over.clientWidth || py > u.over.clientHeight || series.kind === "band") continue;
         const dot = make("i", "dot", u.over);
@@ -301,6 +306,22 @@
     const scaled = step * 10 ** decimals;
     if (Math.abs(scaled - Math.round(scaled)) > 1e-6) decimals++; // a step of a quarter
     return value.toFixed(decimals).replace("-", "\u2212");
+  }
+
+  // Ticks of a logarithmic axis: some or no multiples of powers of ten, so that they are at most about target.
+  function logTicks(low, high, target) {
+    const places = (factors) => {
+      const found = [];
+      for (let e = Math.floor(Math.log10(low)); e <= Math.ceil(Math.log10(high)); e++)
+        for (const factor of factors) found.push(Number(factor + "e" + e));
+      return found.filter((at) => at >= low && at <= high);
+    };
+    const sets = [[1, 2, 3, 5, 7], [1, 2, 5], [1]].map(places);
+    const chosen = sets.find((at) => at.length <= target) || sets[2];
+    if (chosen.length > 1) return chosen;
+    const step = 10 ** Math.floor(Math.log10(high - low)) / 2, even = [];
+    for (let at = Math.ceil(low / step) * step; at <= high; at += step) even.push(at);
+    return even;
   }
 
   function nearest(x, at) {
@@ -374,7 +395,7 @@
   }
 
   function drawMarkers(u, ctx, series, ratio) {
-    const radius = (series.x.length <= 80 ? 3 : series.x.length <= 400 ? 2.2 : 1.5) * ratio;
+    const radius = (series.kind === "labels" ? 4 : series.x.length <= 80 ? 3 : series.x.length <= 400 ? 2.2 : 1.5) * ratio;
     ctx.fillStyle = css(series.style);
     ctx.beginPath();
     for (let i = 0; i < series.x.length; i++) {
@@ -383,6 +404,43 @@
       outline(ctx, series.look.marker, x, y, radius);
     }
     ctx.fill();
+  }
+
+  // Texts beside points, each where it covers no other text, no marker and as little of a line as possible.
+  function drawPointLabels(u, ctx, all, ratio) {
+    const { left, top, width, height } = u.bbox, texts = [], markers = [], lines = [];
+    const box = (x, y, w, h) => ({ x, y, w, h });
+    const near = (a) => box(a.x, a.y, a.w + 5 * ratio, a.h + 5 * ratio);
+    const hits = (a, others) => others.filter((b) => Math.abs(a.x - b.x) < a.w + b.w && Math.abs(a.y - b.y) < a.h + b.h).length;
+    for (const series of all.filter((one) => one.kind !== "band")) {
+      const at = Array.from(series.x, (x, i) => place(u, x, series.y[i]));
+      if (series.kind !== "line") markers.push(...at.map(([x, y]) => box(x, y, 4 * ratio, 4 * ratio)));
+      else for (let i = 1; i < at.length; i++) for (let k = 0; k <= 20; k++)
+        lines.push(box(at[i - 1][0] + (at[i][0] - at[i - 1][0]) * k / 20, at[i - 1][1] + (at[i][1] - at[i - 1][1]) * k / 20, 1, 1));
+    }
+    ctx.font = 12 * ratio + "px system-ui, sans-serif";
+    ctx.textAlign = "center";
+    ctx.textBaseline = "middle";
+    ctx.lineWidth = 4 * ratio;
+    ctx.lineJoin = "round";
+    ctx.strokeStyle = css("page");
+    for (const series of all.filter((one) => one.labels)) for (let i = 0; i < series.x.length; i++) {
+      const [px, py] = place(u, series.x[i], series.y[i]);
+      if (px < left || px > left + width || py < top || py > top + height) continue;
+      const w = textWidth(series.labels[i]) / 2 * ratio, h = 7 * ratio;
+      let best, least = Infinity;
+      for (const ring of [8, 17, 26]) for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1], [.9, .9], [.9, -.9], [-.9, .9], [-.9, -.9]]) {
+        const a = box(px + dx * (w + ring * ratio), py + dy * (h + ring * ratio), w, h);
+        const outside = a.x - w < left || a.x + w > left + width || a.y - h < top || a.y + h > top + height;
+        const cost = (outside ? 1000 : 0) + 100 * hits(a, texts) + 20 * hits(a, markers) + 4 * hits(near(a), markers) + hits(a, lines);
+        if (cost < least) { least = cost; best = a; }
+      }
+      texts.push(best);
+      ctx.fillStyle = css(series.style);
+      ctx.strokeText(series.labels[i], best.x, best.y);
+      ctx.fillText(series.labels[i], best.x, best.y);
+    }
+    ctx.textBaseline = "alphabetic";
   }
 
   function outline(ctx, marker, x, y, r) {
@@ -409,7 +467,7 @@
     for (const { kind } of group) {
       if (kind === "band") node("rect", { x: 0, y: 1, width: 24, height: 10, fill: colour, "fill-opacity": 0.3 }, svg);
       if (kind === "line") node("line", { x1: 0, y1: 6, x2: 24, y2: 6, stroke: colour, "stroke-width": look.width + 0.4, "stroke-dasharray": look.dash.join(" ") }, svg);
-      if (kind === "points" || kind === "bars") {
+      if (kind === "points" || kind === "bars" || kind === "labels") {
         const shape = { square: "M9 3h6v6H9z", triangle: "M12 2l4 7H8z", diamond: "M12 2l3.5 4-3.5 4-3.5-4z" }[look.marker];
         node("path", { d: shape || "M9 6a3 3 0 1 0 6 0a3 3 0 1 0-6 0", fill: colour }, svg);
       }

@@ -2,6 +2,7 @@
 //!
 //! A figure whose data are missing is a sentence that says what is missing and why.
 
+pub(super) mod comparison;
 mod deformation;
 mod half_width;
 mod reversal;

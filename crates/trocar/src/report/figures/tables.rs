@@ -42,7 +42,15 @@ pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
         "falling_join_m" => ("Join, withdrawal", "a⁻"),
         "rising_join_force_n" => ("Force at the join, insertion", "F(a⁺)"),
         "falling_join_force_n" => ("Force at the join, withdrawal", "F(a⁻)"),
-        other => return coefficient(other).unwrap_or_else(|| (other.to_owned(), String::new())),
+        "stribeck_exponent" => ("Stribeck exponent", "δ"),
+        "exponent" => ("Exponent of the transition", "n"),
+        "stiffness_n_m" => ("Stiffness", "k"),
+        "micro_damping_n_s_m" => ("Micro-damping", "σ"),
+        "attraction_n_s" => ("Attraction", "C"),
+        other => {
+            let found = coefficient(other).or_else(|| of_element(other));
+            return found.unwrap_or_else(|| (other.to_owned(), String::new()));
+        }
     };
     (words.to_owned(), symbol.to_owned())
 }
@@ -57,7 +65,20 @@ fn coefficient(parameter: &str) -> Option<(String, String)> {
     Some((format!("Coefficient of z^{power}, {motion}, {place}"), format!("θ{piece}_{power}")))
 }
 
-fn is_coefficient(parameter: &Parameter) -> bool {
+/// `limit_force_n_3`: a parameter of element 3 of a bank.
+fn of_element(parameter: &str) -> Option<(String, String)> {
+    let (name, element) = parameter.rsplit_once('_')?;
+    let element: usize = element.parse().ok()?;
+    let (words, symbol) = match name {
+        "stiffness_n_m" => ("Stiffness", "k"),
+        "limit_force_n" => ("Limit force", "F"),
+        "damping_n_s_m" => ("Damping", "σ"),
+        _ => return None,
+    };
+    Some((format!("{words}, element {element}"), format!("{symbol}_{element}")))
+}
+
+pub(super) fn is_coefficient(parameter: &Parameter) -> bool {
     parameter.name.contains("_theta")
 }
 
@@ -106,7 +127,7 @@ fn table<'a>(
     })
 }
 
-fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
+pub(super) fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
     let [low, high] = estimate.ci95.map(|end| scale * end);
     let value = scale * estimate.value;
     if estimate.pinned && low.is_finite() && high.is_finite() {

@@ -87,23 +87,25 @@ impl Scored<'_> {
 
 /// An insertion and the withdrawal behind it, or the other way round.
 #[derive(Clone)]
-struct Cycle {
-    recording: usize,
-    samples: Range<usize>,
+pub(super) struct Cycle {
+    pub(super) recording: usize,
+    pub(super) samples: Range<usize>,
+    /// The sample between the strokes.
+    pub(super) turn: usize,
     /// Speed of the first stroke, m/s.
-    speed: f64,
+    pub(super) speed: f64,
     /// Whether that stroke has a constant velocity.
     steady: bool,
 }
 
 /// Full cycles inside the samples whose state is known; only those of constant velocity, if there are any.
-fn cycles(scored: &Scored) -> Vec<Cycle> {
+pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Range<usize>>) -> Vec<Cycle> {
     let mut found = Vec::new();
-    for (index, recording) in scored.recordings.iter().enumerate() {
+    for (index, recording) in recordings.iter().enumerate() {
         let passes = passes(recording, reversal_threshold(recording));
         let stretches = stretches(recording, &passes, &SegmentOptions::default());
         let longest = passes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
-        let known = scored.known(index);
+        let known = known(index);
         for (number, pair) in passes.windows(2).enumerate() {
             let [first, second] = pair else { continue };
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
@@ -114,7 +116,8 @@ fn cycles(scored: &Scored) -> Vec<Cycle> {
                 let mean = travel(recording, first, first.end) / duration;
                 let speed = own.map_or(mean, |s| s.velocity.abs());
                 let samples = first.start..second.end + 1;
-                found.push(Cycle { recording: index, samples, speed, steady: own.is_some() });
+                let turn = first.end;
+                found.push(Cycle { recording: index, samples, turn, speed, steady: own.is_some() });
             }
         }
     }
@@ -124,7 +127,7 @@ fn cycles(scored: &Scored) -> Vec<Cycle> {
 
 /// Force and deflection over a cycle at the lowest and at the highest speed.
 pub(in super::super) fn cross_validation(scored: &Scored) -> Drawn {
-    let mut cycles = cycles(scored);
+    let mut cycles = cycles(&scored.recordings, |index| scored.known(index));
     cycles.sort_by(|a, b| a.speed.total_cmp(&b.speed));
     let (Some(slowest), Some(fastest)) = (cycles.first(), cycles.last()) else {
         return Err("There is no figure of the model against measurement at two speeds (EMS figure 9): the recordings hold no full \

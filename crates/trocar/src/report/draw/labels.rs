@@ -1,0 +1,112 @@
+//! Texts beside points, each put where it covers no other text, no marker and as little of a line as possible.
+
+use super::{Frame, LABELLED_RADIUS, TICK_SIZE, view};
+use crate::report::document::{Kind, Panel, Series};
+use crate::report::number::text_width;
+use crate::report::style;
+
+/// Half of the height of a text.
+const HALF_HEIGHT: f64 = 6.5;
+/// Distance between marker and text.
+const GAP: f64 = 4.0;
+/// A text this near to another marker could be taken for that one's.
+const NEAR: f64 = 7.0;
+/// Points of a line taken as obstacles, this far apart.
+const LINE_STEP: f64 = 6.0;
+/// Directions tried in this order: beside, below, above, then the corners.
+const DIRECTIONS: [[f64; 2]; 8] =
+    [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.9, 0.9], [0.9, -0.9], [-0.9, 0.9], [-0.9, -0.9]];
+/// Rings of places tried around a point, nearest first.
+const RINGS: [f64; 3] = [0.0, 9.0, 18.0];
+
+/// A rectangle by its centre and half its sizes.
+#[derive(Clone, Copy)]
+struct Area {
+    centre: [f64; 2],
+    half: [f64; 2],
+}
+
+impl Area {
+    fn overlaps(&self, other: &Self) -> bool {
+        (0..2).all(|k| (self.centre[k] - other.centre[k]).abs() < self.half[k] + other.half[k])
+    }
+
+    fn is_inside(&self, frame: &Frame<'_>) -> bool {
+        let [x, y] = self.centre;
+        let [w, h] = self.half;
+        x - w > frame.left && x + w < frame.left + frame.width && y - h > frame.top && y + h < frame.top + frame.height
+    }
+}
+
+/// Centre, text and colour of every label of a panel.
+pub(super) fn placed<'p>(panel: &'p Panel, frame: &Frame<'_>) -> Vec<([f64; 2], &'p str, &'static str)> {
+    let (markers, lines) = obstacles(panel, frame);
+    let mut texts: Vec<Area> = Vec::new();
+    let mut placed = Vec::new();
+    for series in &panel.series {
+        let Kind::Labelled { labels } = &series.kind else { continue };
+        let colour = style::of(series.role).light;
+        for (at, label) in points(series, frame).zip(labels) {
+            if !at.iter().all(|c| c.is_finite()) || label.is_empty() {
+                continue;
+            }
+            let half = [text_width(&view::printable(label), f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT];
+            let cost = |area: &Area| {
+                let count = |all: &[Area]| all.iter().filter(|other| area.overlaps(other)).count();
+                let outside = usize::from(!area.is_inside(frame));
+                let near = Area { half: area.half.map(|half| half + NEAR), ..*area };
+                let strangers = markers.iter().filter(|m| m.centre != at && near.overlaps(m)).count();
+                1000 * outside + 100 * count(&texts) + 20 * count(&markers) + 4 * strangers + count(&lines)
+            };
+            let best = candidates(at, half).min_by_key(cost).unwrap_or(Area { centre: at, half });
+            texts.push(best);
+            placed.push((best.centre, label.as_str(), colour));
+        }
+    }
+    placed
+}
+
+fn points<'a>(series: &'a Series, frame: &'a Frame<'_>) -> impl Iterator<Item = [f64; 2]> + 'a {
+    series.x.iter().zip(&series.y).map(|(x, y)| [frame.x(*x), frame.y(*y)])
+}
+
+/// Places around a point, the best ones first.
+fn candidates(at: [f64; 2], half: [f64; 2]) -> impl Iterator<Item = Area> {
+    let clear = LABELLED_RADIUS + GAP;
+    let place = move |ring: f64, [dx, dy]: [f64; 2]| Area {
+        centre: [at[0] + dx * (half[0] + clear + ring), at[1] + dy * (half[1] + clear + ring)],
+        half,
+    };
+    RINGS.into_iter().flat_map(move |ring| DIRECTIONS.into_iter().map(move |direction| place(ring, direction)))
+}
+
+/// Markers, and points along lines and horizontal marks.
+fn obstacles(panel: &Panel, frame: &Frame<'_>) -> (Vec<Area>, Vec<Area>) {
+    let (mut markers, mut lines) = (Vec::new(), Vec::new());
+    for series in &panel.series {
+        let at: Vec<[f64; 2]> = points(series, frame).filter(|p| p.iter().all(|c| c.is_finite())).collect();
+        match series.kind {
+            Kind::Points | Kind::Labelled { .. } | Kind::ErrorBars { .. } => {
+                markers.extend(at.into_iter().map(|centre| Area { centre, half: [LABELLED_RADIUS; 2] }));
+            }
+            Kind::Line => lines.extend(at.windows(2).flat_map(|pair| along(pair[0], pair[1]))),
+            Kind::Band { .. } => {}
+        }
+    }
+    for mark in &panel.marks {
+        if let crate::report::document::Mark::Y { at, .. } = mark {
+            let y = frame.y(*at);
+            lines.extend(along([frame.left, y], [frame.left + frame.width, y]));
+        }
+    }
+    (markers, lines)
+}
+
+fn along(from: [f64; 2], to: [f64; 2]) -> impl Iterator<Item = Area> {
+    let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let steps = (length / LINE_STEP).ceil().clamp(1.0, 500.0) as usize;
+    (0..=steps).map(move |k| {
+        let part = k as f64 / steps as f64;
+        Area { centre: [0, 1].map(|i| from[i] + part * (to[i] - from[i])), half: [1.0; 2] }
+    })
+}

@@ -1,0 +1,106 @@
+//! Figures and tables of a comparison of friction models.
+
+mod errors;
+mod runs;
+mod tables;
+
+use super::Drawn;
+use crate::compare::{Comparison, Entry};
+use crate::report::document::{Family, Role};
+
+pub(in super::super) use errors::error_by_parameters;
+pub(in super::super) use runs::{one_cycle, one_reversal, shown};
+pub(in super::super) use tables::{
+    best_of_each, by_recording, criteria, errors_by_phase, parameters_by_family, warnings_by_model,
+};
+
+/// Sizes of banks that are drawn beside the best one: four elements and ten are what EMS section II-C speaks of.
+const SPOKEN_OF: [usize; 2] = [4, 10];
+
+/// Relative difference of two errors that is none.
+const NO_ODDS: f64 = 0.01;
+
+/// Name of a family for people; one that is not known stays as it is.
+pub(in super::super) fn family_name(name: &str) -> &str {
+    match name {
+        "ems" => "EMS",
+        "ems-output-error" => "EMS, output error",
+        "coulomb" => "Coulomb",
+        "coulomb-viscous" => "Coulomb and viscous",
+        "stribeck" => "Stribeck",
+        "dahl" => "Dahl",
+        "lugre" => "LuGre",
+        "lugre-rational" => "LuGre, rational",
+        "leuven" => "Leuven",
+        "maxwell-slip" => "Maxwell-Slip",
+        "gms" => "GMS",
+        other => other,
+    }
+}
+
+/// Name of a model for people, with its number of elements where the family has several.
+pub(in super::super) fn model_name(entry: &Entry) -> String {
+    let name = family_name(entry.name);
+    if is_bank(entry) { format!("{name} {}", entry.elements) } else { name.to_owned() }
+}
+
+/// Whether the family is a choice of numbers of elements.
+fn is_bank(entry: &Entry) -> bool {
+    matches!(entry.name, "leuven" | "maxwell-slip" | "gms")
+}
+
+fn family(entry: &Entry) -> Family {
+    match entry.name {
+        name if name.starts_with("ems") => Family::Ems,
+        "coulomb" | "coulomb-viscous" | "stribeck" => Family::Static,
+        "dahl" => Family::Dahl,
+        "lugre" | "lugre-rational" => Family::LuGre,
+        "leuven" => Family::Leuven,
+        "maxwell-slip" => Family::MaxwellSlip,
+        "gms" => Family::Gms,
+        _ => Family::Other,
+    }
+}
+
+/// Colour by family, dashes by variant.
+fn role(entry: &Entry, place: usize) -> Role {
+    Role::Friction(family(entry), variant(entry, place))
+}
+
+/// What tells the models of a family apart: `place` in a list of banks.
+fn variant(entry: &Entry, place: usize) -> u8 {
+    match entry.name {
+        "ems" | "stribeck" | "lugre" => 0,
+        "ems-output-error" | "coulomb-viscous" | "lugre-rational" => 1,
+        "coulomb" => 2,
+        _ => place as u8,
+    }
+}
+
+/// The entries by name, each name where its best model stands.
+fn by_name(comparison: &Comparison) -> Vec<Vec<&Entry>> {
+    let mut names: Vec<Vec<&Entry>> = Vec::new();
+    for entry in &comparison.entries {
+        match names.iter_mut().find(|own| own[0].name == entry.name) {
+            Some(own) => own.push(entry),
+            None => names.push(vec![entry]),
+        }
+    }
+    names
+}
+
+/// Of one family, least error first: the fewest elements that come as near to its least validation error as makes no odds.
+fn best<'a>(own: &[&'a Entry]) -> &'a Entry {
+    let least = own[0].scores.validate_rms_n;
+    let as_good = own.iter().filter(|entry| entry.scores.validate_rms_n <= (1.0 + NO_ODDS) * least);
+    as_good.min_by_key(|entry| entry.elements).unwrap_or(&own[0])
+}
+
+/// The best of a bank's sizes, and those that EMS speaks of.
+fn of_interest<'a>(own: &[&'a Entry]) -> Vec<&'a Entry> {
+    let best = best(own);
+    let mut others: Vec<&Entry> = own.iter().copied().filter(|entry| SPOKEN_OF.contains(&entry.elements)).collect();
+    others.retain(|entry| entry.elements != best.elements);
+    others.sort_by_key(|entry| entry.elements);
+    std::iter::once(best).chain(others).collect()
+}

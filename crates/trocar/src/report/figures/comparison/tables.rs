@@ -1,0 +1,136 @@
+//! Tables of a comparison.
+
+use super::{best, by_name, family_name, is_bank, model_name};
+use crate::compare::{Comparison, Entry};
+use crate::identify::Warning;
+use crate::report::document::{Cell, Table};
+use crate::report::figures::tables::{cells_of, display, is_coefficient, name_of};
+use crate::validate::Part;
+
+/// Banks with more elements than this have their parameters in the JSON alone.
+const MOST_ELEMENTS: usize = 4;
+
+fn number(value: f64, digits: usize) -> Cell {
+    Cell::Number { value, digits }
+}
+
+/// A number without decimals.
+fn whole(value: f64) -> Cell {
+    let value = value.round();
+    number(value, format!("{}", value.abs()).len())
+}
+
+fn head(entry: &Entry) -> [Cell; 2] {
+    [Cell::Text(model_name(entry)), whole(entry.parameters as f64)]
+}
+
+fn table(caption: &str, columns: &[&str], rows: impl Iterator<Item = Vec<Cell>>) -> Table {
+    rows.fold(Table::new(caption, columns.iter().copied()), Table::row)
+}
+
+/// The best model of each family.
+pub(in super::super::super) fn best_of_each(comparison: &Comparison) -> Table {
+    let columns = ["Model", "Parameters", "Validation (N)", "Fit (%)", "Behind reversals (N)", "Worst reversal (N)"];
+    let row = |own: Vec<&Entry>| {
+        let s = &best(&own).scores;
+        let scores = [s.validate_rms_n, s.fit_percent, s.reversal_rms_n, s.worst_reversal_n];
+        head(best(&own)).into_iter().chain(scores.map(|value| number(value, 3))).collect()
+    };
+    let caption = "Each family's fewest elements within 1 % of its least validation error (root mean squares)";
+    table(caption, &columns, by_name(comparison).into_iter().map(row))
+}
+
+/// The best model of each family on each validation recording; `None` where there is only one recording.
+pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<Table> {
+    let names: Vec<&str> = comparison.validation.iter().map(|r| r.name.as_str()).collect();
+    let columns: Vec<&str> = std::iter::once("Model").chain(names.iter().copied()).collect();
+    let row = |own: Vec<&Entry>| {
+        let errors = best(&own).scores.by_recording_n.iter().map(|rms| number(*rms, 3));
+        std::iter::once(Cell::Text(model_name(best(&own)))).chain(errors).collect()
+    };
+    let rows = by_name(comparison).into_iter().map(row);
+    (names.len() > 1).then(|| table("The models of the summary by validation recording (rms in N)", &columns, rows))
+}
+
+/// Every model: errors over all and by phase.
+pub(in super::super::super) fn errors_by_phase(comparison: &Comparison) -> Table {
+    let columns = ["Model", "Parameters", "Training", "Validation", "Fit (%)", "Deformation", "Sliding", "Hold"];
+    let phase = |part: &Part| number(if part.samples > 0 { part.rms_n } else { f64::NAN }, 3);
+    let row = |entry: &Entry| {
+        let s = &entry.scores;
+        let over_all = [s.train_rms_n, s.validate_rms_n, s.fit_percent].map(|value| number(value, 3));
+        let by_phase = [&s.by_phase.deformation, &s.by_phase.sliding, &s.by_phase.hold].map(phase);
+        head(entry).into_iter().chain(over_all).chain(by_phase).collect()
+    };
+    let caption = "Root mean square errors in N: training, validation, and the validation by phase of the motion";
+    table(caption, &columns, comparison.entries.iter().map(row))
+}
+
+/// Every model: reversals, criteria and cost.
+pub(in super::super::super) fn criteria(comparison: &Comparison) -> Table {
+    let columns = ["Model", "Reversals (N)", "Worst (N)", "AIC", "BIC", "Step (ns)", "Fit (s)", "Warnings"];
+    let row = |entry: &Entry| {
+        let s = &entry.scores;
+        let time = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 3);
+        let cells = [
+            number(s.reversal_rms_n, 3),
+            number(s.worst_reversal_n, 3),
+            whole(s.aic),
+            whole(s.bic),
+            time(entry.ns_per_sample),
+            time(entry.fit_s),
+            whole(entry.warnings.len() as f64),
+        ];
+        std::iter::once(Cell::Text(model_name(entry))).chain(cells).collect()
+    };
+    table("Errors behind reversals, criteria and cost", &columns, comparison.entries.iter().map(row))
+}
+
+/// Parameters with intervals, a table a family; of banks those with up to four elements.
+pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> Vec<Table> {
+    let columns = ["Model", "Parameter", "Symbol", "Value", "95 % interval", "Unit"];
+    let family = |mut own: Vec<&Entry>| {
+        own.sort_by_key(|entry| entry.elements);
+        own.retain(|entry| !is_bank(entry) || entry.elements <= MOST_ELEMENTS);
+        let caption = family_name(own.first()?.name);
+        Some(table(caption, &columns, own.into_iter().flat_map(parameters)))
+    };
+    by_name(comparison).into_iter().filter_map(family).collect()
+}
+
+fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
+    entry.estimates.iter().filter(|p| !is_coefficient(p)).map(|p| {
+        let (words, symbol) = name_of(&p.name);
+        let (scale, unit) = display(p.estimate.unit);
+        let [value, interval] = cells_of(&p.estimate, scale);
+        vec![Cell::Text(model_name(entry)), Cell::Text(words), Cell::Text(symbol), value, interval, Cell::Text(unit)]
+    })
+}
+
+/// What there is to know about each fit; parameters that are not pinned by their symbols. `None` without any.
+pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Option<Table> {
+    let row = |entry: &Entry| {
+        let is_pin = |warning: &&Warning| warning.message.starts_with("not pinned");
+        let (pins, others): (Vec<&Warning>, Vec<&Warning>) = entry.warnings.iter().partition(is_pin);
+        let symbols: Vec<String> = pins.iter().map(|w| symbol_or_name(&w.subject)).collect();
+        let pins = (!pins.is_empty()).then(|| format!("not pinned: {}", symbols.join(", ")));
+        let others = others.iter().map(|w| match name_of(&w.subject).0 {
+            name if is_own_name(entry, &name) => w.message.clone(),
+            name => format!("{name}: {}", w.message),
+        });
+        vec![Cell::Text(model_name(entry)), Cell::Text(others.chain(pins).collect::<Vec<_>>().join("; "))]
+    };
+    let mut doubted = comparison.entries.iter().filter(|entry| !entry.warnings.is_empty()).peekable();
+    doubted.peek()?;
+    Some(table("Warnings by model", &["Model", "Warnings"], doubted.map(row)))
+}
+
+fn symbol_or_name(parameter: &str) -> String {
+    let (words, symbol) = name_of(parameter);
+    if symbol.is_empty() { words } else { symbol }
+}
+
+/// Whether a warning's subject is the model itself: `gms:4`.
+fn is_own_name(entry: &Entry, subject: &str) -> bool {
+    subject.split(':').next() == Some(entry.name)
+}
