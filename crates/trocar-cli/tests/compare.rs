@@ -1,0 +1,237 @@
+//! `trocar compare` as a process: exit codes, JSON, order, equal bytes, and that nothing half-written stays behind.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// Keys that every model has.
+const KEYS: [&str; 11] = [
+    "name",
+    "elements",
+    "parameters",
+    "train_rms_n",
+    "validate_rms_n",
+    "fit_percent",
+    "aic",
+    "bic",
+    "ns_per_sample",
+    "fit_s",
+    "warnings",
+];
+/// Models that fit in a moment.
+const QUICK: &str = "coulomb-viscous,ems,maxwell-slip:1-2,dahl";
+
+/// A folder with recordings of a virtual bench, and the program run inside it.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        let speeds = "slowest_m_s = 0.02\nfastest_m_s = 0.08\nincrement_m_s = 0.02\nstroke_m = 0.06\n";
+        let rig = format!("[protocol.steady]\n{speeds}\n[protocol.validation]\n{speeds}");
+        fs::write(place.path("rig.toml"), rig).unwrap();
+        place.run("bench steady --rig rig.toml --out steady.csv").ends_with(0);
+        place.run("bench validation --rig rig.toml --seed 2 --out validation.csv").ends_with(0);
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn run(&self, arguments: &str) -> Ran {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
+        Ran::from(command.current_dir(self.0.path()).args(arguments.split_whitespace()).output().unwrap())
+    }
+
+    /// Compares the quick models without times.
+    fn compare(&self, more: &str) -> Ran {
+        self.run(&format!("compare steady.csv --moving-mass-kg 0.04 --no-timing {more}"))
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+/// A finished run.
+#[derive(Debug)]
+struct Ran {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+impl Ran {
+    fn from(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+
+    fn ends_with(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{self:#?}");
+        self
+    }
+
+    fn says(self, essentials: &[&str]) -> Self {
+        for essential in essentials {
+            assert!(self.stderr.contains(essential), "no {essential:?} in {self:#?}");
+        }
+        self
+    }
+
+    fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap()
+    }
+}
+
+fn models(json: &Value) -> &Vec<Value> {
+    json["models"].as_array().unwrap()
+}
+
+fn numbers(json: &Value, key: &str) -> Vec<f64> {
+    models(json).iter().map(|model| model[key].as_f64().unwrap()).collect()
+}
+
+#[test]
+fn json_holds_every_model_with_all_keys_least_error_first() {
+    let place = Place::new();
+    let json = place.compare(&format!("--validate validation.csv --models {QUICK} --json")).ends_with(0).json();
+    assert_eq!(models(&json).len(), 5);
+    for model in models(&json) {
+        for key in KEYS {
+            assert!(model.get(key).is_some(), "no {key} in {model}");
+        }
+        assert!(model["ns_per_sample"].is_null() && model["fit_s"].is_null(), "{model}");
+        assert!(model["warnings"].as_array().unwrap().iter().all(Value::is_string));
+        let offset = &model["estimates"]["offset_n"];
+        assert!(offset["value"].is_number() && offset["unit"] == "N" && offset["pinned"].is_boolean(), "{offset}");
+        assert_eq!(offset["ci95"].as_array().unwrap().len(), 2);
+    }
+    let errors = numbers(&json, "validate_rms_n");
+    assert!(errors.is_sorted(), "{errors:?}");
+    assert_eq!(models(&json)[0]["name"], "ems", "the bench is made with an EMS element");
+    assert_eq!(json["held_back"], false);
+    assert_eq!(json["reversal_claim"].as_array().unwrap().len(), 1, "one family of banks");
+    assert!(json["reversal_claim"][0]["sentence"].as_str().unwrap().contains("maxwell-slip"));
+    let used: Vec<&str> =
+        json["recordings"].as_array().unwrap().iter().map(|r| r["used_for"].as_str().unwrap()).collect();
+    assert_eq!(used, ["training", "validation"]);
+    assert_eq!(json["recordings"][0]["sha256"].as_str().unwrap().len(), 64);
+}
+
+#[test]
+fn equal_input_gives_equal_bytes_and_times_are_all_that_differs() {
+    let place = Place::new();
+    let arguments = format!("--validate validation.csv --models {QUICK} --json");
+    let first = place.compare(&format!("{arguments} --out first")).ends_with(0);
+    let second = place.compare(&format!("{arguments} --out second")).ends_with(0);
+    assert_eq!(first.stdout, second.stdout);
+    for file in ["compare.json", "report.html", "figures/one-reversal.svg", "figures/error-by-parameters.png"] {
+        let [a, b] = ["first", "second"].map(|out| fs::read(place.path(out).join(file)).unwrap());
+        assert!(a == b, "{file} differs");
+    }
+    assert_eq!(first.stdout, fs::read_to_string(place.path("first/compare.json")).unwrap());
+    let timed = place.run(&format!("compare steady.csv --moving-mass-kg 0.04 {arguments}")).ends_with(0);
+    let mut json = timed.json();
+    for model in json["models"].as_array_mut().unwrap() {
+        for key in ["ns_per_sample", "fit_s"] {
+            assert!(model[key].as_f64().unwrap() > 0.0, "{model}");
+            model[key] = Value::Null;
+        }
+    }
+    assert_eq!(json, first.json());
+}
+
+#[test]
+fn without_validation_the_last_third_is_held_back_and_it_is_said() {
+    let place = Place::new();
+    let ran = place.compare("--models ems,coulomb --json --out out").ends_with(0).says(&["last third", "held back"]);
+    let json = ran.json();
+    assert_eq!(json["held_back"], true);
+    let parts = json["recordings"].as_array().unwrap();
+    assert_eq!(parts.len(), 2);
+    assert_eq!(parts[0]["sha256"], parts[1]["sha256"], "parts of one file");
+    let duration = |k: usize| parts[k]["duration_s"].as_f64().unwrap();
+    let part = duration(1) / (duration(0) + duration(1));
+    assert!((0.1..0.34).contains(&part), "{part}");
+    let page = fs::read_to_string(place.path("out/report.html")).unwrap();
+    assert!(page.contains("The last third of each recording was held back"));
+}
+
+#[test]
+fn the_table_is_for_people_and_holds_every_model() {
+    let place = Place::new();
+    let ran = place.compare("--validate validation.csv --models ems,gms:2,gms:2-3,leuven:1").ends_with(0);
+    let mut lines = ran.stdout.lines();
+    let head = lines.next().unwrap();
+    for column in
+        ["model", "elements", "parameters", "validate N", "fit %", "AIC", "BIC", "worst reversal N", "warnings"]
+    {
+        assert!(head.contains(column), "{head}");
+    }
+    let rows: Vec<&str> = lines.take_while(|line| !line.is_empty()).collect();
+    assert_eq!(rows.len(), 4, "gms:2 is named twice and counts once: {rows:#?}");
+    assert!(rows.iter().all(|row| row.contains("  -  ")), "no times: {rows:#?}");
+    assert!(ran.stdout.contains("gms "), "the claim and the warnings: {}", ran.stdout);
+}
+
+#[test]
+fn models_that_do_not_exist_are_refused_with_those_that_do() {
+    let place = Place::new();
+    let cases: [(&str, &[&str]); 8] = [
+        ("friction", &["\"friction\"", "coulomb-viscous", "lugre-rational", "gms[:N"]),
+        ("ems,,gms", &["\"\"", "there are"]),
+        ("gms:0", &["gms:N or gms:A-B", "1 to 16", "\"gms:0\""]),
+        ("gms:17", &["1 to 16"]),
+        ("gms:4-2", &["\"gms:4-2\""]),
+        ("gms:x", &["\"gms:x\""]),
+        ("lugre:2", &["lugre has no number of elements"]),
+        ("GMS", &["\"GMS\"", "there are"]),
+    ];
+    for (list, essentials) in cases {
+        let ran = place.compare(&format!("--models {list}")).ends_with(2).says(essentials);
+        assert!(ran.stdout.is_empty(), "{ran:#?}");
+    }
+}
+
+#[test]
+fn what_fails_leaves_nothing_behind() {
+    let place = Place::new();
+    let before = place.names();
+    place.compare("--validate nowhere.csv --out out").ends_with(1).says(&["nowhere.csv", "No such file"]);
+    fs::copy(place.path("steady.csv"), place.path("again.csv")).unwrap();
+    let same = ["steady.csv", "again.csv", "same bytes", "either fitted or scored on"];
+    place.compare("--validate again.csv --out out").ends_with(2).says(&same);
+    fs::remove_file(place.path("again.csv")).unwrap();
+    place.compare("--models ems --out rig.toml/out").ends_with(1).says(&["cannot create", "hint:", "--out"]);
+    // Flipped, the force pushes: there is no sliding to identify.
+    place.compare("--flip-force --out out").ends_with(1).says(&["opposes the motion", "--flip-force"]);
+    assert_eq!(place.names(), before);
+}
+
+#[test]
+fn lost_data_and_seals_that_never_slide_end_with_3() {
+    let place = Place::new();
+    let text = fs::read_to_string(place.path("validation.csv")).unwrap();
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines[700] = "nan,nan,nan,nan";
+    fs::write(place.path("lost.csv"), lines.join("\n")).unwrap();
+    place.compare("--validate lost.csv --models coulomb").ends_with(3).says(&["lost.csv", "left out"]);
+
+    // A tenth of a millimetre to and fro moves the seal, never the rod in it.
+    let mut still = String::from("time_s,position_m,force_n\n");
+    for k in 0..2000 {
+        let t = 1e-3 * f64::from(k);
+        still.push_str(&format!("{t:.3},{:.7},{:.4}\n", 1e-4 * (3.0 * t).sin(), 0.05 * (3.0 * t).sin()));
+    }
+    fs::write(place.path("still.csv"), still).unwrap();
+    let ran = place.compare("--validate still.csv --models coulomb --json").ends_with(3);
+    let ran = ran.says(&["still.csv", "never makes the seal slide"]);
+    assert_eq!(models(&ran.json()).len(), 1);
+}
