@@ -448,6 +448,33 @@ fn malformed_documents_are_refused_before_anything_is_written() {
 }
 
 #[test]
+fn a_logarithmic_axis_takes_equal_ratios_for_equal_lengths_and_leaves_out_what_has_none() {
+    let axes = Panel::new(Axis::new("parameters", "").logarithmic(), Axis::new("error", "N").logarithmic());
+    let points = Series::points("found", Role::Model, vec![1.0, 10.0, 100.0, 5.0], vec![0.1, 1.0, 10.0, 0.0]);
+    let text = Series::labelled("", Role::Fit, vec![3.0], vec![0.3], vec!["A & B".to_owned()]);
+    let figure =
+        Figure::new("ratios", 1, "Ratios").panel(axes.series(points).series(text).mark(Mark::y(-1.0, "no place")));
+    let mut document = Document { sections: vec![Section::new("Ratios").figure(figure)], ..Document::default() };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write_document(folder.path(), &document).expect("a report");
+    let svg = std::fs::read_to_string(folder.path().join("figures/ratios.svg")).expect("the figure");
+    assert!(!svg.contains("NaN") && !svg.contains("inf") && !svg.contains("no place"), "{svg}");
+    assert!(svg.contains("A &amp; B"));
+    let page = page(folder.path());
+    let json = between(&page, "<script type=\"application/json\">", "</script>").next().expect("chart data");
+    let panel = &serde_json::from_str::<serde_json::Value>(json).expect("JSON")["panels"][0];
+    assert_eq!(panel["logarithmic"], serde_json::json!([true, true]));
+    assert_eq!(panel["series"][1]["labels"], serde_json::json!(["A & B"]));
+    // 2 % of the decades on both sides.
+    let limit = |k: usize| panel["limits"][k].as_f64().expect("a limit").log10();
+    assert!((limit(0) + 0.04).abs() < 1e-9 && (limit(1) - 2.04).abs() < 1e-9, "{}", panel["limits"]);
+    document.sections[0].figures[0].panels[0].series[1] =
+        Series::labelled("", Role::Fit, vec![3.0, 4.0], vec![0.3, 0.4], vec!["one".to_owned()]);
+    let error = write_document(&folder.path().join("other"), &document).expect_err("a text is missing");
+    assert!(matches!(error, ReportError::UnequalLengths { column: "labels", found: 1, .. }), "{error}");
+}
+
+#[test]
 fn a_file_in_the_way_is_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let blocked = folder.path().join("report");

@@ -358,10 +358,10 @@ impl Sheet {
     fn mark_lines(&mut self, panel: &Panel, frame: &Frame<'_>) {
         for mark in &panel.marks {
             let ends = match *mark {
-                Mark::X { at, .. } if at.is_finite() => {
+                Mark::X { at, .. } if frame.x(at).is_finite() => {
                     [(frame.x(at), frame.top), (frame.x(at), frame.top + frame.height)]
                 }
-                Mark::Y { at, .. } if at.is_finite() => {
+                Mark::Y { at, .. } if frame.y(at).is_finite() => {
                     [(frame.left, frame.y(at)), (frame.left + frame.width, frame.y(at))]
                 }
                 _ => continue,
@@ -460,7 +460,7 @@ impl Sheet {
             Kind::Points => {
                 let cells = [columns, frame.height as usize];
                 let kept = decimate::markers(&series.x, &series.y, frame.limits.flat(), cells, PRINTED_POINTS);
-                let places: Vec<_> = kept.iter().map(|&i| place(i, &series.y)).collect();
+                let places: Vec<_> = kept.iter().map(|&i| place(i, &series.y)).filter(Drawable::is_drawable).collect();
                 self.markers(&places, style, style::marker_radius(places.len()));
             }
             Kind::ErrorBars { low, high } => self.error_bars(series, low, high, frame),
@@ -470,9 +470,9 @@ impl Sheet {
     fn error_bars(&mut self, series: &Series, low: &[f64], high: &[f64], frame: &Frame<'_>) {
         let style = style::of(series.role);
         let length = [series.x.len(), series.y.len(), low.len(), high.len()].into_iter().min().unwrap_or(0);
-        let visible = |&i: &usize| series.x[i].is_finite() && series.y[i].is_finite();
+        let visible = |&i: &usize| frame.x(series.x[i]).is_finite() && frame.y(series.y[i]).is_finite();
         let shown: Vec<usize> = (0..length).filter(visible).collect();
-        for &i in shown.iter().filter(|&&i| low[i].is_finite() && high[i].is_finite()) {
+        for &i in shown.iter().filter(|&&i| frame.y(low[i]).is_finite() && frame.y(high[i]).is_finite()) {
             let (x, bottom, top) = (frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i]));
             self.line([x, bottom, x, top], style.light, 1.0);
             for y in [bottom, top] {
@@ -599,7 +599,7 @@ fn y_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(f64, &'m str)> {
         Mark::YRange { from, to, label } => (label, (from + to) / 2.0),
         Mark::X { .. } | Mark::XRange { .. } => return None,
     };
-    (!label.is_empty() && at.is_finite()).then(|| (frame.y(at), label.as_str()))
+    (!label.is_empty() && frame.y(at).is_finite()).then(|| (frame.y(at), label.as_str()))
 }
 
 fn band_points(series: &Series, lower: &[f64], upper: &[f64], x: [f64; 2], columns: usize) -> Vec<usize> {

@@ -24,6 +24,9 @@ pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
     Ticks { at, labels }
 }
 
+/// Within a decade, fewer round ratios than this make way for evenly spaced ticks.
+const FEWEST_RATIOS: usize = 4;
+
 /// Ticks of a logarithmic axis inside `[low, high]`, both above zero: some or no multiples of powers of ten, so that they are
 /// at most about `target`; plain ones where the axis spans too little.
 pub(super) fn log_ticks(low: f64, high: f64, target: usize) -> Ticks {
@@ -35,7 +38,7 @@ pub(super) fn log_ticks(low: f64, high: f64, target: usize) -> Ticks {
     let fineness: [&[f64]; 2] = [&[1.0, 2.0, 3.0, 5.0, 7.0], &[1.0, 2.0, 5.0]];
     let fitting = fineness.into_iter().map(places).find(|at| at.len() <= target);
     let at = fitting.unwrap_or_else(|| places(&[1.0]));
-    if at.len() < 2 {
+    if at.len() < FEWEST_RATIOS && high < 10.0 * low {
         return ticks(low, high, target);
     }
     let labels = at.iter().map(|value| significant(*value, 1)).collect();
@@ -115,6 +118,7 @@ mod tests {
         assert_eq!(marks.labels, ["0.05", "0.1", "0.2", "0.5", "1"]);
         assert_eq!(log_ticks(1e-4, 2e3, 8).labels, ["0.0001", "0.001", "0.01", "0.1", "1", "10", "100", "1000"]);
         assert_eq!(log_ticks(0.15, 1.7, 6).labels, ["0.2", "0.3", "0.5", "0.7", "1"]);
+        assert_eq!(log_ticks(1.65, 3.3, 4).labels, ["2.0", "2.5", "3.0"]);
         assert!(log_ticks(0.31, 0.38, 5).at.len() > 2);
     }
 

@@ -318,8 +318,9 @@
     };
     const sets = [[1, 2, 3, 5, 7], [1, 2, 5], [1]].map(places);
     const chosen = sets.find((at) => at.length <= target) || sets[2];
-    if (chosen.length > 1) return chosen;
-    const step = 10 ** Math.floor(Math.log10(high - low)) / 2, even = [];
+    if (chosen.length > 3 || high >= 10 * low) return chosen;
+    const raw = (high - low) / target, power = 10 ** Math.floor(Math.log10(raw)), even = [];
+    const step = power * [1, 2, 5, 10].find((factor) => factor * power >= raw * 0.999);
     for (let at = Math.ceil(low / step) * step; at <= high; at += step) even.push(at);
     return even;
   }

@@ -13,11 +13,23 @@ const GAP: f64 = 4.0;
 const NEAR: f64 = 7.0;
 /// Points of a line taken as obstacles, this far apart.
 const LINE_STEP: f64 = 6.0;
-/// Directions tried in this order: beside, below, above, then the corners.
-const DIRECTIONS: [[f64; 2]; 8] =
-    [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.9, 0.9], [0.9, -0.9], [-0.9, 0.9], [-0.9, -0.9]];
+/// Directions tried in this order: beside, below, above, then the corners, then between those.
+const DIRECTIONS: [[f64; 2]; 12] = [
+    [1.0, 0.0],
+    [-1.0, 0.0],
+    [0.0, 1.0],
+    [0.0, -1.0],
+    [0.9, 0.9],
+    [0.9, -0.9],
+    [-0.9, 0.9],
+    [-0.9, -0.9],
+    [0.5, 1.0],
+    [0.5, -1.0],
+    [-0.5, 1.0],
+    [-0.5, -1.0],
+];
 /// Rings of places tried around a point, nearest first.
-const RINGS: [f64; 3] = [0.0, 9.0, 18.0];
+const RINGS: [f64; 4] = [0.0, 9.0, 18.0, 30.0];
 
 /// A rectangle by its centre and half its sizes.
 #[derive(Clone, Copy)]
@@ -109,4 +121,37 @@ fn along(from: [f64; 2], to: [f64; 2]) -> impl Iterator<Item = Area> {
         let part = k as f64 / steps as f64;
         Area { centre: [0, 1].map(|i| from[i] + part * (to[i] - from[i])), half: [1.0; 2] }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Layout;
+    use super::*;
+    use crate::report::document::{Axis, Figure, Role};
+
+    #[test]
+    fn texts_of_a_cluster_lie_apart_inside_the_axes_and_off_the_markers() {
+        let x = [1.0, 1.1, 1.25, 1.05, 2.0, 9.0];
+        let y = [0.2, 0.22, 0.2, 0.18, 0.1, 1.0];
+        let names = ["Coulomb and viscous", "Stribeck", "Dahl", "LuGre", "Leuven 4", "EMS"];
+        let axes = || Panel::new(Axis::new("parameters", "").logarithmic(), Axis::new("error", "N").logarithmic());
+        let point = |panel: Panel, k: usize| {
+            panel.series(Series::labelled("", Role::Model, vec![x[k]], vec![y[k]], vec![names[k].to_owned()]))
+        };
+        let figure = Figure::new("cluster", 1, "Cluster").panel((0..names.len()).fold(axes(), point));
+        let layout = Layout::new(&figure);
+        let (panel, frame) = (&figure.panels[0], &layout.frames[0]);
+        let area = |(centre, text, _): ([f64; 2], &str, &str)| Area {
+            centre,
+            half: [text_width(text, f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT],
+        };
+        let texts: Vec<Area> = placed(panel, frame).into_iter().map(area).collect();
+        assert_eq!(texts.len(), names.len());
+        let (markers, _) = obstacles(panel, frame);
+        for (k, text) in texts.iter().enumerate() {
+            assert!(text.is_inside(frame), "{}", names[k]);
+            assert!(texts[..k].iter().all(|other| !text.overlaps(other)), "{}", names[k]);
+            assert!(markers.iter().all(|marker| !text.overlaps(marker)), "{}", names[k]);
+        }
+    }
 }

@@ -40,7 +40,7 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
             .series(Series::points(name, role, x, y));
     }
     for same in coincident(singles.into_iter().flatten(), &error) {
-        let label = joined(&same.iter().map(|entry| model_name(entry)).collect::<Vec<_>>());
+        let label = joined(same.iter().map(|entry| model_name(entry)).collect());
         let role = Role::Friction(family(same[0]), 0);
         let (x, y) = (vec![same[0].parameters as f64], vec![error(same[0])]);
         panel = panel.series(Series::labelled("", role, x, y, vec![label]));
@@ -67,7 +67,8 @@ fn coincident<'a>(entries: impl Iterator<Item = &'a Entry>, error: impl Fn(&Entr
 }
 
 /// "LuGre / rational": what the names have in common is said once.
-fn joined(names: &[String]) -> String {
+fn joined(mut names: Vec<String>) -> String {
+    names.sort_by_key(String::len);
     let first = names.first().map_or("", String::as_str);
     let rest = names.iter().skip(1).map(|name| {
         let own = name.strip_prefix(first).and_then(|own| own.strip_prefix(", "));
