@@ -26,7 +26,7 @@ fn choices(item: &str) -> Result<Vec<Choice>, String> {
         return Ok(usual);
     }
     let (name, count) = item.split_once(':').map_or((item, None), |(name, count)| (name, Some(count)));
-    let own: Vec<Choice> = usual.iter().filter(|choice| family(**choice) == name).copied().collect();
+    let own: Vec<Choice> = usual.iter().filter(|choice| choice.family() == name).copied().collect();
     let Some(first) = own.first() else { return Err(unknown(item, &usual)) };
     let Some(count) = count else { return Ok(own) };
     if !has_elements(*first) {
@@ -42,13 +42,6 @@ fn choices(item: &str) -> Result<Vec<Choice>, String> {
     (low..=high).map(|n| format!("{name}:{n}").parse().map(Choice::Classical)).collect()
 }
 
-fn family(choice: Choice) -> &'static str {
-    match choice {
-        Choice::Ems => "ems",
-        Choice::Classical(kind) => kind.family(),
-    }
-}
-
 fn has_elements(choice: Choice) -> bool {
     matches!(choice, Choice::Classical(Kind::Leuven(_) | Kind::MaxwellSlip(_) | Kind::Gms(_)))
 }
@@ -57,7 +50,7 @@ fn unknown(item: &str, usual: &[Choice]) -> String {
     let mut possible: Vec<String> = Vec::new();
     for choice in usual {
         let suffix = if has_elements(*choice) { "[:N or :A-B]" } else { "" };
-        possible.push(format!("{}{suffix}", family(*choice)));
+        possible.push(format!("{}{suffix}", choice.family()));
     }
     possible.dedup();
     format!("no model {item:?}; there are all, {}", possible.join(", "))

@@ -63,6 +63,25 @@ impl Choice {
     }
 }
 
+impl Choice {
+    /// Name of the family, as on the command line and in the JSON.
+    pub fn family(self) -> &'static str {
+        match self {
+            Self::Ems => "ems",
+            Self::EmsOutputError => "ems-output-error",
+            Self::Classical(kind) => kind.family(),
+        }
+    }
+
+    /// Number of elements; 1 for models that have no choice.
+    pub fn elements(self) -> usize {
+        match self {
+            Self::Ems | Self::EmsOutputError => 1,
+            Self::Classical(kind) => kind.elements(),
+        }
+    }
+}
+
 /// How to compare.
 #[derive(Debug, Clone)]
 pub struct CompareOptions {
@@ -281,15 +300,10 @@ impl Fitted {
     }
 
     fn into_entry(self, scores: Scores, ns_per_sample: Option<f64>, timing: bool) -> Entry {
-        let (name, elements) = match self.choice {
-            Choice::Ems => ("ems", 1),
-            Choice::EmsOutputError => ("ems-output-error", 1),
-            Choice::Classical(kind) => (kind.family(), kind.elements()),
-        };
         Entry {
             choice: self.choice,
-            name,
-            elements,
+            name: self.choice.family(),
+            elements: self.choice.elements(),
             parameters: self.parameters,
             model: self.model,
             offset: self.offset,
