@@ -134,22 +134,31 @@ pub(crate) fn cost<T: Trial>(training: &Training, trial: &T, use_cluster: impl F
     training.runs.par_iter().map(of_run).collect::<Vec<f64>>().iter().sum()
 }
 
-/// Trials with one free number moved each; the difference quotient's steps.
-fn moved<T: Trial>(trial: &T) -> Option<(Vec<T>, Vec<T::Model>, Vec<f64>)> {
-    let free = trial.free();
-    let values: Vec<f64> = free.iter().map(|f| f.value).collect();
-    let mut trials = vec![trial.clone()];
-    let mut steps = Vec::new();
-    for (j, f) in free.iter().enumerate() {
-        // Away from a bound that lies within the step.
-        let step = if f.value + f.step > f.high { -f.step } else { f.step };
-        let mut changed = values.clone();
-        changed[j] += step;
-        trials.push(trial.with(&changed));
-        steps.push(step);
+/// A trial and those with one free number moved each, their models, and the difference quotient's steps.
+struct Moved<T: Trial> {
+    trials: Vec<T>,
+    models: Vec<T::Model>,
+    steps: Vec<f64>,
+}
+
+impl<T: Trial> Moved<T> {
+    /// `None` where one of them is no model.
+    fn new(trial: &T) -> Option<Self> {
+        let free = trial.free();
+        let values: Vec<f64> = free.iter().map(|f| f.value).collect();
+        let mut trials = vec![trial.clone()];
+        let mut steps = Vec::new();
+        for (j, f) in free.iter().enumerate() {
+            // Away from a bound that lies within the step.
+            let step = if f.value + f.step > f.high { -f.step } else { f.step };
+            let mut changed = values.clone();
+            changed[j] += step;
+            trials.push(trial.with(&changed));
+            steps.push(step);
+        }
+        let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
+        Some(Self { trials, models, steps })
     }
-    let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
-    Some((trials, models, steps))
 }
 
 fn prior_cost<T: Trial>(training: &Training, trial: &T) -> f64 {
@@ -163,7 +172,7 @@ fn departures<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
 }
 
 fn normal_equations<T: Trial>(training: &Training, trial: &T) -> Option<Normal> {
-    let (trials, models, steps) = moved(trial)?;
+    let Moved { trials, models, steps } = Moved::new(trial)?;
     let p = steps.len();
     let g = training.clusters();
     let mut normal = Normal {

@@ -261,13 +261,16 @@ fn gms_elements(n: usize, p: &[f64]) -> Vec<GmsElement> {
     (0..n).map(element).collect()
 }
 
+/// How a number follows from the free ones.
+type Formula = Box<dyn Fn(&[f64]) -> f64>;
+
 /// A number to report: how it follows from the free numbers, the offset first.
 pub(super) struct Quantity {
     pub(super) name: String,
     pub(super) unit: &'static str,
     /// Whether its interval is taken on the logarithm.
     pub(super) log: bool,
-    pub(super) of: Box<dyn Fn(&[f64]) -> f64>,
+    pub(super) of: Formula,
     /// Free numbers that it stands for: held at an end of their range, it is not pinned.
     pub(super) from: Vec<usize>,
 }
@@ -313,7 +316,7 @@ fn bank_force(n: usize, first: usize, stride: usize) -> Quantity {
 }
 
 fn static_force(kind: Kind, rise: usize) -> Quantity {
-    let of: Box<dyn Fn(&[f64]) -> f64> = match kind {
+    let of: Formula = match kind {
         Kind::Gms(n) => Box::new(move |p| gms_coulomb_force(n, &p[1..]) + p[rise]),
         _ => Box::new(move |p| p[rise - 1] + p[rise]),
     };
