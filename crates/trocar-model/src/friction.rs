@@ -44,3 +44,10 @@ pub(crate) fn sign(value: f64) -> f64 {
 pub(crate) fn held(force: f64, limit: f64) -> f64 {
     if force.is_finite() { force.max(-limit).min(limit) } else { 0.0 }
 }
+
+/// `value` clamped to ±`limit`; neither may be NaN, which `f64::clamp` would have to look after.
+#[inline(always)]
+pub(crate) fn within(value: f64, limit: f64) -> f64 {
+    let below = if value < limit { value } else { limit };
+    if below > -limit { below } else { -limit }
+}

@@ -2,7 +2,7 @@
 
 use crate::error::{ParamError, not_negative, positive};
 use crate::exponential::decay;
-use crate::friction::{Friction, held, sign, velocity};
+use crate::friction::{Friction, held, sign, velocity, within};
 use crate::sliding::SlidingFriction;
 
 /// 4·√(2·e): v_d·σ_1/F_c up to which the damping alone keeps the model passive.
@@ -200,12 +200,12 @@ impl LuGre {
         }
         let level = self.level(velocity);
         let settled = s * level / stiffness;
-        let left = decay(distance * (stiffness / level));
+        let yielding = stiffness / level;
+        let left = decay(distance * yielding);
         // The last bit of a sum may lie beyond the bound.
-        let limit = self.greatest_deflection;
-        let deflection = (settled + (z - settled) * left).max(-limit).min(limit);
+        let deflection = within(settled + (z - settled) * left, self.greatest_deflection);
         // 1 - s·σ_0·z/g decays like the distance from the settled z: dz/dt without a difference of near equals.
-        let rate = velocity * (1.0 - s * z * (stiffness / level)) * left;
+        let rate = velocity * (1.0 - s * z * yielding) * left;
         let viscous = sliding.viscous_damping * velocity;
         LuGreState { deflection, force: stiffness * deflection + self.micro_damping(velocity) * rate + viscous }
     }

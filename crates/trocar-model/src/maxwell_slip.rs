@@ -1,7 +1,7 @@
 //! The Maxwell-Slip model: springs with a dry slider each, side by side, EMS (1) to (3).
 
 use crate::error::{ParamError, not_negative};
-use crate::friction::{Friction, velocity};
+use crate::friction::{Friction, velocity, within};
 
 /// Largest number of elements of a model.
 pub const MAX_ELEMENTS: usize = 16;
@@ -161,8 +161,7 @@ impl MaxwellSlip {
         }
         let mut elastic = 0.0;
         for (force, element) in state.forces.iter_mut().zip(self.bank.elements()) {
-            let limit = element.limit_force;
-            *force = (*force + element.stiffness * displacement).max(-limit).min(limit); // EMS (1), (2)
+            *force = within(*force + element.stiffness * displacement, element.limit_force); // EMS (1), (2)
             elastic += *force;
         }
         state.force = elastic + viscous; // EMS (3)

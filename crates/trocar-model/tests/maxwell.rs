@@ -4,8 +4,8 @@
 use proptest::prelude::*;
 use trocar_model::{
     Branch, DeformationForce, Element, ElementParams, Friction, Gms, GmsElement, GmsState, Leuven, LeuvenParams,
-    LeuvenState, MaxwellSlip, MaxwellSlipState, Piece, SealDamping, SlidingFriction, SlipElement, SlipRate,
-    step_parallel,
+    LeuvenState, LuGre, LuGreParams, MaxwellSlip, MaxwellSlipState, Piece, SealDamping, SlidingFriction, SlipElement,
+    SlipRate, StribeckCurve, step_parallel,
 };
 
 /// N. Rounding of a few hundred sums of up to 16 N (unit in the last place 2e-15 N).
@@ -966,6 +966,28 @@ fn output_is_the_force_of_a_vanishing_step() {
         slip.step_velocity(&mut states.0, v, 0.01);
         gms.step_velocity(&mut states.1, v, 0.01);
         leuven.step_velocity(&mut states.2, v, 0.01);
+    }
+}
+
+#[test]
+fn leuven_of_one_spring_and_exponent_one_is_lugre() {
+    let sliding = stribeck(1.2, 1.8, 2.0);
+    let spring = [SlipElement { stiffness: 1500.0, limit_force: 1e6 }];
+    let leuven = Leuven::new(&spring, LeuvenParams { sliding, exponent: 1.0, micro_damping: 3.0 }).unwrap();
+    let lugre = LuGre::new(LuGreParams {
+        stiffness: 1500.0,
+        micro_damping: 3.0,
+        damping_velocity: f64::INFINITY,
+        sliding,
+        curve: StribeckCurve::Exponential,
+    })
+    .unwrap();
+    let (mut one, mut two) = (leuven.rest_state(), lugre.rest_state());
+    let mut random = Random(9);
+    for _ in 0..20_000 {
+        let v = 0.1 * (random.next() - 0.5) * random.next();
+        let forces = [leuven.step_velocity(&mut one, v, 2e-3), lugre.step_velocity(&mut two, v, 2e-3)];
+        assert!((forces[0] - forces[1]).abs() < 1e-11, "{forces:?}");
     }
 }
 

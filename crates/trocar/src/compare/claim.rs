@@ -26,9 +26,11 @@ pub struct ReversalMatch {
 }
 
 /// Tests the claim for one family; `None` where it or the EMS element was not compared.
+///
+/// The EMS element is that of [`Comparison::ems_entry`].
 pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<ReversalMatch> {
     let entries = &comparison.entries;
-    let ems = entries.iter().find(|e| e.name == "ems")?;
+    let ems = comparison.ems_entry()?;
     let mut own: Vec<_> = entries.iter().filter(|e| e.name == family).collect();
     own.sort_by_key(|e| e.elements);
     let level = ems.scores.reversal_rms_n;

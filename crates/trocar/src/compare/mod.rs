@@ -173,6 +173,14 @@ pub struct Comparison {
     pub reversal_travel: f64,
 }
 
+impl Comparison {
+    /// The EMS element that the banks are measured against: the one fitted by their own criterion, if it was compared.
+    pub fn ems_entry(&self) -> Option<&Entry> {
+        let of = |choice| self.entries.iter().find(|entry| entry.choice == choice);
+        of(Choice::EmsOutputError).or_else(|| of(Choice::Ems))
+    }
+}
+
 /// Why there is no comparison.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -45,7 +45,7 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
         let (x, y) = (vec![same[0].parameters as f64], vec![error(same[0])]);
         panel = panel.series(Series::labelled("", role, x, y, vec![label]));
     }
-    match comparison.entries.iter().find(|entry| entry.name == "ems") {
+    match comparison.ems_entry() {
         Some(ems) => panel.mark(Mark::y(error(ems), "")),
         None => panel,
     }
