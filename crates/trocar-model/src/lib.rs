@@ -1,5 +1,5 @@
 //! Friction between a surgical instrument and the seal of the trocar it passes through: the Extended Maxwell-Slip (EMS)
-//! element, without allocation and without the standard library.
+//! element, and the classical models that EMS section II names, without allocation and without the standard library.
 //!
 //! A trocar seal bends by millimetres with the instrument before it lets it slide. The element is a spring `F_e(z)` with
 //! two branches (the seal turns over), a damper `σ`, and a sliding contact in series:
@@ -30,6 +30,11 @@
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! # Other models
+//!
+//! [`StaticFriction`] (Coulomb, viscous, Stribeck), [`Dahl`], [`LuGre`], [`Leuven`] (modified), [`MaxwellSlip`] and [`Gms`] have the
+//! same shape: parameters checked once, small state, `step` by displacement. [`Friction`] is what all have in common.
 //!
 //! # Conventions
 //!

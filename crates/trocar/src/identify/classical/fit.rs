@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use trocar_model::{Passivity, SlipRate};
+
 use crate::classical::Classical;
 use crate::identify::estimate::Estimate;
 use crate::identify::output_error::{self, Fitted, Free, Stop, Trial};
@@ -118,7 +120,8 @@ pub(crate) fn fit(kind: Kind, data: &ClassicalData, smaller: Option<&ClassicalFi
     let found = long.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
     let model = found.best.model().ok_or("the best numbers make no model")?;
     let parameters = parameters(&found);
-    let warnings = warnings(kind, &found, &parameters);
+    let mut warnings = warnings(kind, &found, &parameters);
+    warnings.extend(energy_warning(kind, &model));
     Ok(ClassicalFit {
         kind,
         model,
@@ -160,4 +163,23 @@ fn warnings(kind: Kind, found: &Fitted<ClassicalTrial>, parameters: &[Parameter]
         say(p.name.clone(), format!("not pinned: {why}"));
     }
     all
+}
+
+/// What is known against the model's passivity.
+fn energy_warning(kind: Kind, model: &Classical) -> Option<Warning> {
+    let message = match model {
+        Classical::LuGre(lugre) => match lugre.passivity() {
+            Passivity::Passive => return None,
+            Passivity::NotGuaranteed { viscous_damping_needed, damping_velocity_needed } => format!(
+                "may give back more energy than it was given: passive from a viscous damping of {viscous_damping_needed:.3} N s/m on, or with \
+                 micro-damping that fades over {damping_velocity_needed:.4} m/s"
+            ),
+        },
+        Classical::Gms(gms) if !gms.sliding().is_constant() && gms.slip_rate() == SlipRate::Free => {
+            "can yield energy, since its static force exceeds the Coulomb force; limit its slip rate where that matters"
+                .to_owned()
+        }
+        _ => return None,
+    };
+    Some(Warning { subject: kind.to_string(), message, doubtful: false })
 }
