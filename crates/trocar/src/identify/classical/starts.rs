@@ -24,7 +24,7 @@ pub(super) fn starts(kind: Kind, data: &ClassicalData, smaller: Option<&Classica
         Kind::CoulombViscous => vec![vec![force, viscous]],
         Kind::Stribeck => {
             let of = |v: f64| vec![force, 0.2 * force, v, 2.0, viscous];
-            vec![of(0.3 * slowest), of(slowest), of(middle)]
+            [0.3 * slowest, slowest, middle, 0.7 * fastest].map(of).to_vec()
         }
         Kind::Dahl => stiffnesses.map(|k| vec![k, force, 1.0, viscous]).to_vec(),
         Kind::LuGre | Kind::LuGreRational => {
