@@ -9,12 +9,12 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    pub(crate) fn headed<const N: usize>(cells: [&str; N]) -> Self {
-        Self { rows: vec![cells.map(str::to_owned).to_vec()] }
+    pub(crate) fn headed<'a>(cells: impl IntoIterator<Item = &'a str>) -> Self {
+        Self { rows: vec![cells.into_iter().map(str::to_owned).collect()] }
     }
 
-    pub(crate) fn row<const N: usize>(&mut self, cells: [String; N]) {
-        self.rows.push(cells.to_vec());
+    pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().collect());
     }
 
     pub(crate) fn to_text(&self) -> String {

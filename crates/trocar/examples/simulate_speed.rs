@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use trocar::output::AtomicFile;
 use trocar::recording::{ReadOptions, read};
+use trocar::replay::Deformation;
 use trocar::simulate::{Drive, Positions, simulate};
 use trocar_model::{Element, ElementParams, Mode, Parallel};
 
@@ -27,12 +28,8 @@ impl Drive for Nothing {
         self.0
     }
 
-    fn deflection(&self) -> f64 {
-        self.0 * 1e-3
-    }
-
-    fn mode(&self) -> Mode {
-        Mode::Deforming
+    fn deformation(&self) -> Option<Deformation> {
+        Some(Deformation { deflection: self.0 * 1e-3, mode: Mode::Deforming })
     }
 }
 

@@ -21,6 +21,35 @@ pub enum Classical {
     Gms(Gms),
 }
 
+impl Classical {
+    /// Kind of Coulomb's, viscous and Stribeck's friction.
+    pub const STATIC: &str = "static";
+    /// Kind of Dahl's model.
+    pub const DAHL: &str = "dahl";
+    /// Kind of the LuGre model.
+    pub const LUGRE: &str = "lugre";
+    /// Kind of the modified Leuven model.
+    pub const LEUVEN: &str = "leuven";
+    /// Kind of the Maxwell-Slip model.
+    pub const MAXWELL_SLIP: &str = "maxwell-slip";
+    /// Kind of the Generalized Maxwell-Slip model.
+    pub const GMS: &str = "gms";
+    /// All kinds.
+    pub const KINDS: [&str; 6] = [Self::STATIC, Self::DAHL, Self::LUGRE, Self::LEUVEN, Self::MAXWELL_SLIP, Self::GMS];
+
+    /// Kind of the model, as in a model file.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Static(_) => Self::STATIC,
+            Self::Dahl(_) => Self::DAHL,
+            Self::LuGre(_) => Self::LUGRE,
+            Self::Leuven(_) => Self::LEUVEN,
+            Self::MaxwellSlip(_) => Self::MAXWELL_SLIP,
+            Self::Gms(_) => Self::GMS,
+        }
+    }
+}
+
 /// State of a [`Classical`] model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // changed in place, step by step

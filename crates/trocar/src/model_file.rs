@@ -1,7 +1,8 @@
 //! `model.json`: a seal as a file, with units in its keys and its origin inside.
 //!
-//! The form is described by `schema/model.schema.json` (JSON Schema, draft 2020-12). The schema says which keys and
-//! kinds of values a file has; reading also checks what a schema cannot say, such as continuous branches.
+//! A file holds either `elements`, those of the EMS model, or `friction`, one classical model. The form is described by
+//! `schema/model.schema.json` (JSON Schema, draft 2020-12). The schema says which keys and kinds of values a file has;
+//! reading also checks what a schema cannot say, such as continuous branches.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,22 +10,54 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use thiserror::Error;
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SealDamping, SlidingFriction};
 
+use crate::classical::Classical;
+use crate::recording::Recording;
+
+use friction::{DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText};
+
+mod friction;
+
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Version written, and the newest one read.
-pub const VERSION: u32 = 1;
+/// Newest version read. It is written for classical models only.
+pub const VERSION: u32 = 2;
+/// Version before there were classical models: written for EMS elements, so that older programs read them.
+const ELEMENTS_VERSION: u32 = 1;
 
 /// Largest difference between a joint and the ends of its pieces, as a part of the half width.
 const INTERVAL_TOLERANCE: f64 = 1e-9;
 
+/// What turns the motion into the force.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant)] // one a file
+pub enum Model {
+    /// EMS elements in parallel, at least one.
+    Ems(Vec<Element>),
+    /// One classical friction model.
+    Classical(Classical),
+}
+
+impl From<Vec<Element>> for Model {
+    fn from(elements: Vec<Element>) -> Self {
+        Self::Ems(elements)
+    }
+}
+
+impl From<Classical> for Model {
+    fn from(model: Classical) -> Self {
+        Self::Classical(model)
+    }
+}
+
 /// A seal with its origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
-    /// Elements in parallel, at least one.
-    pub elements: Vec<Element>,
+    /// The model.
+    pub model: Model,
     /// What made the model.
     pub origin: Origin,
     /// The sensor of the recordings behind the model; not part of the seal's force.
@@ -74,6 +107,13 @@ impl Origin {
             note: None,
             recordings: Vec::new(),
         }
+    }
+
+    /// Origin of a model estimated from `recordings` with everything random from `seed`.
+    pub fn identified(seed: u64, recordings: &[Recording]) -> Self {
+        let info = |r: &Recording| RecordingInfo { name: r.name.clone(), sha256: r.sha256.clone() };
+        let recordings = recordings.iter().map(info).collect();
+        Self { seed: Some(seed), recordings, ..Self::new(OriginKind::Identified) }
     }
 }
 
@@ -137,7 +177,7 @@ pub enum ModelFileError {
         found: u64,
     },
     /// A version that never existed.
-    #[error("the key \"version\" must be {VERSION}, got {found}")]
+    #[error("the key \"version\" must be {ELEMENTS_VERSION} or {VERSION}, got {found}")]
     WrongVersion {
         /// What was found.
         found: String,
@@ -160,6 +200,12 @@ pub enum ModelFileError {
         /// What is wrong.
         what: String,
     },
+    /// A classical model where only EMS elements will do.
+    #[error("holds a {kind} model, expected EMS elements\n\nhint: trocar simulate and trocar validate take any model")]
+    NotEms {
+        /// Kind of the model.
+        kind: &'static str,
+    },
     /// Parameters that make no seal.
     #[error("{place}: {source}")]
     Parameter {
@@ -178,10 +224,28 @@ pub enum ModelFileError {
     },
 }
 
+impl ModelFileError {
+    /// The error, with the file it was met in.
+    pub fn in_file(self, path: &Path) -> Self {
+        Self::InFile { path: path.to_owned(), source: Box::new(self) }
+    }
+}
+
 impl ModelFile {
-    /// A model of `elements` without sensor and intervals.
-    pub fn new(elements: Vec<Element>, origin: Origin) -> Self {
-        Self { elements, origin, sensor: None, intervals: BTreeMap::new() }
+    /// A model, EMS elements or a classical one, without sensor and intervals.
+    pub fn new(model: impl Into<Model>, origin: Origin) -> Self {
+        Self { model: model.into(), origin, sensor: None, intervals: BTreeMap::new() }
+    }
+
+    /// The EMS elements.
+    ///
+    /// # Errors
+    /// [`ModelFileError::NotEms`] for a classical model.
+    pub fn elements(&self) -> Result<&[Element], ModelFileError> {
+        match &self.model {
+            Model::Ems(elements) => Ok(elements),
+            Model::Classical(model) => Err(ModelFileError::NotEms { kind: model.kind() }),
+        }
     }
 
     /// The plausible one-stage 10.5 mm trocar, marked as plausible.
@@ -201,7 +265,7 @@ impl ModelFile {
     /// [`ModelFileError::InFile`] around what [`ModelFile::from_json`] or the operating system says.
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
         let read = || Self::from_json(&fs::read_to_string(path)?);
-        read().map_err(|source| ModelFileError::InFile { path: path.to_owned(), source: Box::new(source) })
+        read().map_err(|error| error.in_file(path))
     }
 
     /// Reads and checks the text of a model file.
@@ -209,36 +273,82 @@ impl ModelFile {
     /// # Errors
     /// See [`ModelFileError`]: no JSON, another format, a newer version, keys, values, parameters.
     pub fn from_json(text: &str) -> Result<Self, ModelFileError> {
-        check_header(text)?;
-        let document: Document = serde_json::from_str(text).map_err(wrong_key)?;
-        document.into_model()
+        let header: Value = serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
+            line: error.line(),
+            column: error.column(),
+            what: without_place(&error),
+        })?;
+        check_header(&header)?;
+        let Some(friction) = header.get("friction") else { return read::<StaticText>(text) };
+        let kind = friction.get("kind");
+        match kind.and_then(Value::as_str) {
+            Some(Classical::STATIC) => read::<StaticText>(text),
+            Some(Classical::DAHL) => read::<DahlText>(text),
+            Some(Classical::LUGRE) => read::<LuGreText>(text),
+            Some(Classical::LEUVEN) => read::<LeuvenText>(text),
+            Some(Classical::MAXWELL_SLIP) => read::<MaxwellSlipText>(text),
+            Some(Classical::GMS) => read::<GmsText>(text),
+            _ => {
+                let what = format!("must be one of {}, got {}", Classical::KINDS.join(", "), shown(kind));
+                Err(impossible("friction.kind", &what))
+            }
+        }
     }
 
     /// The text of a model file: the same model gives the same text, and reading it gives the same model.
     pub fn to_json(&self) -> String {
-        let document = Document::from_model(self);
+        match &self.model {
+            Model::Ems(elements) => {
+                let elements = elements.iter().map(|element| ElementText::from(element.params())).collect();
+                self.text(Some(elements), None::<StaticText>)
+            }
+            Model::Classical(Classical::Static(model)) => self.text(None, Some(StaticText::from(model))),
+            Model::Classical(Classical::Dahl(model)) => self.text(None, Some(DahlText::from(model))),
+            Model::Classical(Classical::LuGre(model)) => self.text(None, Some(LuGreText::from(model))),
+            Model::Classical(Classical::Leuven(model)) => self.text(None, Some(LeuvenText::from(model))),
+            Model::Classical(Classical::MaxwellSlip(model)) => self.text(None, Some(MaxwellSlipText::from(model))),
+            Model::Classical(Classical::Gms(model)) => self.text(None, Some(GmsText::from(model))),
+        }
+    }
+
+    fn text<F: Serialize>(&self, elements: Option<Vec<ElementText>>, friction: Option<F>) -> String {
+        let document = Document {
+            format: FORMAT.to_owned(),
+            version: if friction.is_some() { VERSION } else { ELEMENTS_VERSION },
+            origin: self.origin.clone(),
+            sensor: self.sensor,
+            elements,
+            friction,
+            intervals: self.intervals.clone(),
+        };
         let mut text = serde_json::to_string_pretty(&document).expect("every key is a string");
         text.push('\n');
         text
     }
 }
 
+/// Reads a file whose key `friction`, if there is one, holds an `F`.
+fn read<F: FrictionText>(text: &str) -> Result<ModelFile, ModelFileError> {
+    let document: Document<F> = serde_json::from_str(text).map_err(wrong_key)?;
+    document.into_file()
+}
+
 /// Format and version first: a newer file may differ in any other key.
-fn check_header(text: &str) -> Result<(), ModelFileError> {
-    let value: serde_json::Value = serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
-        line: error.line(),
-        column: error.column(),
-        what: without_place(&error),
-    })?;
-    let shown = |key: &str| value.get(key).map_or_else(|| "nothing".to_owned(), ToString::to_string);
-    if value.get("format").and_then(|format| format.as_str()) != Some(FORMAT) {
-        return Err(ModelFileError::WrongFormat { found: shown("format") });
+fn check_header(header: &Value) -> Result<(), ModelFileError> {
+    let format = header.get("format");
+    if format.and_then(Value::as_str) != Some(FORMAT) {
+        return Err(ModelFileError::WrongFormat { found: shown(format) });
     }
-    match value.get("version").and_then(serde_json::Value::as_u64) {
-        Some(version) if version == u64::from(VERSION) => Ok(()),
+    let version = header.get("version");
+    match version.and_then(Value::as_u64) {
         Some(found) if found > u64::from(VERSION) => Err(ModelFileError::Newer { found }),
-        _ => Err(ModelFileError::WrongVersion { found: shown("version") }),
+        Some(found) if found >= u64::from(ELEMENTS_VERSION) => Ok(()),
+        _ => Err(ModelFileError::WrongVersion { found: shown(version) }),
     }
+}
+
+fn shown(value: Option<&Value>) -> String {
+    value.map_or_else(|| "nothing".to_owned(), ToString::to_string)
 }
 
 fn wrong_key(error: serde_json::Error) -> ModelFileError {
@@ -252,16 +362,19 @@ fn without_place(error: &serde_json::Error) -> String {
     message.strip_suffix(&place).unwrap_or(&message).to_owned()
 }
 
-/// The file as it is written.
+/// The file as it is written; `F` is the form of a classical model.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Document {
+struct Document<F> {
     format: String,
     version: u32,
     origin: Origin,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sensor: Option<SensorInfo>,
-    elements: Vec<ElementText>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    elements: Option<Vec<ElementText>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    friction: Option<F>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     intervals: BTreeMap<String, Interval>,
 }
@@ -271,8 +384,8 @@ struct Document {
 struct ElementText {
     deformation: DeformationText,
     seal_damping: DampingText,
-    insertion: FrictionText,
-    withdrawal: FrictionText,
+    insertion: SlidingText,
+    withdrawal: SlidingText,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -309,7 +422,7 @@ struct DampingText {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct FrictionText {
+struct SlidingText {
     coulomb_force_n: f64,
     static_force_n: f64,
     stribeck_velocity_m_s: f64,
@@ -317,25 +430,18 @@ struct FrictionText {
     viscous_damping_n_s_m: f64,
 }
 
-impl Document {
-    fn from_model(model: &ModelFile) -> Self {
-        Self {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            origin: model.origin.clone(),
-            sensor: model.sensor,
-            elements: model.elements.iter().map(|element| ElementText::from(element.params())).collect(),
-            intervals: model.intervals.clone(),
-        }
-    }
-
-    fn into_model(self) -> Result<ModelFile, ModelFileError> {
-        if self.elements.is_empty() {
-            return Err(impossible("elements", "a model needs at least one element"));
-        }
-        let elements = self.elements.iter().enumerate();
-        let elements: Result<Vec<Element>, _> =
-            elements.map(|(i, element)| element.element(&format!("elements[{i}]"))).collect();
+impl<F: FrictionText> Document<F> {
+    fn into_file(self) -> Result<ModelFile, ModelFileError> {
+        let model = match (self.elements, self.friction) {
+            (Some(elements), None) => Model::Ems(read_elements(&elements)?),
+            (None, Some(_)) if self.version < VERSION => {
+                let what = format!("needs version {VERSION}, got version {}", self.version);
+                return Err(impossible("friction", &what));
+            }
+            (None, Some(friction)) => Model::Classical(friction.model().map_err(parameter("friction"))?),
+            (Some(_), Some(_)) => return Err(impossible("friction", "a model holds elements or friction, got both")),
+            (None, None) => return Err(impossible("elements", "a model holds elements or friction, got neither")),
+        };
         for (i, recording) in self.origin.recordings.iter().enumerate() {
             check_hash(&recording.sha256, &format!("origin.recordings[{i}].sha256"))?;
         }
@@ -348,8 +454,15 @@ impl Document {
         for (name, interval) in &self.intervals {
             check_interval(name, interval)?;
         }
-        Ok(ModelFile { elements: elements?, origin: self.origin, sensor: self.sensor, intervals: self.intervals })
+        Ok(ModelFile { model, origin: self.origin, sensor: self.sensor, intervals: self.intervals })
     }
+}
+
+fn read_elements(elements: &[ElementText]) -> Result<Vec<Element>, ModelFileError> {
+    if elements.is_empty() {
+        return Err(impossible("elements", "a model needs at least one element"));
+    }
+    elements.iter().enumerate().map(|(i, element)| element.element(&format!("elements[{i}]"))).collect()
 }
 
 fn impossible(place: &str, what: &str) -> ModelFileError {
@@ -391,8 +504,8 @@ impl From<&ElementParams> for ElementText {
                 linear_n_s2_m2: linear,
                 quadratic_n_s3_m3: quadratic,
             },
-            insertion: FrictionText::from(&params.insertion),
-            withdrawal: FrictionText::from(&params.withdrawal),
+            insertion: SlidingText::from(&params.insertion),
+            withdrawal: SlidingText::from(&params.withdrawal),
         }
     }
 }
@@ -461,7 +574,7 @@ impl BranchText {
     }
 }
 
-impl From<&SlidingFriction> for FrictionText {
+impl From<&SlidingFriction> for SlidingText {
     fn from(friction: &SlidingFriction) -> Self {
         Self {
             coulomb_force_n: friction.coulomb_force,
@@ -473,7 +586,7 @@ impl From<&SlidingFriction> for FrictionText {
     }
 }
 
-impl FrictionText {
+impl SlidingText {
     fn friction(&self) -> SlidingFriction {
         SlidingFriction {
             coulomb_force: self.coulomb_force_n,

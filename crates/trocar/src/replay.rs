@@ -1,19 +1,112 @@
-//! Runs identified elements over a recording, from a start that nobody measured.
+//! Runs a model over a recording, from a start that nobody measured.
 //!
-//! A recording begins with the seal in an unknown deflection. The replay starts at rest where the mid curve gives
-//! the first reading, and says from which sample on the start no longer matters: there several extreme starts give
-//! one force (the seal forgets its past once it has slid).
+//! A recording begins with the seal in an unknown state. The replay starts at rest with the first reading, and says
+//! from which sample on the start no longer matters: there several extreme starts give one force (the seal forgets
+//! its past once it has slid).
 
 use std::ops::Range;
 
-use trocar_model::{Element, Mode, State};
+use trocar_model::{Element, Friction, Mode, State};
 
+use crate::classical::{Classical, ClassicalState};
 use crate::recording::Recording;
 
 /// Unknown starts count as forgotten when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;
-/// Starts compared: deflections as fractions of the half width.
-const STARTS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+/// Starts of EMS elements: deflections as fractions of the half width.
+const DEFLECTIONS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+/// Starts of a classical model, N: clamped to what it can hold.
+const FORCES: [f64; 3] = [-f64::MAX, 0.0, f64::MAX];
+
+/// A model that can be run over a recording: EMS elements in parallel, or a classical one.
+pub trait Replayable {
+    /// Everything that changes.
+    type State;
+
+    /// Whether starts that agree once agree for ever. Otherwise they must agree up to the end of the motion: the force
+    /// of a LuGre model does not show its state where σ_1·|v| = g, and the memory of a Leuven model outlives a slide.
+    const FORGETS_FOR_GOOD: bool;
+
+    /// At rest with `force`, N.
+    fn at_rest(&self, force: f64) -> Self::State;
+
+    /// At rest as far apart as can be, and between.
+    fn extreme_starts(&self) -> Vec<Self::State>;
+
+    /// Advances by `displacement` (m) within `duration` (s); returns the force (N) at the end.
+    fn step(&self, state: &mut Self::State, displacement: f64, duration: f64) -> f64;
+
+    /// Force after the last step, N.
+    fn force(state: &Self::State) -> f64;
+
+    /// How the seal is deformed, for a model that knows; throughout or never.
+    fn deformation(state: &Self::State) -> Option<Deformation>;
+}
+
+/// How a seal is deformed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deformation {
+    /// Deflection, m.
+    pub deflection: f64,
+    /// Whether it deforms or slides.
+    pub mode: Mode,
+}
+
+/// Elements in parallel; the deflection is that of the first, and the seal slides once all of them do.
+impl Replayable for [Element] {
+    type State = Vec<State>;
+
+    const FORGETS_FOR_GOOD: bool = true;
+
+    fn at_rest(&self, force: f64) -> Vec<State> {
+        start_states(self, force)
+    }
+
+    fn extreme_starts(&self) -> Vec<Vec<State>> {
+        let start = |u: &f64| self.iter().map(|e| e.rest_state(u * e.params().deformation.half_width())).collect();
+        DEFLECTIONS.iter().map(start).collect()
+    }
+
+    fn step(&self, states: &mut Vec<State>, displacement: f64, duration: f64) -> f64 {
+        self.iter().zip(states).map(|(element, state)| element.step(state, displacement, duration)).sum()
+    }
+
+    fn force(states: &Vec<State>) -> f64 {
+        states.iter().map(State::force).sum()
+    }
+
+    fn deformation(states: &Vec<State>) -> Option<Deformation> {
+        let slides = states.iter().all(|state| state.mode() == Mode::Sliding);
+        let mode = if slides { Mode::Sliding } else { Mode::Deforming };
+        Some(Deformation { deflection: states.first().map_or(0.0, State::deflection), mode })
+    }
+}
+
+impl Replayable for Classical {
+    type State = ClassicalState;
+
+    const FORGETS_FOR_GOOD: bool = false;
+
+    fn at_rest(&self, force: f64) -> ClassicalState {
+        self.rest_at_force(force)
+    }
+
+    fn extreme_starts(&self) -> Vec<ClassicalState> {
+        FORCES.map(|force| self.rest_at_force(force)).to_vec()
+    }
+
+    fn step(&self, state: &mut ClassicalState, displacement: f64, duration: f64) -> f64 {
+        Friction::step(self, state, displacement, duration)
+    }
+
+    fn force(state: &ClassicalState) -> f64 {
+        <Self as Friction>::force(state)
+    }
+
+    fn deformation(_: &ClassicalState) -> Option<Deformation> {
+        None
+    }
+}
 
 /// States at rest that together give `force`, N, each element bearing the share of its sliding limit.
 pub fn start_states(elements: &[Element], force: f64) -> Vec<State> {
@@ -23,22 +116,22 @@ pub fn start_states(elements: &[Element], force: f64) -> Vec<State> {
 }
 
 /// First of the steps (displacement in m, duration in s) after which the start no longer matters.
-pub fn forgotten_after(elements: &[Element], steps: impl Iterator<Item = (f64, f64)>) -> Option<usize> {
-    let mut states: Vec<Vec<State>> = STARTS
-        .iter()
-        .map(|u| elements.iter().map(|e| e.rest_state(u * e.params().deformation.half_width())).collect())
-        .collect();
+pub fn forgotten_after<M: Replayable + ?Sized>(model: &M, steps: impl Iterator<Item = (f64, f64)>) -> Option<usize> {
+    let mut states = model.extreme_starts();
+    let mut since = None;
     for (i, (displacement, duration)) in steps.enumerate() {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for start in &mut states {
-            let force: f64 = elements.iter().zip(start).map(|(e, s)| e.step(s, displacement, duration)).sum();
+        for state in &mut states {
+            let force = model.step(state, displacement, duration);
             (low, high) = (low.min(force), high.max(force));
         }
-        if high - low < FORGOTTEN {
-            return Some(i);
+        let agree = high - low < FORGOTTEN;
+        since = agree.then(|| since.unwrap_or(i));
+        if agree && M::FORGETS_FOR_GOOD {
+            break;
         }
     }
-    None
+    since
 }
 
 /// A model run over a recording, sample by sample.
@@ -46,39 +139,41 @@ pub fn forgotten_after(elements: &[Element], steps: impl Iterator<Item = (f64, f
 pub struct Replay {
     /// Seal force, N, without sensor offset.
     pub force: Vec<f64>,
-    /// Deflection, m, of the first element.
+    /// Deflection, m, of the first element; empty for a model that knows none.
     pub deflection: Vec<f64>,
-    /// Whether every element slides.
+    /// Whether every element slides; empty for a model that does not tell.
     pub sliding: Vec<bool>,
     /// Samples whose force does not depend on the unknown start, as ranges.
     pub known: Vec<Range<usize>>,
 }
 
-/// Runs `elements` over the positions of `recording`, whose readings hold the sensor offset `offset`, N.
+/// Runs `model` over the positions of `recording`, whose readings hold the sensor offset `offset`, N.
 ///
 /// Gaps and resets start anew.
-pub fn replay(elements: &[Element], recording: &Recording, offset: f64) -> Replay {
+pub fn replay<M: Replayable + ?Sized>(model: &M, recording: &Recording, offset: f64) -> Replay {
     let mut out = Replay::default();
     for range in recording.unbroken() {
         let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
         let increments = || x.windows(2).zip(t.windows(2)).map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
-        if let Some(after) = forgotten_after(elements, increments()) {
+        if let Some(after) = forgotten_after(model, increments()) {
             out.known.push(range.start + after + 1..range.end);
         }
-        let mut states = start_states(elements, recording.force[range.start] - offset);
-        push(&mut out, &states);
+        let mut state = model.at_rest(recording.force[range.start] - offset);
+        out.push::<M>(&state);
         for (displacement, duration) in increments() {
-            elements.iter().zip(&mut states).for_each(|(e, s)| {
-                e.step(s, displacement, duration);
-            });
-            push(&mut out, &states);
+            model.step(&mut state, displacement, duration);
+            out.push::<M>(&state);
         }
     }
     out
 }
 
-fn push(out: &mut Replay, states: &[State]) {
-    out.force.push(states.iter().map(State::force).sum());
-    out.deflection.push(states.first().map_or(0.0, State::deflection));
-    out.sliding.push(states.iter().all(|s| s.mode() == Mode::Sliding));
+impl Replay {
+    fn push<M: Replayable + ?Sized>(&mut self, state: &M::State) {
+        self.force.push(M::force(state));
+        if let Some(Deformation { deflection, mode }) = M::deformation(state) {
+            self.deflection.push(deflection);
+            self.sliding.push(mode == Mode::Sliding);
+        }
+    }
 }

@@ -2,13 +2,14 @@
 //!
 //! The motion is any CSV that [`crate::recording`] understands with time and position; of a force column only the
 //! first reading counts, and only for a drive that starts from it. Every row gives one row
-//! `time_s,position_m,force_n,deflection_m,mode`. The force is the seal's alone, positive on insertion.
+//! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model without a deformation of
+//! its own. The force is the seal's alone, positive on insertion.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use trocar_model::{Mode, Parallel, State};
+use trocar_model::{Friction, Mode, Parallel, State};
 
 use crate::error::{OutputError, RecordingError};
 use crate::output::AtomicFile;
@@ -16,9 +17,11 @@ use crate::recording::columns::Quantity;
 use crate::recording::line::Line;
 use crate::recording::rows::{Row, RowReader};
 use crate::recording::{LONGEST_STROKE, Place};
+use crate::replay::Deformation;
 
-/// Names of the columns written.
+/// Names of the columns written, with and without a deformation.
 const HEADER: &[u8] = b"time_s,position_m,force_n,deflection_m,mode\n";
+const HEADER_OF_FORCE: &[u8] = b"time_s,position_m,force_n\n";
 
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
@@ -31,10 +34,45 @@ pub trait Drive {
     fn step(&mut self, displacement: f64, duration: f64) -> f64;
     /// Force after the last step, N.
     fn force(&self) -> f64;
-    /// Deflection after the last step, m.
-    fn deflection(&self) -> f64;
-    /// Mode after the last step.
-    fn mode(&self) -> Mode;
+    /// Deformation of the seal after the last step; `None` throughout for a model that knows none.
+    fn deformation(&self) -> Option<Deformation>;
+}
+
+/// A friction model and its state under one motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Single<M: Friction> {
+    model: M,
+    /// Sensor offset in the first reading, N.
+    offset: f64,
+    state: M::State,
+}
+
+impl<M: Friction> Single<M> {
+    /// Starts at rest with the first force reading less the sensor's offset `offset`, N, or without force where the
+    /// motion has none.
+    pub fn new(model: M, offset: f64) -> Self {
+        let state = model.rest_at_force(0.0);
+        Self { model, offset, state }
+    }
+}
+
+/// Writes the force alone: what a friction model calls a deflection is no deflection of a seal.
+impl<M: Friction> Drive for Single<M> {
+    fn start(&mut self, reading: Option<f64>) {
+        self.state = self.model.rest_at_force(reading.map_or(0.0, |reading| reading - self.offset));
+    }
+
+    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
+        self.model.step(&mut self.state, displacement, duration)
+    }
+
+    fn force(&self) -> f64 {
+        M::force(&self.state)
+    }
+
+    fn deformation(&self) -> Option<Deformation> {
+        None
+    }
 }
 
 /// Several elements count as one seal: the deflection is their mean, and the seal slides once all of them do.
@@ -47,14 +85,11 @@ impl Drive for Parallel<'_> {
         Parallel::force(self)
     }
 
-    fn deflection(&self) -> f64 {
+    fn deformation(&self) -> Option<Deformation> {
         let sum: f64 = self.states().iter().map(State::deflection).sum();
-        sum / self.states().len() as f64
-    }
-
-    fn mode(&self) -> Mode {
         let sliding = self.states().iter().all(|state| state.mode() == Mode::Sliding);
-        if sliding { Mode::Sliding } else { Mode::Deforming }
+        let mode = if sliding { Mode::Sliding } else { Mode::Deforming };
+        Some(Deformation { deflection: sum / self.states().len() as f64, mode })
     }
 }
 
@@ -112,7 +147,8 @@ pub fn simulate(
 ) -> Result<u64, SimulateError> {
     let mut rows = Positions::open(file, input, columns)?;
     let mut line = Line::default();
-    let outcome = output.write_all(HEADER);
+    let header = if drive.deformation().is_some() { HEADER } else { HEADER_OF_FORCE };
+    let outcome = output.write_all(header);
     outcome.map_err(|source| output.write_error(source))?;
     let mut count = 0;
     while let Some(step) = rows.advance()? {
@@ -120,8 +156,10 @@ pub fn simulate(
             drive.start(step.reading);
         }
         let force = if step.duration > 0.0 { drive.step(step.displacement, step.duration) } else { drive.force() };
-        line.number(step.time).number(step.position).number(force).number(drive.deflection());
-        line.word(word(drive.mode()));
+        line.number(step.time).number(step.position).number(force);
+        if let Some(Deformation { deflection, mode }) = drive.deformation() {
+            line.number(deflection).word(word(mode));
+        }
         let outcome = line.finish(output);
         outcome.map_err(|source| output.write_error(source))?;
         count += 1;

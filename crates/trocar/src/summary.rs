@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::identify::{
     DampingTest, DeformationFit, Estimate, Identification, IdentifyOptions, Parameter, Refinement, SteadyFit, Warning,
 };
-use crate::model_file::{Interval, ModelFile, Origin, OriginKind, RecordingInfo, SensorInfo};
+use crate::model_file::{Interval, ModelFile, Origin, SensorInfo};
 use crate::recording::{Quality, Recording};
 use crate::validate::Validation;
 
@@ -26,6 +26,15 @@ pub struct MovingMass {
     /// [`Recording::without_moving_mass`](crate::recording::Recording::without_moving_mass).
     #[serde(rename = "gravity_m_s2")]
     pub gravity: f64,
+}
+
+impl MovingMass {
+    /// The sensor of a model whose offset without the declared mass is `offset`, N; `hidden` kg were found beside it.
+    ///
+    /// Its offset is the reading at rest without any force of the seal, weight of the declared mass included.
+    pub(crate) fn sensor(self, offset: f64, hidden: f64) -> SensorInfo {
+        SensorInfo { offset_n: offset + self.mass * self.gravity, moving_mass_kg: self.mass + hidden.max(0.0) }
+    }
 }
 
 /// Everything an identification started from and came to.
@@ -160,25 +169,13 @@ impl<'a> Outcome<'a> {
     }
 
     /// The identified seal with its origin, sensor and intervals.
-    ///
-    /// The offset is the sensor's reading at rest without any force of the seal, weight of the moving mass included.
     pub fn model_file(&self) -> ModelFile {
         let found = self.identification;
-        let MovingMass { mass, gravity } = self.moving_mass;
-        let mut origin = Origin::new(OriginKind::Identified);
-        origin.seed = Some(self.options.seed);
-        origin.note = found.deformation.as_ref().err().map(|why| format!("deformation assumed, not identified: {why}"));
-        origin.recordings = self
-            .recordings
-            .iter()
-            .map(|recording| RecordingInfo { name: recording.name.clone(), sha256: recording.sha256.clone() })
-            .collect();
+        let mut origin = Origin::identified(self.options.seed, self.recordings);
+        origin.note = found.deformation_note();
         let mut model = ModelFile::new(vec![found.element], origin);
-        model.sensor = Some(SensorInfo {
-            offset_n: found.model.offset + mass * gravity,
-            moving_mass_kg: mass + found.model.hidden_mass.max(0.0),
-        });
-        model.intervals = found.parameters.iter().filter_map(interval).collect();
+        model.sensor = Some(self.moving_mass.sensor(found.model.offset, found.model.hidden_mass));
+        model.intervals = intervals(&found.parameters);
         model
     }
 
@@ -226,8 +223,12 @@ fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
     }
 }
 
-fn interval(parameter: &Parameter) -> Option<(String, Interval)> {
-    let Estimate { value, ci95, .. } = parameter.estimate;
+/// Estimates as they stand in a model file.
+pub(crate) fn intervals(parameters: &[Parameter]) -> BTreeMap<String, Interval> {
     let bound = |bound: f64| bound.is_finite().then_some(bound);
-    value.is_finite().then(|| (parameter.name.clone(), Interval { value, ci95: ci95.map(bound) }))
+    let interval = |parameter: &Parameter| {
+        let Estimate { value, ci95, .. } = parameter.estimate;
+        value.is_finite().then(|| (parameter.name.clone(), Interval { value, ci95: ci95.map(bound) }))
+    };
+    parameters.iter().filter_map(interval).collect()
 }

@@ -3,16 +3,16 @@
 //! ```text
 //! rms = √(mean (F_measured − F_0 − F_model)²)        fit = 100·(1 − rms / sd(F_measured)) %
 //! ```
-//! Scored are the samples whose state is known: before the seal has slid once, its deflection is anybody's guess. The
-//! figure over all samples stands beside it. Time dwells on slow passes, so the error is also given by speed and by
+//! Scored are the samples whose state is known: before the seal has slid once, its deflection is anybody's guess. Which
+//! these are is up to the model: two models may be scored on a few samples more or less of one recording. The figure
+//! over all samples stands beside it. Time dwells on slow passes, so the error is also given by speed and by
 //! phase. At 1 kHz residuals are never white; they are decimated to their correlation time before the Ljung-Box test.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use trocar_model::Element;
 
 use crate::recording::{Recording, local_velocity};
-use crate::replay::{Replay, replay};
+use crate::replay::{Replay, Replayable, replay};
 use crate::segment::{passes, reversal_threshold};
 
 /// Speed below which the instrument counts as held, m/s.
@@ -36,10 +36,13 @@ pub struct Part {
 /// Error by phase of the motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Phases {
-    /// The seal deforms.
+    /// The seal deforms; without samples for a classical model.
     pub deformation: Part,
-    /// The instrument slides.
+    /// The instrument slides; without samples for a classical model.
     pub sliding: Part,
+    /// The instrument moves, for a classical model: it does not tell deforming from sliding.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving: Option<Part>,
     /// The instrument is held (slower than 1 mm/s).
     pub hold: Part,
 }
@@ -147,9 +150,9 @@ impl Sums {
     }
 }
 
-/// Replays `elements` over `recordings`, whose readings hold the sensor offset `offset`, N.
-pub fn validate(elements: &[Element], recordings: &[Recording], offset: f64) -> Validation {
-    let results: Vec<_> = recordings.iter().map(|r| validate_one(elements, r, offset)).collect();
+/// Replays EMS elements or a classical model over `recordings`, whose readings hold the sensor offset `offset`, N.
+pub fn validate<M: Replayable + ?Sized>(model: &M, recordings: &[Recording], offset: f64) -> Validation {
+    let results: Vec<_> = recordings.iter().map(|r| validate_one(model, r, offset)).collect();
     let all = results.iter().fold(Sums::default(), |s, (_, sums)| s.plus(*sums));
     Validation {
         rms_n: all.rms(),
@@ -158,16 +161,18 @@ pub fn validate(elements: &[Element], recordings: &[Recording], offset: f64) -> 
     }
 }
 
-fn validate_one(elements: &[Element], recording: &Recording, offset: f64) -> (RecordingValidation, Sums) {
-    let run = replay(elements, recording, offset);
+fn validate_one<M: Replayable + ?Sized>(model: &M, recording: &Recording, offset: f64) -> (RecordingValidation, Sums) {
+    let run = replay(model, recording, offset);
     let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let mut warnings = Vec::new();
     let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
     let scored = if known.is_empty() {
-        warnings.push(
+        let why = if run.sliding.is_empty() {
+            "the motion never makes the model forget its start: the unknown initial state stays in the figures"
+        } else {
             "the motion never makes the seal slide all round: the unknown initial deflection stays in the figures"
-                .to_owned(),
-        );
+        };
+        warnings.push(why.to_owned());
         (0..recording.len()).collect()
     } else {
         known
@@ -225,16 +230,18 @@ fn typical_speed(recording: &Recording, from: usize, to: usize) -> f64 {
 pub(crate) enum Phase {
     Deformation,
     Sliding,
+    Moving,
     Hold,
 }
 
-/// Phases of the `scored` samples, as the replay of EMS elements tells them.
+/// Phases of the `scored` samples, as far as the replay tells them.
 pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
-    let phase = |i: &usize| match (velocity[*i].abs() < HOLD_SPEED, run.sliding[*i]) {
+    let phase = |i: &usize| match (velocity[*i].abs() < HOLD_SPEED, run.sliding.get(*i)) {
         (true, _) => Phase::Hold,
-        (false, true) => Phase::Sliding,
-        (false, false) => Phase::Deformation,
+        (false, Some(true)) => Phase::Sliding,
+        (false, Some(false)) => Phase::Deformation,
+        (false, None) => Phase::Moving,
     };
     scored.iter().map(phase).collect()
 }
@@ -242,7 +249,7 @@ pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -
 impl Phases {
     /// Errors, N, summed up by phase.
     pub(crate) fn of(errors: impl Iterator<Item = (Phase, f64)>) -> Self {
-        let mut sums = [Sums::default(); 3];
+        let mut sums = [Sums::default(); 4];
         for (phase, error) in errors {
             let own = &mut sums[phase as usize];
             *own = own.plus(Sums { n: 1.0, squares: error * error, ..Sums::default() });
@@ -252,8 +259,8 @@ impl Phases {
             let share = if total > 0.0 { s.squares / total } else { 0.0 };
             Part { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
         };
-        let [deformation, sliding, hold] = sums.map(part);
-        Self { deformation, sliding, hold }
+        let [deformation, sliding, moving, hold] = sums.map(part);
+        Self { deformation, sliding, moving: Some(moving).filter(|part| part.samples > 0), hold }
     }
 }
 

@@ -2,8 +2,12 @@
 
 use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
-use trocar::model_file::{Interval, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo};
-use trocar_model::{Element, ElementParams, SealDamping};
+use trocar::classical::Classical;
+use trocar::model_file::{Interval, Model, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo};
+use trocar_model::{
+    Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS,
+    MaxwellSlip, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+};
 
 fn schema() -> jsonschema::Validator {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../schema/model.schema.json");
@@ -37,10 +41,90 @@ fn complete() -> ModelFile {
     model
 }
 
+/// Numbers that are not short in decimals.
+fn stribeck() -> SlidingFriction {
+    SlidingFriction {
+        coulomb_force: 2.0 + 1.0 / 3.0,
+        static_force: 0.1 + 2.7,
+        stribeck_velocity: 0.01_f64.sqrt() / 7.0,
+        stribeck_exponent: 2.0 / 3.0,
+        viscous_damping: 5.0 / 9.0,
+    }
+}
+
+/// Every classical model, each choice in it, the banks with 1 and with all elements.
+fn classical_models() -> Vec<Classical> {
+    let sliding = stribeck();
+    let mut models = vec![
+        Classical::Static(StaticFriction::new(SlidingFriction::coulomb(3.0, 0.0)).unwrap()),
+        Classical::Static(StaticFriction::new(sliding).unwrap()),
+    ];
+    let dahl = DahlParams { stiffness: 1e4 / 3.0, coulomb_force: 2.9, exponent: 1.1, viscous_damping: 0.0 };
+    models.push(Classical::Dahl(Dahl::new(dahl).unwrap()));
+    for (curve, damping_velocity) in [(StribeckCurve::Exponential, f64::INFINITY), (StribeckCurve::Rational, 0.07)] {
+        let params = LuGreParams { stiffness: 777.7, micro_damping: 1.0 / 3.0, damping_velocity, sliding, curve };
+        models.push(Classical::LuGre(LuGre::new(params).unwrap()));
+    }
+    for n in [1, MAX_ELEMENTS] {
+        let part = 1.0 / n as f64;
+        let bank: Vec<SlipElement> =
+            (1..=n).map(|i| SlipElement { stiffness: 1e4 / (i as f64), limit_force: 3.0 * part }).collect();
+        let params = LeuvenParams { sliding, exponent: 1.0 / 0.9, micro_damping: 0.3 };
+        models.push(Classical::Leuven(Leuven::new(&bank, params).unwrap()));
+        models.push(Classical::MaxwellSlip(MaxwellSlip::new(&bank, 0.7).unwrap()));
+        for slip_rate in [SlipRate::Free, SlipRate::Limited] {
+            let element =
+                |i: usize| GmsElement { stiffness: 1e4 / i as f64, share: part, attraction: 0.1 / 3.0, damping: 0.2 };
+            let elements: Vec<GmsElement> = (1..=n).map(element).collect();
+            models.push(Classical::Gms(Gms::new(&elements, sliding, slip_rate).unwrap()));
+        }
+    }
+    models
+}
+
+/// Complete files of all classical models.
+fn classical_files() -> Vec<ModelFile> {
+    let file = |model| ModelFile { model: Model::Classical(model), ..complete() };
+    classical_models().into_iter().map(file).collect()
+}
+
+#[test]
+fn every_kind_is_among_the_classical_models_tried() {
+    let models = classical_models();
+    for kind in Classical::KINDS {
+        assert!(models.iter().any(|model| model.kind() == kind), "{kind}");
+    }
+    assert!(models.iter().all(|model| Classical::KINDS.contains(&model.kind())));
+}
+
+#[test]
+fn files_of_elements_stay_readable_for_older_programs() {
+    let text = value(&complete().to_json());
+    assert_eq!(text["version"], 1);
+    assert!(text.get("friction").is_none());
+    for file in classical_files() {
+        let text = value(&file.to_json());
+        assert_eq!(text["version"], 2, "an older program says that it is too old");
+        assert!(text.get("elements").is_none());
+    }
+    let newer = value(&complete().to_json().replacen("\"version\": 1", "\"version\": 2", 1));
+    assert!(schema().is_valid(&newer));
+    assert_eq!(ModelFile::from_json(&newer.to_string()).unwrap(), complete());
+}
+
+#[test]
+fn elements_of_a_classical_model_are_refused_with_its_kind() {
+    let file = ModelFile::new(classical_models().pop().unwrap(), Origin::new(OriginKind::HandMade));
+    let error = file.elements().unwrap_err().in_file("gms.json".as_ref()).to_string();
+    assert!(error.starts_with("gms.json: holds a gms model, expected EMS elements"), "{error}");
+    assert_eq!(complete().elements().unwrap().len(), 2);
+}
+
 #[test]
 fn written_models_conform_and_come_back_to_the_bit() {
     let schema = schema();
     let mut models = vec![complete(), ModelFile::plausible_10_5_mm().unwrap()];
+    models.extend(classical_files());
     for seed in 0..200 {
         let element = Element::new(random_plausible_seal(seed)).unwrap();
         models.push(ModelFile::new(vec![element], Origin::new(OriginKind::Plausible)));
@@ -64,7 +148,7 @@ fn plausible_model_says_so() {
 fn every_number_says_its_unit() {
     fn walk(key: &str, value: &Value) {
         let units = ["_n", "_m", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg"];
-        let pure = ["version", "seed", "stribeck_exponent", "value", "ci95"];
+        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95"];
         match value {
             Value::Object(inner) => inner.iter().for_each(|(key, value)| walk(key, value)),
             Value::Array(inner) => inner.iter().for_each(|value| walk(key, value)),
@@ -75,11 +159,12 @@ fn every_number_says_its_unit() {
         }
     }
     walk("", &value(&complete().to_json()));
+    classical_files().iter().for_each(|file| walk("", &value(&file.to_json())));
 }
 
 /// Changes one place of a good file, or removes it.
-fn broken(pointer: &str, replacement: Option<Value>) -> Value {
-    let mut document = value(&complete().to_json());
+fn broken(good: &ModelFile, pointer: &str, replacement: Option<Value>) -> Value {
+    let mut document = value(&good.to_json());
     let (parent, key) = pointer.rsplit_once('/').unwrap();
     let parent = document.pointer_mut(parent).unwrap();
     match (parent, replacement) {
@@ -102,14 +187,15 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(2)), "written by a newer trocar: model version 2, this one reads 1"),
-        ("/version", Some(json!(0)), "\"version\" must be 1, got 0"),
-        ("/version", Some(json!("1")), "\"version\" must be 1, got \"1\""),
-        ("/version", None, "\"version\" must be 1, got nothing"),
+        ("/version", Some(json!(3)), "written by a newer trocar: model version 3, this one reads 2"),
+        ("/version", Some(json!(0)), "\"version\" must be 1 or 2, got 0"),
+        ("/version", Some(json!("1")), "\"version\" must be 1 or 2, got \"1\""),
+        ("/version", None, "\"version\" must be 1 or 2, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),
         ("/origin/recordings/0/sha256", Some(json!("abc")), "origin.recordings[0].sha256: must be 64"),
+        ("/elements", None, "a model holds elements or friction, got neither"),
         ("/elements", Some(json!([])), "at least one element"),
         ("/elements", Some(json!({})), "expected a sequence"),
         ("/elements/0/stiffness", Some(json!(3)), "unknown field `stiffness`, expected one of"),
@@ -137,11 +223,82 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
         ("/intervals/coulomb_force_n/value", None, "missing field `value`"),
     ];
     for (pointer, replacement, message) in cases {
-        let document = broken(pointer, replacement);
+        let document = broken(&complete(), pointer, replacement);
         let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
         assert!(error.contains(message), "{pointer}: {error}");
         assert!(!schema.is_valid(&document), "{pointer}: the schema takes it");
     }
+}
+
+/// The last file of a kind: that of most elements.
+fn file_of(kind: &str) -> ModelFile {
+    let of_kind = |file: &ModelFile| matches!(&file.model, Model::Classical(model) if model.kind() == kind);
+    classical_files().into_iter().rfind(of_kind).unwrap()
+}
+
+#[test]
+fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
+    let schema = schema();
+    let elements = value(&complete().to_json())["elements"].clone();
+    let many = json!(vec![json!({"stiffness_n_m": 1.0, "limit_force_n": 1.0}); MAX_ELEMENTS + 1]);
+    let number = "invalid type: string \"3 N\"";
+    let kinds = "friction.kind: must be one of static, dahl, lugre, leuven, maxwell-slip, gms, got";
+    let cases = [
+        ("static", "/version", Some(json!(1)), "friction: needs version 2, got version 1".to_owned()),
+        ("static", "/elements", Some(elements), "friction: a model holds elements or friction, got both".to_owned()),
+        ("static", "/friction", Some(json!(null)), format!("{kinds} nothing")),
+        ("static", "/friction", Some(json!([1])), format!("{kinds} nothing")),
+        ("static", "/friction/kind", None, format!("{kinds} nothing")),
+        ("static", "/friction/kind", Some(json!("coulomb")), format!("{kinds} \"coulomb\"")),
+        ("static", "/friction/kind", Some(json!(7)), format!("{kinds} 7")),
+        ("static", "/friction/kind", Some(json!("dahl")), "unknown field `sliding`, expected one of".into()),
+        ("static", "/friction/sliding", None, "missing field `sliding`".into()),
+        ("static", "/friction/sliding/coulomb_force_n", Some(json!("3 N")), number.into()),
+        ("static", "/friction/sliding/coulomb_force", Some(json!(3)), "unknown field `coulomb_force`".into()),
+        ("dahl", "/friction/coulomb_force_n", Some(json!(-3)), "friction: coulomb_force must be positive".into()),
+        ("dahl", "/friction/exponent", None, "missing field `exponent`".into()),
+        ("lugre", "/friction/damping_velocity_m_s", None, "missing field `damping_velocity_m_s`".into()),
+        ("lugre", "/friction/damping_velocity_m_s", Some(json!(0)), "damping_velocity must be positive".into()),
+        ("lugre", "/friction/damping_velocity_m_s", Some(json!("inf")), "invalid type: string \"inf\"".into()),
+        ("lugre", "/friction/curve", Some(json!("gaussian")), "unknown variant `gaussian`, expected `exp".into()),
+        ("lugre", "/friction/mass_kg", Some(json!(1)), "unknown field `mass_kg`, expected one of `kind`".into()),
+        ("leuven", "/friction/elements", Some(json!([])), "friction: a model needs 1 to 16 elements, got 0".into()),
+        ("leuven", "/friction/micro_damping_n_s_m", Some(json!(-1)), "micro_damping must not be negative".into()),
+        ("maxwell-slip", "/friction/elements", Some(many), "1 to 16 elements, got 17".into()),
+        ("maxwell-slip", "/friction/elements/1/limit_force_n", Some(json!(0)), "limit_force of element 2 must".into()),
+        ("maxwell-slip", "/friction/elements/1/share", Some(json!(0)), "unknown field `share`".into()),
+        ("gms", "/friction/slip_rate", Some(json!("bounded")), "unknown variant `bounded`, expected `free`".into()),
+        ("gms", "/friction/elements/0/attraction_m_s", None, "missing field `attraction_m_s`".into()),
+        ("gms", "/friction/elements/0/damping_n_s_m", Some(json!(-1)), "damping of element 1 must be".into()),
+    ];
+    for (kind, pointer, replacement, message) in cases {
+        let document = broken(&file_of(kind), pointer, replacement);
+        let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
+        assert!(error.contains(&message), "{kind} {pointer}: {error}");
+        assert!(!schema.is_valid(&document), "{kind} {pointer}: the schema takes it");
+    }
+}
+
+#[test]
+fn impossible_classical_models_are_refused_by_the_reader() {
+    let cases = [
+        ("lugre", "/friction/sliding/static_force_n", json!(1.0), "friction: static_force must be at least"),
+        ("leuven", "/friction/sliding/static_force_n", json!(3.5), "friction: the limit forces of the elements"),
+        ("gms", "/friction/elements/0/share", json!(0.5), "friction: the shares of the elements must add up to 1"),
+    ];
+    for (kind, pointer, replacement, message) in cases {
+        let document = broken(&file_of(kind), pointer, Some(replacement));
+        let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
+        assert!(error.contains(message), "{kind} {pointer}: {error}");
+    }
+}
+
+#[test]
+fn errors_in_classical_models_name_line_and_column() {
+    let typo = file_of("gms").to_json().replacen("slip_rate", "sliprate", 1);
+    let at = 1 + typo.lines().position(|line| line.contains("sliprate")).unwrap();
+    let error = ModelFile::from_json(&typo).unwrap_err();
+    assert!(matches!(error, ModelFileError::WrongKey { line, .. } if line == at), "{error}");
 }
 
 #[test]
@@ -165,7 +322,7 @@ fn impossible_seals_are_refused_by_the_reader() {
         ("/intervals/coulomb_force_n/value", json!(9.0), "intervals.coulomb_force_n: value 9 lies outside"),
     ];
     for (pointer, replacement, message) in cases {
-        let document = broken(pointer, Some(replacement));
+        let document = broken(&complete(), pointer, Some(replacement));
         let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
         assert!(error.contains(message), "{pointer}: {error}");
     }

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use trocar::output::{AtomicFile, StagedFolder, remove_unfinished};
 use trocar::recording::{ReadOptions, read};
-use trocar::simulate::{Drive, simulate, simulate_file};
-use trocar_model::Mode;
+use trocar::replay::Deformation;
+use trocar::simulate::{Drive, Single, simulate, simulate_file};
+use trocar_model::{Mode, SlidingFriction, StaticFriction};
 
 /// A spring of 1 kN/m that sticks: force and deflection follow the position, so a row can be checked by hand.
 #[derive(Default)]
@@ -30,12 +31,9 @@ impl Drive for Spring {
         1e3 * self.deflection
     }
 
-    fn deflection(&self) -> f64 {
-        self.deflection
-    }
-
-    fn mode(&self) -> Mode {
-        if self.deflection > 0.01 { Mode::Sliding } else { Mode::Deforming }
+    fn deformation(&self) -> Option<Deformation> {
+        let mode = if self.deflection > 0.01 { Mode::Sliding } else { Mode::Deforming };
+        Some(Deformation { deflection: self.deflection, mode })
     }
 }
 
@@ -84,6 +82,21 @@ fn every_row_gives_one_row_with_the_named_columns() {
         all
     });
     assert_eq!(rounded, expected);
+}
+
+#[test]
+fn a_classical_model_gives_its_force_alone_and_starts_with_the_first_reading() {
+    let scratch = Scratch::new();
+    let text = "time_s,position_mm,force_n\n0,0,1.5\n1,0,9\n2,50,9\n3,0,9\n";
+    let model = StaticFriction::new(SlidingFriction::coulomb(3.0, 5.0)).unwrap();
+    let out = |text: &str| {
+        let output = scratch.path("out.csv");
+        simulate_file(&scratch.motion(text), None, &mut Single::new(model, 0.5), &output, |_| ()).unwrap();
+        std::fs::read_to_string(&output).unwrap()
+    };
+    assert_eq!(out(text), "time_s,position_m,force_n\n0.0,0.0,1.0\n1.0,0.0,1.0\n2.0,0.05,3.25\n3.0,0.0,-3.25\n");
+    let without_force = text.replace(",force_n", "").replace(",1.5", "").replace(",9", "");
+    assert!(out(&without_force).starts_with("time_s,position_m,force_n\n0.0,0.0,0.0\n1.0,0.0,0.0\n2.0,0.05,3.25"));
 }
 
 fn round(x: f64) -> f64 {

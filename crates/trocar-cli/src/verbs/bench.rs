@@ -72,14 +72,13 @@ fn read_config(path: &Path) -> anyhow::Result<BenchConfig> {
 }
 
 fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> {
-    let model = match path {
-        Some(path) => ModelFile::read(path)?,
-        None => {
-            console.remark("seal: a plausible, made-up 10.5 mm trocar; give another with --seal");
-            ModelFile::plausible_10_5_mm()?
-        }
+    let Some(path) = path else {
+        console.remark("seal: a plausible, made-up 10.5 mm trocar; give another with --seal");
+        return Ok(ModelFile::plausible_10_5_mm()?.elements()?.to_vec());
     };
-    Ok(model.elements)
+    let model = ModelFile::read(path)?;
+    let elements = model.elements().map_err(|error| error.in_file(path))?;
+    Ok(elements.to_vec())
 }
 
 pub(crate) fn write_recording(run: &BenchRun, path: &Path) -> anyhow::Result<()> {

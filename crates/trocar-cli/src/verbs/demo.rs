@@ -49,9 +49,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let options = IdentifyOptions { seed: args.seed, inertia_removed: true, ..IdentifyOptions::default() };
     let found = Job { recordings, held_back, moving_mass, options }.run(console)?;
     let outcome = found.outcome();
-    identify::write(&staged, &outcome, Some(&truth.elements))?;
+    identify::write(&staged, &outcome, Some(truth.elements()?))?;
     staged.commit()?;
-    console::print(&in_brief(&found, truth.elements[0].params(), &config))?;
+    console::print(&in_brief(&found, truth.elements()?[0].params(), &config))?;
     console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
     Ok(Done::doubtful_if(outcome.is_doubtful()))
 }
@@ -67,7 +67,7 @@ fn record(
 ) -> anyhow::Result<Recording> {
     let progress = Progress::new(console);
     progress.report(protocol.name(), 0.0);
-    let run = bench::run(config, protocol, &seal.elements, seed)?;
+    let run = bench::run(config, protocol, seal.elements()?, seed)?;
     let recordings = folder.join("recordings");
     std::fs::create_dir_all(&recordings)?;
     let path = recordings.join(format!("{protocol}.csv"));

@@ -2,24 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use trocar::model_file::ModelFile;
-use trocar::replay::start_states;
-use trocar::simulate::{Drive, simulate_file};
+use trocar::classical::Classical;
+use trocar::model_file::{Model, ModelFile};
+use trocar::replay::{Deformation, start_states};
+use trocar::simulate::{Drive, Single, simulate_file};
 use trocar_model::{Element, LiteralState, Mode, PaperLiteral, State, step_parallel};
 
 use crate::Done;
-use crate::console::Console;
+use crate::console::{BadArgument, Console};
 use crate::input::finite;
 use crate::progress::Progress;
 
 /// Replay a model along a motion: force and deflection for every row
 ///
-/// Writes the columns time_s, position_m, force_n, deflection_m and mode, one row per input row. The force is the
-/// seal's alone, without the sensor's offset, positive on insertion. Rows are streamed: a file may be of any size.
-/// With several elements the deflection is their mean.
+/// Writes the columns time_s, position_m, force_n, deflection_m and mode, one row per input row; for a classical model
+/// (Coulomb to GMS) without the last two, since it has no deflection of the seal. The force is the seal's alone, without
+/// the sensor's offset, positive on insertion. Rows are streamed: a file may be of any size. With several elements the
+/// deflection is their mean.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Model file (model.json)
+    /// Model file (model.json, or one of those that compare writes)
     model: PathBuf,
     /// Motion: CSV with time and position columns, '-' for standard input
     motion: PathBuf,
@@ -27,10 +29,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Deflection of the seal before the first row, in mm, positive on insertion [default: from the first force
-    /// reading where the motion has one, else 0]
+    /// reading where the motion has one, else 0]; for EMS elements only
     #[arg(long, value_name = "MM", value_parser = finite, allow_negative_numbers = true)]
     initial_deflection_mm: Option<f64>,
-    /// The paper's own reading of its model: mode and branch by the sign of the velocity
+    /// The paper's own reading of its model: mode and branch by the sign of the velocity; for EMS elements only
     #[arg(long)]
     literal: bool,
     /// Names of the columns in order, with units, '-' to skip one: time_s,position_mm,-
@@ -40,20 +42,35 @@ pub(crate) struct Args {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let model = ModelFile::read(&args.model)?;
-    let start =
-        Start { deflection: args.initial_deflection_mm.map(|mm| 1e-3 * mm), offset: offset_of(&model), console };
+    let offset = model.sensor.map_or(0.0, |sensor| sensor.offset_n);
+    let elements = match &model.model {
+        Model::Ems(elements) => elements,
+        Model::Classical(classical) => {
+            refuse_what_is_for_elements(args, classical)?;
+            console.remark(&format!(
+                "start: at rest with the first force reading less the offset of {offset:.3} N, or without force where \
+                 the motion has none"
+            ));
+            stream(console, args, &mut Single::new(*classical, offset))?;
+            return Ok(Done::Clean);
+        }
+    };
+    let start = Start { deflection: args.initial_deflection_mm.map(|mm| 1e-3 * mm), offset, console };
     if args.literal {
-        let elements: Result<Vec<PaperLiteral>, _> =
-            model.elements.iter().map(|element| PaperLiteral::new(*element.params())).collect();
-        stream(console, args, &mut Literal::new(elements?, start, &model.elements))?;
+        let literal: Result<Vec<PaperLiteral>, _> =
+            elements.iter().map(|element| PaperLiteral::new(*element.params())).collect();
+        stream(console, args, &mut Literal::new(literal?, start, elements))?;
     } else {
-        stream(console, args, &mut Natural::new(&model.elements, start))?;
+        stream(console, args, &mut Natural::new(elements, start))?;
     }
     Ok(Done::Clean)
 }
 
-fn offset_of(model: &ModelFile) -> f64 {
-    model.sensor.map_or(0.0, |sensor| sensor.offset_n)
+fn refuse_what_is_for_elements(args: &Args, classical: &Classical) -> Result<(), BadArgument> {
+    let given = [("--literal", args.literal), ("--initial-deflection-mm", args.initial_deflection_mm.is_some())];
+    let Some((flag, _)) = given.into_iter().find(|(_, given)| *given) else { return Ok(()) };
+    let (file, kind) = (args.model.display(), classical.kind());
+    Err(BadArgument(format!("{flag} is for EMS elements, but {file} holds a {kind} model")))
 }
 
 fn stream(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<()> {
@@ -127,12 +144,9 @@ impl Drive for Natural<'_> {
         self.states.iter().map(State::force).sum()
     }
 
-    fn deflection(&self) -> f64 {
-        self.states.iter().map(State::deflection).sum::<f64>() / self.states.len() as f64
-    }
-
-    fn mode(&self) -> Mode {
-        slides(self.states.iter().map(State::mode))
+    fn deformation(&self) -> Option<Deformation> {
+        let deflection = self.states.iter().map(State::deflection).sum::<f64>() / self.states.len() as f64;
+        Some(Deformation { deflection, mode: slides(self.states.iter().map(State::mode)) })
     }
 }
 
@@ -166,12 +180,9 @@ impl Drive for Literal<'_> {
         self.states.iter().map(LiteralState::force).sum()
     }
 
-    fn deflection(&self) -> f64 {
-        self.states.iter().map(LiteralState::deflection).sum::<f64>() / self.states.len() as f64
-    }
-
-    fn mode(&self) -> Mode {
-        slides(self.states.iter().map(LiteralState::mode))
+    fn deformation(&self) -> Option<Deformation> {
+        let deflection = self.states.iter().map(LiteralState::deflection).sum::<f64>() / self.states.len() as f64;
+        Some(Deformation { deflection, mode: slides(self.states.iter().map(LiteralState::mode)) })
     }
 }
 

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use trocar::model_file::{ModelFile, SensorInfo};
+use trocar::model_file::{Model, ModelFile, SensorInfo};
 use trocar::recording::Recording;
 use trocar::summary::MovingMass;
-use trocar::validate::{Validation, validate};
+use trocar::validate::{Part, Phases, Validation, validate};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -16,10 +16,11 @@ use crate::table::{Table, number};
 ///
 /// Runs the model along each recording's positions and prints the error of its force: root mean square in N, and the
 /// fit 100 (1 - rms(error) / rms(force - mean force)) in percent. Scored are the samples at which the state of the seal
-/// is known, that is after it has slid once in each recording.
+/// is known, that is after it has slid once in each recording. A classical model does not tell deforming from sliding:
+/// its table has one column for the motion.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Model file (model.json)
+    /// Model file (model.json, or one of those that compare writes)
     model: PathBuf,
     /// Recordings: CSV with time, position and force columns, '-' for standard input
     #[arg(required = true, value_name = "RECORDING")]
@@ -52,7 +53,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     // The weight of the mass is part of the offset.
     let recordings: Result<Vec<Recording>, _> =
         recordings.into_iter().map(|recording| without(recording, MovingMass { mass, gravity: 0.0 }, 0.0)).collect();
-    let mut validation = validate(&model.elements, &recordings?, offset);
+    let recordings = recordings?;
+    let mut validation = match &model.model {
+        Model::Ems(elements) => validate(elements.as_slice(), &recordings, offset),
+        Model::Classical(classical) => validate(classical, &recordings, offset),
+    };
     for (result, path) in validation.recordings.iter_mut().zip(&args.recordings) {
         result.path = path.display().to_string();
         for warning in &result.warnings {
@@ -66,31 +71,22 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
 
 /// One line a recording, and one for all.
 pub(crate) fn table(validation: &Validation) -> String {
-    let mut table = Table::headed([
-        "recording",
-        "rms N",
-        "fit %",
-        "bias N",
-        "worst N",
-        "deforming N",
-        "sliding N",
-        "hold N",
-        "samples",
-    ]);
+    let classical = validation.recordings.iter().any(|r| r.by_phase.moving.is_some());
+    let phases = if classical { vec!["moving N", "hold N"] } else { vec!["deforming N", "sliding N", "hold N"] };
+    let common = ["recording", "rms N", "fit %", "bias N", "worst N"];
+    let mut table = Table::headed(common.into_iter().chain(phases).chain(["samples"]));
     for r in &validation.recordings {
-        let phase = |part: trocar::validate::Part| if part.samples > 0 { number(part.rms_n) } else { "-".to_owned() };
-        table.row([
-            r.path.clone(),
-            number(r.rms_n),
-            format!("{:.2}", r.fit_percent),
-            number(r.bias_n),
-            number(r.worst_n),
-            phase(r.by_phase.deformation),
-            phase(r.by_phase.sliding),
-            phase(r.by_phase.hold),
-            r.samples.to_string(),
-        ]);
+        let Phases { deformation, sliding, moving, hold } = r.by_phase;
+        let parts = if classical { vec![moving, Some(hold)] } else { [deformation, sliding, hold].map(Some).to_vec() };
+        let numbers = [number(r.rms_n), format!("{:.2}", r.fit_percent), number(r.bias_n), number(r.worst_n)];
+        let common = [r.path.clone()].into_iter().chain(numbers);
+        table.row(common.chain(parts.into_iter().map(phase)).chain([r.samples.to_string()]));
     }
     table.row(["all".to_owned(), number(validation.rms_n), format!("{:.2}", validation.fit_percent)]);
     table.to_text()
+}
+
+/// Error of a phase, if there was any of it.
+fn phase(part: Option<Part>) -> String {
+    part.filter(|part| part.samples > 0).map_or_else(|| "-".to_owned(), |part| number(part.rms_n))
 }

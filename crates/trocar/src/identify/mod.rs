@@ -189,6 +189,11 @@ impl Identification {
         self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
     }
 
+    /// A remark for the model file where the deformation was not identified.
+    pub(crate) fn deformation_note(&self) -> Option<String> {
+        self.deformation.as_ref().err().map(|why| format!("deformation assumed, not identified: {why}"))
+    }
+
     /// Whether data were lost or parameters are not pinned (exit code 3).
     pub fn is_doubtful(&self) -> bool {
         self.warnings.iter().any(|w| w.doubtful)
