@@ -5,6 +5,9 @@ use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use trocar::model_file::{Model, ModelFile};
+use trocar::recording::{ReadOptions, Recording, read};
+use trocar::replay::{Replay, replay};
 
 /// Keys that every model has.
 const KEYS: [&str; 11] = [
@@ -22,6 +25,9 @@ const KEYS: [&str; 11] = [
 ];
 /// Models that fit in a moment.
 const QUICK: &str = "coulomb-viscous,ems,maxwell-slip:1-2,dahl";
+
+/// Error of one model on one recording by two ways of adding up, N: rounding alone.
+const SAME_ERROR: f64 = 1e-9;
 
 /// A folder with recordings of a virtual bench, and the program run inside it.
 struct Place(tempfile::TempDir);
@@ -49,6 +55,16 @@ impl Place {
     /// Compares the quick models without times.
     fn compare(&self, more: &str) -> Ran {
         self.run(&format!("compare steady.csv --moving-mass-kg 0.04 --no-timing {more}"))
+    }
+
+    /// A recording as `compare --moving-mass-kg 0.04` scores it.
+    fn recording(&self, name: &str) -> Recording {
+        let recording = read(&self.path(name), &ReadOptions::default()).unwrap();
+        recording.without_moving_mass(0.04, 0.0).unwrap()
+    }
+
+    fn model(&self, name: &str) -> ModelFile {
+        ModelFile::read(&self.path(name)).unwrap()
     }
 
     fn names(&self) -> Vec<String> {
@@ -234,4 +250,104 @@ fn lost_data_and_seals_that_never_slide_end_with_3() {
     let ran = place.compare("--validate still.csv --models coulomb --json").ends_with(3);
     let ran = ran.says(&["still.csv", "never makes the seal slide"]);
     assert_eq!(models(&ran.json()).len(), 1);
+}
+
+fn run(model: &ModelFile, recording: &Recording) -> Replay {
+    let offset = model.sensor.unwrap().offset_n;
+    match &model.model {
+        Model::Ems(elements) => replay(elements.as_slice(), recording, offset),
+        Model::Classical(classical) => replay(classical, recording, offset),
+    }
+}
+
+/// Root mean square error, N, over the samples whose state `judge` knows.
+fn rms(model: &ModelFile, recording: &Recording, judge: &ModelFile) -> f64 {
+    let (run, scored) = (run(model, recording), run(judge, recording).known);
+    let offset = model.sensor.unwrap().offset_n;
+    let squares: Vec<f64> =
+        scored.into_iter().flatten().map(|i| (recording.force[i] - offset - run.force[i]).powi(2)).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// `compare` scores all models on the samples known to the EMS element, `validate` each on those known to itself.
+#[test]
+fn models_are_left_as_files_that_validate_to_the_same_errors() {
+    let place = Place::new();
+    let models_of = "ems,ems-output-error,coulomb,stribeck,dahl,lugre,lugre-rational,leuven:2,maxwell-slip:2,gms:2";
+    let json = place.compare(&format!("--validate validation.csv --models {models_of} --json --out out"));
+    let json = json.ends_with(0).json();
+    let recording = place.recording("validation.csv");
+    let ems = place.model("out/models/ems.json");
+    let mut files: Vec<String> = Vec::new();
+    for model in models(&json) {
+        let name = model["name"].as_str().unwrap();
+        let bank = ["leuven", "maxwell-slip", "gms"].contains(&name);
+        let file = format!("out/models/{name}{}.json", if bank { "-2" } else { "" });
+        let own = place.model(&file);
+        let compared = model["validate_rms_n"].as_f64().unwrap();
+        let apart = (rms(&own, &recording, &ems) - compared).abs();
+        assert!(apart < SAME_ERROR, "{file}: {apart} N on the same samples");
+        let ran = place.run(&format!("validate {file} validation.csv --json")).ends_with(0);
+        let validated = ran.json()["rms_n"].as_f64().unwrap();
+        let apart = (validated - rms(&own, &recording, &own)).abs();
+        assert!(apart < SAME_ERROR, "{file}: {apart} N on its own samples");
+        if name == "ems" {
+            assert!((validated - compared).abs() < SAME_ERROR, "{validated} {compared}");
+        }
+        files.push(file["out/models/".len()..].to_owned());
+    }
+    let mut written: Vec<String> = fs::read_dir(place.path("out/models"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    files.sort();
+    written.sort();
+    assert_eq!(written, files, "one file a model");
+}
+
+#[test]
+fn models_say_where_they_come_from() {
+    let place = Place::new();
+    let arguments = "--validate validation.csv --models ems,lugre --gravity-m-s2 -9.81 --seed 7 --json --out out";
+    let json = place.compare(arguments).ends_with(0).json();
+    for model in models(&json) {
+        let file = place.model(&format!("out/models/{}.json", model["name"].as_str().unwrap()));
+        assert_eq!((file.origin.seed, file.origin.recordings.len()), (Some(7), 1));
+        assert_eq!(file.origin.recordings[0].name, "steady.csv");
+        assert_eq!(file.origin.recordings[0].sha256, json["recordings"][0]["sha256"].as_str().unwrap());
+        let sensor = file.sensor.unwrap();
+        assert_eq!(sensor.moving_mass_kg, 0.04);
+        // What the sensor reads at rest includes the weight that was taken out.
+        let weight = sensor.offset_n - model["offset_n"].as_f64().unwrap();
+        assert!((weight + 0.04 * 9.81).abs() < SAME_ERROR, "{weight} N");
+        for (name, interval) in &file.intervals {
+            assert_eq!(interval.value, model["estimates"][name]["value"].as_f64().unwrap(), "{name}");
+        }
+        assert_eq!(file.intervals.len(), model["estimates"].as_object().unwrap().len());
+    }
+}
+
+#[test]
+fn classical_models_simulate_their_force_and_are_no_ems_elements() {
+    let place = Place::new();
+    place.compare("--validate validation.csv --models lugre --out out").ends_with(0);
+    let model = "out/models/lugre.json";
+    place.run(&format!("simulate {model} validation.csv --out force.csv")).ends_with(0).says(&["start: at rest"]);
+    let text = fs::read_to_string(place.path("force.csv")).unwrap();
+    assert_eq!(text.lines().next(), Some("time_s,position_m,force_n"));
+    let raw = read(&place.path("validation.csv"), &ReadOptions::default()).unwrap();
+    let forces: Vec<f64> = text.lines().skip(1).map(|line| line.rsplit_once(',').unwrap().1.parse().unwrap()).collect();
+    assert_eq!(forces, run(&place.model(model), &raw).force);
+
+    let table = place.run(&format!("validate {model} validation.csv")).ends_with(0).stdout;
+    assert!(table.contains("moving N") && table.contains("hold N") && !table.contains("sliding N"), "{table}");
+    let before = place.names();
+    let essentials = [model, "holds a lugre model", "expected EMS elements"];
+    place.run(&format!("analyze {model}")).ends_with(1).says(&essentials).says(&["hint: trocar simulate"]);
+    place.run(&format!("bench step --seal {model} --out step.csv")).ends_with(1).says(&essentials);
+    for flag in ["--literal", "--initial-deflection-mm 1"] {
+        let ran = place.run(&format!("simulate {model} validation.csv --out other.csv {flag}")).ends_with(2);
+        ran.says(&[&flag[..9], "is for EMS elements", model, "lugre"]);
+    }
+    assert_eq!(place.names(), before);
 }

@@ -24,7 +24,7 @@ const MOST_NAMES: usize = 8;
 ///
 /// The EMS element beside the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven, Maxwell-Slip and
 /// Generalized Maxwell-Slip. Each is fitted to the training recordings and then run along the positions of the
-/// validation recordings. Prints a table, least validation error first. Ends with exit code 3 when a recording lost data
+/// validation recordings. Prints a table, least validation error first; --out keeps every model as a file. Ends with exit code 3 when a recording lost data
 /// or a validation recording never lets the seal slide; parameters that are not pinned are part of the result.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -39,7 +39,8 @@ pub(crate) struct Args {
     /// leuven has 4, the others 1 to 12)
     #[arg(long, default_value = "all", value_name = "LIST", value_parser = models)]
     models: Models,
-    /// Folder for compare.json, report.html and figures; it need not exist
+    /// Folder for compare.json, models (lugre.json, gms-4.json, for simulate and validate), report.html and figures; it
+    /// need not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Measure no times: equal recordings then give equal bytes
@@ -87,6 +88,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let json = outcome.summary().to_json();
     if let Some(staged) = staged {
         staged.write("compare.json", json.as_bytes())?;
+        for (path, model) in outcome.model_files() {
+            staged.write(&path, model.to_json().as_bytes())?;
+        }
         report::stage_document(&staged, &report::comparison::document(&outcome, "Friction models compared"))?;
         staged.commit()?;
     }

@@ -20,6 +20,7 @@ use crate::identify::classical::{ClassicalData, ClassicalFit, Kind};
 use crate::identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
 };
+use crate::model_file::Model;
 use crate::recording::{Recording, RecordingError};
 use crate::validate::Phases;
 
@@ -70,6 +71,14 @@ impl Choice {
             Self::Ems => "ems",
             Self::EmsOutputError => "ems-output-error",
             Self::Classical(kind) => kind.family(),
+        }
+    }
+
+    /// Name with the number of elements where there is a choice, as a file name: `lugre`, `gms-4`.
+    pub fn file_stem(self) -> String {
+        match self {
+            Self::Ems | Self::EmsOutputError => self.family().to_owned(),
+            Self::Classical(kind) => kind.to_string().replace(':', "-"),
         }
     }
 
@@ -360,6 +369,15 @@ fn fit_all(
     };
     let fits: Result<Vec<Vec<_>>, CompareError> = families.par_iter().map(of_family).collect();
     Ok(fits?.into_iter().flatten().collect())
+}
+
+impl From<Compared> for Model {
+    fn from(model: Compared) -> Self {
+        match model {
+            Compared::Ems(element) => Self::Ems(vec![element]),
+            Compared::Classical(model) => Self::Classical(model),
+        }
+    }
 }
 
 impl Compared {

@@ -1,4 +1,4 @@
-//! What a comparison leaves behind: `compare.json`.
+//! What a comparison leaves behind: `compare.json` and the models.
 //!
 //! Names and hashes instead of folders, and no time unless times were asked for: equal input gives equal bytes.
 
@@ -7,11 +7,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::identify::{Estimate, Identification, Parameter, Warning};
+use crate::model_file::{ModelFile, Origin};
 use crate::recording::Recording;
-use crate::summary::{MovingMass, PROGRAM};
+use crate::summary::{MovingMass, PROGRAM, intervals};
 use crate::validate::{Phases, RecordingValidation, validate};
 
-use super::{Comparison, Entry, ReversalMatch, reversal_match};
+use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
 
 /// Families of banks about which EMS section II-C says something.
 const BANKS: [&str; 2] = ["maxwell-slip", "gms"];
@@ -146,6 +147,21 @@ impl<'a> Outcome<'a> {
         let scores = validate(std::slice::from_ref(element), &self.comparison.validation, model.offset);
         let of = |r: &RecordingValidation| r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>();
         scores.recordings.iter().flat_map(of).collect()
+    }
+
+    /// Every model as a file, by its path in the folder of results: `models/lugre.json`, `models/gms-4.json`.
+    pub fn model_files(&self) -> Vec<(String, ModelFile)> {
+        let Self { comparison, seed, moving_mass, .. } = *self;
+        let file = |entry: &Entry| {
+            let mut model = ModelFile::new(entry.model, Origin::identified(seed, &comparison.training));
+            if entry.choice == Choice::Ems {
+                model.origin.note = comparison.ems.deformation_note();
+            }
+            model.sensor = Some(moving_mass.sensor(entry.offset, comparison.ems.model.hidden_mass));
+            model.intervals = intervals(&entry.estimates);
+            (format!("models/{}.json", entry.choice.file_stem()), model)
+        };
+        comparison.entries.iter().map(file).collect()
     }
 
     /// The contents of `compare.json`.
