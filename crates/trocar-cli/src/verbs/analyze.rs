@@ -13,8 +13,8 @@ use crate::table::{Table, number};
 /// Check the paper's propositions for a model, and what happens where they fail
 ///
 /// Proposition III.1 (the seal reaches sliding), III.2 (steady force and deflection) and III.3 (stability), stick-slip
-/// and snap-through, the energy of closed motions, and the error of the 1 kHz step, each against simulations. They speak
-/// of EMS elements: models of other kinds are refused.
+/// and snap-through, the energy of closed motions, and the error of the 1 kHz step, each against simulations.
+/// All of it is about EMS elements: other models are refused.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json)

@@ -24,8 +24,10 @@ const MOST_NAMES: usize = 8;
 ///
 /// The EMS element beside the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven, Maxwell-Slip and
 /// Generalized Maxwell-Slip. Each is fitted to the training recordings and then run along the positions of the
-/// validation recordings. Prints a table, least validation error first; --out keeps every model as a file. Ends with exit code 3 when a recording lost data
-/// or a validation recording never lets the seal slide; parameters that are not pinned are part of the result.
+/// validation recordings. Prints a table, least validation error first; --out keeps every model as a file. All are scored
+/// on the samples that the EMS element knows the state of; validate scores each on those that it knows itself. Ends with
+/// exit code 3 when a recording lost data or a validation recording never lets the seal slide; parameters that are not
+/// pinned are part of the result.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Recordings to fit to: CSV with time, position and force columns, '-' for standard input

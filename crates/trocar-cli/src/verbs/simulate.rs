@@ -16,8 +16,8 @@ use crate::progress::Progress;
 /// Replay a model along a motion: force and deflection for every row
 ///
 /// Writes the columns time_s, position_m, force_n, deflection_m and mode, one row per input row; for a classical model
-/// (Coulomb to GMS) without the last two, since it has no deflection of the seal. The force is the seal's alone, without
-/// the sensor's offset, positive on insertion. Rows are streamed: a file may be of any size. With several elements the
+/// (Coulomb to GMS) without the last two, since it knows no deflection. The force is the seal's alone, without the
+/// sensor's offset, positive on insertion. Rows are streamed: a file may be of any size. With several elements the
 /// deflection is their mean.
 #[derive(clap::Args)]
 pub(crate) struct Args {
