@@ -113,9 +113,10 @@ impl Dahl {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force at the very start of motion at `velocity` (m/s) from `state`, N.
+    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a velocity that is not finite.
     pub fn output(&self, state: &DahlState, velocity: f64) -> f64 {
-        state.hysteresis_force + self.params.viscous_damping * velocity
+        let force = state.hysteresis_force + self.params.viscous_damping * velocity;
+        if velocity.is_finite() && force.is_finite() { force } else { state.force }
     }
 
     /// Moves f by `displacement`.

@@ -206,7 +206,8 @@ impl Leuven {
         let mut hysteresis = self.bank.force(&state.forces);
         let mut left = travel;
         let mut reached = None;
-        for part in 0..STRIDES + MAX_ELEMENTS + 1 {
+        let mut strides = 0;
+        for _ in 0..STRIDES + 2 * MAX_ELEMENTS + 1 {
             if left <= 0.0 {
                 break;
             }
@@ -220,7 +221,8 @@ impl Leuven {
             }
             let start = gain.abs();
             let settled = (level - s * hysteresis).abs() / stiffness;
-            let stride = if part < STRIDES { self.stride(ratio) * level / stiffness } else { f64::INFINITY };
+            let stride = if strides < STRIDES { self.stride(ratio) * level / stiffness } else { f64::INFINITY };
+            strides += usize::from(stride < room);
             let far = room.min(settled).min(stride).min(start * left);
             let gain_there = if far < settled { self.gain(ratio + s * heading * stiffness * far / level) } else { 0.0 };
             let end = gain_there.abs();

@@ -185,9 +185,10 @@ impl LuGre {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force at the very start of motion at `velocity` (m/s) from `state`, N.
+    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a velocity that is not finite.
     pub fn output(&self, state: &LuGreState, velocity: f64) -> f64 {
-        self.moved(state, velocity, 0.0).force
+        let force = if velocity.is_finite() { self.moved(state, velocity, 0.0).force } else { state.force };
+        if force.is_finite() { force } else { state.force }
     }
 
     /// The state `distance` = |Δx| further on at constant `velocity`.

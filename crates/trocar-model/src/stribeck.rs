@@ -91,9 +91,10 @@ impl StaticFriction {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force at the very start of motion at `velocity` (m/s) from `state`, N.
+    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a velocity that is not finite.
     pub fn output(&self, state: &StaticState, velocity: f64) -> f64 {
-        self.moved(state, velocity).force
+        let force = if velocity.is_finite() { self.moved(state, velocity).force } else { state.force };
+        if force.is_finite() { force } else { state.force }
     }
 
     fn moved(&self, state: &StaticState, velocity: f64) -> StaticState {

@@ -44,8 +44,8 @@ fn print_table(title: &str, comparison: &Comparison) {
     if by_recording {
         names.iter().for_each(|name| print!(" {name}, N |"));
     }
-    println!(" fit, % | behind reversals, N | worst reversal, N | not pinned |");
-    println!("|{}", "---|".repeat(8 + if by_recording { names.len() } else { 0 }));
+    println!(" fit, % | AIC | BIC | behind reversals, N | worst reversal, N | not pinned |");
+    println!("|{}", "---|".repeat(10 + if by_recording { names.len() } else { 0 }));
     for entry in comparison.entries.iter().filter(|e| is_shown(e)) {
         let s = &entry.scores;
         let bank = matches!(entry.choice, Choice::Classical(Kind::MaxwellSlip(_) | Kind::Gms(_) | Kind::Leuven(_)));
@@ -55,16 +55,20 @@ fn print_table(title: &str, comparison: &Comparison) {
             s.by_recording_n.iter().for_each(|rms| print!(" {rms:.4} |"));
         }
         let loose = entry.estimates.iter().filter(|p| !p.estimate.pinned).count();
-        println!(" {:.1} | {:.4} | {:.4} | {loose} |", s.fit_percent, s.reversal_rms_n, s.worst_reversal_n);
+        let criteria = format!("{:.0} | {:.0}", s.aic, s.bic);
+        println!(
+            " {:.1} | {criteria} | {:.4} | {:.4} | {loose} |",
+            s.fit_percent, s.reversal_rms_n, s.worst_reversal_n
+        );
     }
     let (samples, worth) = (comparison.samples, comparison.effective_samples);
-    println!("\n{samples} training samples, worth {worth:.0} independent ones. ");
+    println!("\n{samples} training samples, worth {worth:.0} independent ones.");
     if let Err(why) = &comparison.ems.deformation {
-        println!("The deformation is not resolved ({why}): `ems` is a stiff spring here. ");
+        println!("\nThe deformation is not resolved ({why}): `ems` is a stiff spring here.");
     }
     for family in ["maxwell-slip", "gms"] {
         if let Some(claim) = reversal_match(comparison, family) {
-            println!("{} ", claim.sentence());
+            println!("\n{}", claim.sentence());
         }
     }
 }

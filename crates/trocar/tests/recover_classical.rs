@@ -20,6 +20,9 @@ const BENCHES: u64 = 24;
 /// Coverage demanded over all parameters of a model together. Of 24 benches with one to ten parameters that share their
 /// noise, 0.95 comes out within this band in nearly all tests.
 const BAND: std::ops::RangeInclusive<f64> = 0.90..=1.0;
+/// Part of the numbers that must be pinned, and the largest median error: intervals without end cover everything.
+const LEAST_PINNED: f64 = 0.9;
+const WORST_MEDIAN: f64 = 0.15;
 /// Standard deviation of a reading, N, and of the friction's level from pass to pass.
 const NOISE: f64 = 0.015;
 const LEVEL: f64 = 0.01;
@@ -266,6 +269,7 @@ fn recovered(kind: Kind) {
             own[0].0,
             1e2 * median
         );
+        assert!(median < WORST_MEDIAN, "{kind}: {} is off by {median} in the median", own[0].0);
         // What is not pinned covers by definition: it does not count.
         covered += own.iter().filter(|n| n.1 && n.2).count();
         all += pinned;
@@ -273,6 +277,8 @@ fn recovered(kind: Kind) {
     let mut rms: Vec<f64> = outcomes.iter().map(|(_, rms)| *rms).collect();
     rms.sort_by(f64::total_cmp);
     let coverage = covered as f64 / all as f64;
+    let pinned = all as f64 / (BENCHES as usize * outcomes[0].0.len()) as f64;
+    assert!(pinned > LEAST_PINNED, "{kind}: only {pinned} of the numbers are pinned");
     println!("{kind:16} coverage {coverage:.3} of {all} pinned; validation {:.4} N rms (median)", rms[rms.len() / 2]);
     assert!(BAND.contains(&coverage), "{kind}: coverage {coverage}");
 }
@@ -320,4 +326,32 @@ fn maxwell_slip_is_recovered() {
 #[test]
 fn gms_is_recovered() {
     recovered(Kind::Gms(2));
+}
+
+/// A model that can do what another does fits the training no worse; the fit sees samples taken together, hence 0.1 %.
+#[test]
+fn larger_models_fit_no_worse() {
+    const TOGETHER: f64 = 1e-3;
+    let mut draw = Draw::new(5);
+    let truth = truth(Kind::LuGre, &mut draw);
+    let training = [record(&truth.model, &mut draw, 1)];
+    let banks = (1..=4).flat_map(|n| [Kind::MaxwellSlip(n), Kind::Gms(n)]);
+    let options = CompareOptions {
+        models: banks.map(Choice::Classical).collect(),
+        identify: IdentifyOptions { bootstrap: 0, refine: false, ..IdentifyOptions::default() },
+        timing: false,
+    };
+    let entries = compare(&training, &training, &options, &|_, _| {}).expect("there is steady sliding").entries;
+    let rms = |kind: Kind| {
+        let entry = entries.iter().find(|e| e.choice == Choice::Classical(kind)).expect("was asked for");
+        entry.scores.train_rms_n
+    };
+    for n in 1..=4 {
+        for special in [Kind::Gms(n).special(), Kind::Gms(n).smaller()].into_iter().flatten() {
+            assert!(rms(Kind::Gms(n)) <= (1.0 + TOGETHER) * rms(special), "gms:{n} against {special}");
+        }
+        if let Some(smaller) = Kind::MaxwellSlip(n).smaller() {
+            assert!(rms(Kind::MaxwellSlip(n)) <= (1.0 + TOGETHER) * rms(smaller), "{n} against {smaller}");
+        }
+    }
 }

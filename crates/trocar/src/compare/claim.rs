@@ -17,6 +17,8 @@ pub struct ReversalMatch {
     pub elements: Option<usize>,
     /// Their number of parameters.
     pub parameters: Option<usize>,
+    /// Whether a larger number of elements misses that error again.
+    pub lost_again: bool,
     /// Largest number of elements tried.
     pub most_elements: usize,
     /// Least error of those tried, N.
@@ -25,7 +27,8 @@ pub struct ReversalMatch {
     pub best_elements: usize,
 }
 
-/// Tests the claim for one family; `None` where it or the EMS element was not compared.
+/// Tests the claim for one family; `None` where it or the EMS element was not compared, or the validation
+/// has no reversal.
 ///
 /// The EMS element is that of [`Comparison::ems_entry`].
 pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<ReversalMatch> {
@@ -34,7 +37,12 @@ pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<R
     let mut own: Vec<_> = entries.iter().filter(|e| e.name == family).collect();
     own.sort_by_key(|e| e.elements);
     let level = ems.scores.reversal_rms_n;
+    if !level.is_finite() {
+        return None;
+    }
     let matched = own.iter().find(|e| e.scores.reversal_rms_n <= level);
+    let lost_again =
+        matched.is_some_and(|m| own.iter().any(|e| e.elements > m.elements && e.scores.reversal_rms_n > level));
     let best = own.iter().min_by(|a, b| a.scores.reversal_rms_n.total_cmp(&b.scores.reversal_rms_n))?;
     Some(ReversalMatch {
         name: family,
@@ -42,6 +50,7 @@ pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<R
         ems_parameters: ems.parameters,
         elements: matched.map(|e| e.elements),
         parameters: matched.map(|e| e.parameters),
+        lost_again,
         most_elements: own.last()?.elements,
         best_reversal_rms_n: best.scores.reversal_rms_n,
         best_elements: best.elements,
@@ -57,7 +66,12 @@ impl ReversalMatch {
         );
         match (self.elements, self.parameters) {
             (Some(elements), Some(parameters)) => {
-                format!("{} matches {ems} with {elements} elements and {parameters} parameters.", self.name)
+                let again = if self.lost_again { "; some larger numbers of elements do not" } else { "" };
+                let plural = if elements == 1 { "" } else { "s" };
+                format!(
+                    "{} matches {ems} with {elements} element{plural} and {parameters} parameters{again}.",
+                    self.name
+                )
             }
             _ => format!(
                 "{} does not match {ems} with up to {} elements; its best is {:.3} N with {}.",

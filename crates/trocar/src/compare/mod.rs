@@ -16,7 +16,7 @@ use serde::Serialize;
 use trocar_model::{Element, Friction};
 
 use crate::classical::Classical;
-use crate::identify::classical::{ClassicalData, ClassicalFit, Kind};
+use crate::identify::classical::{ClassicalData, ClassicalFit, Kin, Kind};
 use crate::identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
 };
@@ -152,9 +152,10 @@ pub struct Scores {
     pub aic: f64,
     /// Schwarz' criterion, likewise.
     pub bic: f64,
-    /// Root mean square error, N, within the deformation behind each reversal of the validation.
+    /// Root mean square error, N, within the deformation behind each reversal of the validation; NaN without a reversal
+    /// (null in JSON).
     pub reversal_rms_n: f64,
-    /// The same for the worst single reversal, N.
+    /// The same for the worst single reversal, N; NaN without one.
     pub worst_reversal_n: f64,
     /// Error on the validation recordings by phase, as the EMS element tells the phases.
     pub by_phase: Phases,
@@ -175,8 +176,8 @@ pub struct Comparison {
     pub validation: Vec<Recording>,
     /// Samples of the training recordings that are scored.
     pub samples: usize,
-    /// Number of independent samples that they are worth, from the autocorrelation of the residuals of the model that
-    /// fits them best.
+    /// Number of independent samples that they are worth, from the autocorrelation of the residuals of the EMS element as
+    /// identified.
     pub effective_samples: f64,
     /// Travel, m, behind a reversal that counts for its error.
     pub reversal_travel: f64,
@@ -248,7 +249,9 @@ pub fn compare(
     let reversal_travel = reversal_travel(&ems, &training);
     let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
     let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.model, m.offset)).collect();
-    let effective_samples = grounds.effective_samples(&raw);
+    // Of one model whichever are compared, so that the criteria do not depend on the choice.
+    let reference = grounds.raw(&Compared::Ems(ems.element), ems.model.offset);
+    let effective_samples = grounds.effective_samples(&reference);
     let times: Vec<Option<f64>> =
         models.iter().map(|m| options.timing.then(|| m.model.nanoseconds_per_step(&validation[0]))).collect();
     let entry = |((fitted, raw), ns): ((Fitted, &score::Raw), Option<f64>)| {
@@ -333,7 +336,8 @@ impl Fitted {
     }
 }
 
-/// Fits all classical models; those of one family in the order of their size, since each starts from the smaller one.
+/// Fits all classical models; those of one family in the order of their size, since each starts from the smaller one,
+/// and GMS behind Maxwell-Slip.
 fn fit_all(
     models: &[Choice],
     data: &ClassicalData,
@@ -352,14 +356,15 @@ fn fit_all(
     let work = |kind: &Kind| kind.parameters().pow(2);
     let total: usize = kinds.iter().map(work).sum();
     let done = AtomicUsize::new(0);
-    let mut families: Vec<&[Kind]> = kinds.chunk_by(|a, b| a.family() == b.family()).collect();
+    let mut families: Vec<&[Kind]> = kinds.chunk_by(|a, b| chain(*a) == chain(*b)).collect();
     families.reverse();
     let of_family = |family: &&[Kind]| {
         let mut fits: Vec<(ClassicalFit, f64)> = Vec::new();
         for kind in *family {
             let clock = Instant::now();
-            let smaller = fits.last().map(|(fit, _)| fit).filter(|fit| fit.kind.elements() + 1 == kind.elements());
-            let fit = crate::identify::classical::fit(*kind, data, smaller)
+            let fitted = |wanted: Option<Kind>| fits.iter().map(|(fit, _)| fit).find(|fit| Some(fit.kind) == wanted);
+            let kin = Kin { smaller: fitted(kind.smaller()), special: fitted(kind.special()) };
+            let fit = crate::identify::classical::fit(*kind, data, kin)
                 .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
             fits.push((fit, clock.elapsed().as_secs_f64()));
             let part = done.fetch_add(work(kind), Ordering::Relaxed) + work(kind);
@@ -378,6 +383,11 @@ impl From<Compared> for Model {
             Compared::Classical(model) => Self::Classical(model),
         }
     }
+}
+
+/// Families that are fitted one after another, since one starts from the other.
+fn chain(kind: Kind) -> &'static str {
+    kind.special().unwrap_or(kind).family()
 }
 
 impl Compared {

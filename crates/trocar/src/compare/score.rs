@@ -82,13 +82,10 @@ impl<'a> Grounds<'a> {
         }
     }
 
-    /// n / (1 + 2 Σρ_k) of the residuals of the model that fits the training best, the autocorrelation summed to its
-    /// first zero.
-    pub(super) fn effective_samples(&self, raw: &[Raw]) -> f64 {
-        let squares = |r: &&Raw| r.training.iter().map(|e| e * e).sum::<f64>();
-        let Some(best) = raw.iter().min_by(|a, b| squares(a).total_cmp(&squares(b))) else { return 0.0 };
-        let every = best.training.len().div_ceil(MOST_RESIDUALS).max(1);
-        let thinned: Vec<f64> = best.training.iter().step_by(every).copied().collect();
+    /// n / (1 + 2 Σρ_k) of the residuals of `reference`, the autocorrelation summed to its first zero.
+    pub(super) fn effective_samples(&self, reference: &Raw) -> f64 {
+        let every = reference.training.len().div_ceil(MOST_RESIDUALS).max(1);
+        let thinned: Vec<f64> = reference.training.iter().step_by(every).copied().collect();
         let n = thinned.len() as f64;
         let power: f64 = thinned.iter().map(|e| e * e).sum();
         let correlation =
@@ -108,6 +105,7 @@ impl<'a> Grounds<'a> {
             g.reversals.iter().map(sums).collect()
         };
         let reversals: Vec<Sums> = self.validation.iter().zip(&raw.validation).flat_map(reversal).collect();
+        let with_reversals = |error: f64| if reversals.is_empty() { f64::NAN } else { error };
         // The offset and the residual variance are estimated too.
         let estimated = (parameters + 2) as f64;
         let deviance = effective * mean_square.max(1e-300).ln();
@@ -117,8 +115,8 @@ impl<'a> Grounds<'a> {
             fit_percent: all.fit_percent(),
             aic: deviance + 2.0 * estimated,
             bic: deviance + estimated * effective.max(1.0).ln(),
-            reversal_rms_n: reversals.iter().fold(Sums::default(), |a, b| a.plus(*b)).rms(),
-            worst_reversal_n: reversals.iter().map(Sums::rms).fold(0.0, f64::max),
+            reversal_rms_n: with_reversals(reversals.iter().fold(Sums::default(), |a, b| a.plus(*b)).rms()),
+            worst_reversal_n: with_reversals(reversals.iter().map(Sums::rms).fold(0.0, f64::max)),
             by_phase: self.by_phase(raw),
             by_recording_n: own.iter().map(Sums::rms).collect(),
         }

@@ -305,6 +305,13 @@ impl<T: Trial> Fitted<T> {
         (hessian, score)
     }
 
+    /// Part of the cost that an undamped step would take away if the model were linear.
+    pub(crate) fn promised_fall(&self) -> f64 {
+        let (hessian, score) = self.sums();
+        let step = damped_step(&hessian, &score, 1e-6, &self.held);
+        step.map_or(0.0, |delta| delta.dot(&score) / self.normal.cost().max(f64::MIN_POSITIVE))
+    }
+
     /// Trials with one cluster left out each, to first order (jackknife replicates).
     pub(crate) fn jackknife(&self) -> Vec<T> {
         let (hessian, score) = self.sums();

@@ -6,8 +6,9 @@
 use trocar_model::Element;
 
 use super::candidate::{Candidate, EmsTrial, Layout};
-use super::classical::{ClassicalData, LONG, SHORT};
-use super::output_error::{self, Fitted};
+use super::classical::{ClassicalData, LONG, SHORT, unrest};
+use super::estimate::Estimate;
+use super::output_error::{self, Fitted, Trial};
 use super::shape::BranchShape;
 use super::spread::{Reported, Spread};
 use super::{Identification, Parameter, Warning};
@@ -107,9 +108,24 @@ fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
             _ => best.insertion.viscous_damping.max(1.0),
         };
         let how = Reported { unit, log, scale, least };
-        Parameter { name: name.to_owned(), estimate: spread.estimate(how, &|t| of(&t.candidate)) }
+        let estimate = match is_held(fitted, of) {
+            true => Estimate::not_pinned(of(best), unit, "the fit holds it at an end of its range"),
+            false => spread.estimate(how, &|t| of(&t.candidate)),
+        };
+        Parameter { name: name.to_owned(), estimate }
     };
     quantities(*layout).into_iter().map(parameter).collect()
+}
+
+/// Whether a number stands for one that is held at an end of its range: it alone, or the width with it, moves the number.
+fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
+    let free = fitted.best.free();
+    let value = of(&fitted.best.candidate);
+    (0..free.len()).filter(|j| fitted.held[*j]).any(|j| {
+        let mut values: Vec<f64> = free.iter().map(|f| f.value).collect();
+        values[j] += free[j].step;
+        of(&fitted.best.with_any(&values).candidate) != value
+    })
 }
 
 fn warnings(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) -> Vec<Warning> {
@@ -117,8 +133,8 @@ fn warnings(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) -> Vec<Warning>
     let mut say = |subject: &str, message: String| {
         all.push(Warning { subject: subject.to_owned(), message, doubtful: true });
     };
-    if !fitted.converged {
-        say("fit", format!("did not come to rest in {} steps", fitted.iterations));
+    if let Some(message) = unrest(fitted) {
+        say("fit", message);
     }
     for p in parameters.iter().filter(|p| !p.estimate.pinned) {
         let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");

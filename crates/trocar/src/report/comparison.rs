@@ -143,13 +143,13 @@ fn claim(comparison: &Comparison) -> Section {
 
 fn criteria(comparison: &Comparison) -> Section {
     let name = |entry: Option<&Entry>| entry.map_or_else(String::new, model_name);
-    let [fit, aic, bic]: [fn(&Entry) -> f64; 3] = [|e| e.scores.train_rms_n, |e| e.scores.aic, |e| e.scores.bic];
-    let [fit, aic, bic] = [fit, aic, bic].map(|of| name(least_by(comparison, of)));
+    let [aic, bic]: [fn(&Entry) -> f64; 2] = [|e| e.scores.aic, |e| e.scores.bic];
+    let [aic, bic] = [aic, bic].map(|of| name(least_by(comparison, of)));
     let section = Section::new("Criteria and cost")
         .paragraph(format!(
             "AIC = n·ln(mean squared error) + 2·k and BIC = n·ln(mean squared error) + k·ln n, on the training recordings; k counts the \
              parameters, the sensor offset and the variance of the error. Neighbouring errors are alike, so the {} samples are worth \
-             n = {:.0} independent ones by the autocorrelation of the residuals of {fit}, the model that fits best; n is one number \
+             n = {:.0} independent ones by the autocorrelation of the residuals of the EMS element as identified; n is one number \
              for all models. Less is better: {aic} has the least AIC, {bic} the least BIC.",
             comparison.samples, comparison.effective_samples
         ))

@@ -28,7 +28,7 @@ impl ClassicalData {
         let all: Vec<Segmented> = recordings.iter().zip(&parts).map(|(r, (s, settled))| part(r, s, settled)).collect();
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
-        // All samples weigh the same: what is minimised is what is scored.
+        // All samples weigh the same: what is minimised is nearly what is scored, but for samples taken together.
         let mut training = Training::new(&all, 1.0, 0.0, half_width, MOST_CLUSTERS);
         training.forget_unknown_starts(&found.element);
         let scales = Scales {

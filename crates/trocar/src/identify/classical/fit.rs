@@ -17,7 +17,9 @@ use super::starts;
 /// When the short fits from every start stop, and when the best is done.
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3 };
 pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6 };
-/// Starts that are fitted to the end.
+/// Part of the squares that a fit at rest may still promise.
+const WORST_PROMISE: f64 = 2e-3;
+/// Fresh starts that are fitted to the end.
 const FINALISTS: usize = 2;
 /// Scale of a number in steps of its difference quotient.
 const SCALE: f64 = 1e4;
@@ -105,23 +107,43 @@ impl Trial for ClassicalTrial {
     }
 }
 
-/// Fits one model; `smaller` is the same family with one element less.
+/// Fits that a model may start from: it can do what they do.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Kin<'a> {
+    /// Of the same family with one element less.
+    pub(crate) smaller: Option<&'a ClassicalFit>,
+    /// Of [`Kind::special`].
+    pub(crate) special: Option<&'a ClassicalFit>,
+}
+
+/// Fits one model, from starts read off the data and from its kin.
+///
+/// Of the fresh starts the best after a short fit are fitted to the end; those from its kin always are, so that no model
+/// ends worse than a smaller one.
 ///
 /// # Errors
 /// A sentence when no start gives a model that runs.
-pub(crate) fn fit(kind: Kind, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Result<ClassicalFit, String> {
+pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: Kin) -> Result<ClassicalFit, String> {
+    let special = match (kin.special, kind.special()) {
+        (None, Some(special)) => Some(fit(special, data, Kin::default())?),
+        _ => None,
+    };
+    let kin = Kin { special: kin.special.or(special.as_ref()), ..kin };
     let coordinates: Arc<[Coordinate]> = coordinates(kind, &data.scales).into();
-    let starts = starts::starts(kind, data, smaller);
-    let trials = starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers));
+    let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
+        starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers)).collect()
+    };
+    let fresh = trials(starts::fresh(kind, data, kin));
     let mut short: Vec<Fitted<ClassicalTrial>> =
-        trials.filter_map(|trial| output_error::fit(&data.training, &trial, SHORT)).collect();
+        fresh.iter().filter_map(|trial| output_error::fit(&data.training, trial, SHORT)).collect();
     short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
-    let long = short.iter().take(FINALISTS).filter_map(|s| output_error::fit(&data.training, &s.best, LONG));
+    let finalists = short.into_iter().take(FINALISTS).map(|s| s.best).chain(trials(starts::from_kin(kind, data, kin)));
+    let long = finalists.filter_map(|trial| output_error::fit(&data.training, &trial, LONG));
     let found = long.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
     let model = found.best.model().ok_or("the best numbers make no model")?;
     let parameters = parameters(&found);
-    let mut warnings = warnings(kind, &found, &parameters);
-    warnings.extend(energy_warning(kind, &model));
+    let mut warnings = warnings(&found, &parameters);
+    warnings.extend(energy_warning(&model));
     Ok(ClassicalFit {
         kind,
         model,
@@ -152,11 +174,11 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     quantities(best.kind, &best.coordinates).into_iter().map(estimate).collect()
 }
 
-fn warnings(kind: Kind, found: &Fitted<ClassicalTrial>, parameters: &[Parameter]) -> Vec<Warning> {
+fn warnings(found: &Fitted<ClassicalTrial>, parameters: &[Parameter]) -> Vec<Warning> {
     let mut all = Vec::new();
     let mut say = |subject: String, message: String| all.push(Warning { subject, message, doubtful: true });
-    if !found.converged {
-        say(kind.to_string(), format!("the fit did not come to rest in {} steps", found.iterations));
+    if let Some(message) = unrest(found) {
+        say("fit".to_owned(), message);
     }
     for p in parameters.iter().filter(|p| !p.estimate.pinned) {
         let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");
@@ -165,8 +187,19 @@ fn warnings(kind: Kind, found: &Fitted<ClassicalTrial>, parameters: &[Parameter]
     all
 }
 
+/// Why a fit is not at rest, if it is not.
+pub(crate) fn unrest<T: Trial>(found: &Fitted<T>) -> Option<String> {
+    if !found.converged {
+        return Some(format!("the fit did not come to rest in {} steps", found.iterations));
+    }
+    let promised = found.promised_fall();
+    (promised > WORST_PROMISE).then(|| {
+        format!("the fit stalled: to first order another {:.1} % of the squares were to be had", 1e2 * promised)
+    })
+}
+
 /// What is known against the model's passivity.
-fn energy_warning(kind: Kind, model: &Classical) -> Option<Warning> {
+fn energy_warning(model: &Classical) -> Option<Warning> {
     let message = match model {
         Classical::LuGre(lugre) => match lugre.passivity() {
             Passivity::Passive => return None,
@@ -181,5 +214,5 @@ fn energy_warning(kind: Kind, model: &Classical) -> Option<Warning> {
         }
         _ => return None,
     };
-    Some(Warning { subject: kind.to_string(), message, doubtful: false })
+    Some(Warning { subject: "energy".to_owned(), message, doubtful: false })
 }

@@ -57,6 +57,24 @@ impl Kind {
         }
     }
 
+    /// The same family with one element less.
+    pub fn smaller(self) -> Option<Self> {
+        match self {
+            Self::Leuven(n) if n > 1 => Some(Self::Leuven(n - 1)),
+            Self::MaxwellSlip(n) if n > 1 => Some(Self::MaxwellSlip(n - 1)),
+            Self::Gms(n) if n > 1 => Some(Self::Gms(n - 1)),
+            _ => None,
+        }
+    }
+
+    /// The model of another family that it becomes with some parameters at zero.
+    pub fn special(self) -> Option<Self> {
+        match self {
+            Self::Gms(n) => Some(Self::MaxwellSlip(n)),
+            _ => None,
+        }
+    }
+
     /// Number of free parameters, without the sensor's offset.
     pub fn parameters(self) -> usize {
         match self {

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::identify::nnls::non_negative;
 
 use super::data::ClassicalData;
-use super::fit::{ClassicalFit, fit};
+use super::fit::{ClassicalFit, Kin, fit};
 use super::kind::{Kind, Scales};
 
 /// Limits tried for the elements of a bank.
@@ -13,8 +13,23 @@ const GRID: usize = 24;
 /// Widths of the two elements that an element is divided into, relative to its own.
 const DIVIDED: [f64; 2] = [0.7, 1.3];
 
-/// Several starts, each with the sensor's offset first.
-pub(super) fn starts(kind: Kind, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Vec<Vec<f64>> {
+/// Starts with the same forces as the model's kin, which the fit can only improve; the sensor's offset first.
+pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
+    let Scales { force, speeds: [slowest, _], .. } = data.scales;
+    let grown = kin.smaller.and_then(|fit| match kind {
+        Kind::MaxwellSlip(_) => Some(doubled(&fit.numbers, 2, 2)),
+        Kind::Gms(_) => Some(doubled(&fit.numbers, 5, 3)),
+        _ => None,
+    });
+    let generalised = kin.special.map(|fit| {
+        let elements = fit.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
+        fit.numbers[..2].iter().copied().chain([0.0, slowest, 50.0 * force]).chain(elements).collect()
+    });
+    grown.into_iter().chain(generalised).collect()
+}
+
+/// Several starts read off the data, each with the sensor's offset first.
+pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
     let Scales { offset, force, viscous, half_width, speeds: [slowest, fastest], .. } = data.scales;
     let stiffnesses = [0.5, 2.0, 8.0].map(|factor| factor * force / half_width);
     let middle = (slowest * fastest).sqrt();
@@ -34,11 +49,10 @@ pub(super) fn starts(kind: Kind, data: &ClassicalData, smaller: Option<&Classica
         }
         Kind::Leuven(n) => leuven(n, data),
         Kind::MaxwellSlip(n) => {
-            let banks = [Some(convex_bank(n, data)), divided(smaller, 1, 2)].into_iter().flatten();
-            let fresh = banks.map(|bank| [vec![viscous], flattened(&bank, None)].concat());
-            fresh.chain(smaller.map(|fit| doubled(&fit.numbers[1..], 1, 2))).collect()
+            let banks = [Some(convex_bank(n, data)), divided(kin.smaller, 2, 2)].into_iter().flatten();
+            banks.map(|bank| [vec![viscous], flattened(&bank, None)].concat()).collect()
         }
-        Kind::Gms(n) => gms(n, data, smaller),
+        Kind::Gms(n) => gms(n, data, kin),
     };
     behind_offset.into_iter().map(|numbers| [vec![offset], numbers].concat()).collect()
 }
@@ -53,7 +67,7 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
         numbers
     };
     let mut all = Vec::new();
-    if let Ok(lugre) = fit(Kind::LuGre, data, None) {
+    if let Ok(lugre) = fit(Kind::LuGre, data, Kin::default()) {
         let [_, stiffness, micro, coulomb, rise, velocity, beta] = lugre.numbers[..] else { return all };
         for (exponent, softer, inner) in [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)] {
             let inner_stiffness = inner * softer * stiffness / (n - 1).max(1) as f64;
@@ -68,7 +82,7 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
     all
 }
 
-fn gms(n: usize, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Vec<Vec<f64>> {
+fn gms(n: usize, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let bank = convex_bank(n, data);
     let of = |rise: f64, v: f64, attraction: f64, damping: f64| {
@@ -77,15 +91,17 @@ fn gms(n: usize, data: &ClassicalData, smaller: Option<&ClassicalFit>) -> Vec<Ve
     let middle = (slowest * fastest).sqrt();
     let damping = viscous.max(1e-2 * force / fastest) / n as f64;
     let mut all = vec![of(0.02, slowest, 50.0, 0.0), of(0.2, middle, 5.0, 0.0), of(0.3, slowest, 50.0, damping)];
-    if let (Some(fit), Some(bank)) = (smaller, divided(smaller, 4, 3)) {
+    if let (Some(fit), Some(bank)) = (kin.smaller, divided(kin.smaller, 5, 3)) {
         all.push([fit.numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
-        all.push(doubled(&fit.numbers[1..], 4, 3));
+    }
+    if let Some(bank) = kin.special {
+        let elements = bank.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
+        all.push(vec![bank.numbers[1], 0.02 * force, slowest, 50.0 * force].into_iter().chain(elements).collect());
     }
     all
 }
 
-/// The numbers of the smaller model with its first element doubled, each half as stiff: the same forces, so that no
-/// model ends worse than the smaller one.
+/// The numbers of the smaller model with its first element doubled, each half as stiff: the same forces.
 fn doubled(numbers: &[f64], first: usize, stride: usize) -> Vec<f64> {
     let mut element = numbers[first..first + stride].to_vec();
     element.iter_mut().enumerate().filter(|(i, _)| *i != 1).for_each(|(_, x)| *x *= 0.5);
@@ -103,7 +119,7 @@ fn flattened(bank: &[[f64; 2]], damping: Option<f64>) -> Vec<f64> {
 
 /// The bank of the smaller model with its strongest element divided into a shorter and a longer one.
 fn divided(smaller: Option<&ClassicalFit>, first: usize, stride: usize) -> Option<Vec<[f64; 2]>> {
-    let numbers = &smaller?.numbers[1..];
+    let numbers = &smaller?.numbers;
     let mut bank: Vec<[f64; 2]> =
         numbers[first..].chunks_exact(stride).map(|element| [element[0], element[1]]).collect();
     let strength = |[k, limit]: &[f64; 2]| k * limit;
