@@ -1,7 +1,6 @@
 //! Lists of friction models as arguments: `ems,lugre,gms:4-10`.
 
 use trocar::compare::Choice;
-use trocar::identify::classical::Kind;
 use trocar_model::MAX_ELEMENTS;
 
 /// Models named on the command line, none twice.
@@ -29,9 +28,10 @@ fn choices(item: &str) -> Result<Vec<Choice>, String> {
     let own: Vec<Choice> = usual.iter().filter(|choice| choice.family() == name).copied().collect();
     let Some(first) = own.first() else { return Err(unknown(item, &usual)) };
     let Some(count) = count else { return Ok(own) };
-    if !has_elements(*first) {
-        return Err(format!("{name} has no number of elements, found {item:?}"));
-    }
+    let kind = match *first {
+        Choice::Classical(kind) if first.is_bank() => kind,
+        _ => return Err(format!("{name} has no number of elements, found {item:?}")),
+    };
     let (low, high) = count.split_once('-').unwrap_or((count, count));
     let number = |text: &str| text.parse().ok().filter(|n| (1..=MAX_ELEMENTS).contains(n));
     let wrong = || format!("expected {name}:N or {name}:A-B with 1 to {MAX_ELEMENTS} elements, found {item:?}");
@@ -39,17 +39,13 @@ fn choices(item: &str) -> Result<Vec<Choice>, String> {
     if low > high {
         return Err(wrong());
     }
-    (low..=high).map(|n| format!("{name}:{n}").parse().map(Choice::Classical)).collect()
-}
-
-fn has_elements(choice: Choice) -> bool {
-    matches!(choice, Choice::Classical(Kind::Leuven(_) | Kind::MaxwellSlip(_) | Kind::Gms(_)))
+    Ok((low..=high).map(|n| Choice::Classical(kind.with_elements(n))).collect())
 }
 
 fn unknown(item: &str, usual: &[Choice]) -> String {
     let mut possible: Vec<String> = Vec::new();
     for choice in usual {
-        let suffix = if has_elements(*choice) { "[:N or :A-B]" } else { "" };
+        let suffix = if choice.is_bank() { "[:N or :A-B]" } else { "" };
         possible.push(format!("{}{suffix}", choice.family()));
     }
     possible.dedup();

@@ -1,10 +1,14 @@
 //! What needs a process: exit codes, messages, pipes, interruption, and that nothing half-written stays behind.
 
+mod common;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
+
+use common::{Ran, names_in};
 
 /// A folder of its own for one test, and the program run inside it.
 struct Place(tempfile::TempDir);
@@ -38,10 +42,7 @@ impl Place {
 
     /// Everything in the folder, hidden files included, in order.
     fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
-        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
+        names_in(self.0.path())
     }
 
     /// A small rig: few speeds and short strokes, so that a test takes no time.
@@ -68,25 +69,7 @@ impl Place {
     }
 }
 
-/// A finished run.
-#[derive(Debug)]
-struct Ran {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
-
 impl Ran {
-    fn from(output: Output) -> Self {
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
-    }
-
-    fn ends_with(self, code: i32) -> Self {
-        assert_eq!(self.code, Some(code), "{self:#?}");
-        self
-    }
-
     fn done(self) -> Self {
         self.ends_with(0)
     }

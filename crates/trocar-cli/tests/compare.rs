@@ -1,13 +1,17 @@
 //! `trocar compare` as a process: exit codes, JSON, order, equal bytes, and that nothing half-written stays behind.
 
+mod common;
+
 use std::fs;
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use serde_json::Value;
 use trocar::model_file::{Model, ModelFile};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::replay::{Replay, replay};
+
+use common::{Ran, names_in};
 
 /// Keys that every model has.
 const KEYS: [&str; 11] = [
@@ -68,32 +72,11 @@ impl Place {
     }
 
     fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
-        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
+        names_in(self.0.path())
     }
-}
-
-/// A finished run.
-#[derive(Debug)]
-struct Ran {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
 }
 
 impl Ran {
-    fn from(output: Output) -> Self {
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
-    }
-
-    fn ends_with(self, code: i32) -> Self {
-        assert_eq!(self.code, Some(code), "{self:#?}");
-        self
-    }
-
     fn says(self, essentials: &[&str]) -> Self {
         for essential in essentials {
             assert!(self.stderr.contains(essential), "no {essential:?} in {self:#?}");

@@ -2,7 +2,7 @@
 
 use crate::error::{ParamError, finite};
 use crate::exponential::decay;
-use crate::friction::{Friction, sign, velocity};
+use crate::friction::{Friction, held, sign, velocity};
 use crate::maxwell_slip::{MAX_ELEMENTS, above_zero, check_count};
 use crate::sliding::SlidingFriction;
 
@@ -189,8 +189,7 @@ impl Gms {
     /// State at rest that holds `force` (N), clamped to ±F_s, shared in proportion to α_i. A force that is not finite
     /// counts as 0.
     pub fn rest_at_force(&self, force: f64) -> GmsState {
-        let most = self.sliding.static_force;
-        let force = if force.is_finite() { force.max(-most).min(most) } else { 0.0 };
+        let force = held(force, self.sliding.static_force);
         let mut state = GmsState {
             deflections: self.scales.map(|nu| nu * force),
             slipping: [false; MAX_ELEMENTS],

@@ -1,7 +1,7 @@
 //! The Maxwell-Slip model: springs with a dry slider each, side by side, EMS (1) to (3).
 
 use crate::error::{ParamError, not_negative};
-use crate::friction::{Friction, velocity, within};
+use crate::friction::{Friction, held, velocity, within};
 
 /// Largest number of elements of a model.
 pub const MAX_ELEMENTS: usize = 16;
@@ -63,7 +63,7 @@ impl Bank {
 
     /// Forces that add up to `force` (N), clamped to ±`most`, each in proportion to its limit.
     pub(crate) fn share(&self, force: f64, most: f64) -> [f64; MAX_ELEMENTS] {
-        let force = if force.is_finite() { force.max(-most).min(most) } else { 0.0 };
+        let force = held(force, most);
         self.elements.map(|element| force / self.limit * element.limit_force)
     }
 }

@@ -1,7 +1,9 @@
 //! Trajectories of an EMS element written by another author from the paper alone, single-valued deformation curve.
 
-use std::path::PathBuf;
+#[path = "common/shared.rs"]
+mod shared;
 
+use shared::shared_vector;
 use trocar_model::{
     Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece, SealDamping,
     SlidingFriction,
@@ -21,16 +23,7 @@ struct Row {
 
 /// The rows of a shared trajectory, or `None` with the reason printed when the folder is not there.
 fn rows(name: &str) -> Option<Vec<Row>> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/vectors").join(name);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) => {
-            let required = std::env::var("TROCAR_REQUIRE_SHARED").is_ok_and(|value| value == "1");
-            assert!(!required, "{}: {error}", path.display());
-            println!("skipped: {}: {error}", path.display());
-            return None;
-        }
-    };
+    let text = shared_vector(name)?;
     let row = |line: &str| {
         let numbers: Vec<f64> = line.split(',').map(|word| word.parse().unwrap()).collect();
         Row { position: numbers[1], deflection: numbers[2], sliding: numbers[3] != 0.0, force: numbers[4] }

@@ -2,8 +2,10 @@
 //!
 //! A row holds the state at the start of its interval, and the force there with the velocity of the interval.
 
-use std::path::PathBuf;
+#[path = "common/shared.rs"]
+mod shared;
 
+use shared::shared_vector;
 use trocar_model::{Dahl, DahlParams, LuGre, LuGreParams, SlidingFriction, StribeckCurve};
 
 const PERIOD: f64 = 1e-3;
@@ -24,16 +26,7 @@ struct Interval<const N: usize> {
 /// The named columns of a shared trajectory with the motion of each interval, or `None` with the reason printed when
 /// the folder is not there.
 fn intervals<const N: usize>(file: &str, columns: [&str; N]) -> Option<Vec<Interval<N>>> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/vectors").join(file);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) => {
-            let required = std::env::var("TROCAR_REQUIRE_SHARED").is_ok_and(|value| value == "1");
-            assert!(!required, "{}: {error}", path.display());
-            println!("skipped: {}: {error}", path.display());
-            return None;
-        }
-    };
+    let text = shared_vector(file)?;
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().unwrap();
     let index = |name: &str| header.iter().position(|word| *word == name).unwrap();

@@ -1,7 +1,9 @@
 //! Maxwell-Slip, GMS and modified Leuven against trajectories of other programs.
 
-use std::path::PathBuf;
+#[path = "common/shared.rs"]
+mod shared;
 
+use shared::shared_vector;
 use trocar_model::{Gms, GmsElement, Leuven, LeuvenParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate};
 
 /// N. Between three finite-element programs the spread is 1e-14 N.
@@ -25,16 +27,7 @@ const STIFFNESS: [f64; 4] = [4000.0, 1500.0, 600.0, 250.0];
 
 /// Rows of numbers of a shared trajectory, or `None` with the reason printed when the folder is not there.
 fn rows(name: &str) -> Option<Vec<Vec<f64>>> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/vectors").join(name);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) => {
-            let required = std::env::var("TROCAR_REQUIRE_SHARED").is_ok_and(|value| value == "1");
-            assert!(!required, "{}: {error}", path.display());
-            println!("skipped: {}: {error}", path.display());
-            return None;
-        }
-    };
+    let text = shared_vector(name)?;
     let row = |line: &str| line.split(',').map(|word| word.parse().unwrap()).collect();
     Some(text.lines().skip(1).map(row).collect())
 }

@@ -48,8 +48,8 @@ fn print_table(title: &str, comparison: &Comparison) {
     println!("|{}", "---|".repeat(10 + if by_recording { names.len() } else { 0 }));
     for entry in comparison.entries.iter().filter(|e| is_shown(e)) {
         let s = &entry.scores;
-        let bank = matches!(entry.choice, Choice::Classical(Kind::MaxwellSlip(_) | Kind::Gms(_) | Kind::Leuven(_)));
-        let name = if bank { format!("{} {}", entry.name, entry.elements) } else { entry.name.to_owned() };
+        let name =
+            if entry.choice.is_bank() { format!("{} {}", entry.name, entry.elements) } else { entry.name.to_owned() };
         print!("| {name} | {} | {:.4} | {:.4} |", entry.parameters, s.train_rms_n, s.validate_rms_n);
         if by_recording {
             s.by_recording_n.iter().for_each(|rms| print!(" {rms:.4} |"));

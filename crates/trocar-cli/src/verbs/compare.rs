@@ -36,8 +36,8 @@ pub(crate) struct Args {
     /// Recordings to score on [default: the last third of each recording, which is then not fitted]
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
-    /// Models, with commas between: ems, coulomb, coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven,
-    /// maxwell-slip, gms; the last three also with a number of elements or a range, as in gms:4 or gms:4-10 (otherwise
+    /// Models, with commas between: ems, ems-output-error (the same by the criterion of the others), coulomb,
+    /// coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven, maxwell-slip, gms; the last three also with a number of elements or a range, as in gms:4 or gms:4-10 (otherwise
     /// leuven has 4, the others 1 to 12)
     #[arg(long, default_value = "all", value_name = "LIST", value_parser = models)]
     models: Models,

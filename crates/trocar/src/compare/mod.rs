@@ -82,6 +82,11 @@ impl Choice {
         }
     }
 
+    /// Whether the family is a choice of numbers of elements.
+    pub fn is_bank(self) -> bool {
+        matches!(self, Self::Classical(Kind::Leuven(_) | Kind::MaxwellSlip(_) | Kind::Gms(_)))
+    }
+
     /// Number of elements; 1 for models that have no choice.
     pub fn elements(self) -> usize {
         match self {

@@ -6,7 +6,7 @@
 use trocar_model::Element;
 
 use super::candidate::{Candidate, EmsTrial, Layout};
-use super::classical::{ClassicalData, LONG, SHORT, unrest};
+use super::classical::{ClassicalData, LONG, SHORT, doubts};
 use super::estimate::Estimate;
 use super::output_error::{self, Fitted, Trial};
 use super::shape::BranchShape;
@@ -56,7 +56,7 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
     let element = model.element().map_err(|error| error.to_string())?;
     let parameters = parameters(&fitted);
     let free_parameters = layout.free(&model).len() - 1;
-    let warnings = warnings(&fitted, &parameters);
+    let warnings = doubts(&fitted, &parameters);
     Ok(EmsRefit { model, element, parameters, free_parameters, warnings })
 }
 
@@ -126,19 +126,4 @@ fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
         values[j] += free[j].step;
         of(&fitted.best.with_any(&values).candidate) != value
     })
-}
-
-fn warnings(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) -> Vec<Warning> {
-    let mut all = Vec::new();
-    let mut say = |subject: &str, message: String| {
-        all.push(Warning { subject: subject.to_owned(), message, doubtful: true });
-    };
-    if let Some(message) = unrest(fitted) {
-        say("fit", message);
-    }
-    for p in parameters.iter().filter(|p| !p.estimate.pinned) {
-        let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");
-        say(&p.name, format!("not pinned: {why}"));
-    }
-    all
 }

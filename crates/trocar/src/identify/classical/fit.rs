@@ -142,7 +142,7 @@ pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: Kin) -> Result<Classica
     let found = long.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
     let model = found.best.model().ok_or("the best numbers make no model")?;
     let parameters = parameters(&found);
-    let mut warnings = warnings(&found, &parameters);
+    let mut warnings = doubts(&found, &parameters);
     warnings.extend(energy_warning(&model));
     Ok(ClassicalFit {
         kind,
@@ -174,7 +174,8 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     quantities(best.kind, &best.coordinates).into_iter().map(estimate).collect()
 }
 
-fn warnings(found: &Fitted<ClassicalTrial>, parameters: &[Parameter]) -> Vec<Warning> {
+/// What is doubtful about a fit: that it is not at rest, and what the data do not pin.
+pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> Vec<Warning> {
     let mut all = Vec::new();
     let mut say = |subject: String, message: String| all.push(Warning { subject, message, doubtful: true });
     if let Some(message) = unrest(found) {
@@ -188,7 +189,7 @@ fn warnings(found: &Fitted<ClassicalTrial>, parameters: &[Parameter]) -> Vec<War
 }
 
 /// Why a fit is not at rest, if it is not.
-pub(crate) fn unrest<T: Trial>(found: &Fitted<T>) -> Option<String> {
+fn unrest<T: Trial>(found: &Fitted<T>) -> Option<String> {
     if !found.converged {
         return Some(format!("the fit did not come to rest in {} steps", found.iterations));
     }

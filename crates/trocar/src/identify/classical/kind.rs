@@ -1,10 +1,9 @@
 //! Which classical model, its free numbers, and the model that they make.
 
 use std::fmt;
-use std::str::FromStr;
 
 use trocar_model::{
-    Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS, MaxwellSlip, ParamError,
+    Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError,
     SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
@@ -57,14 +56,19 @@ impl Kind {
         }
     }
 
+    /// The same family with `count` elements; unchanged where it has no choice.
+    pub fn with_elements(self, count: usize) -> Self {
+        match self {
+            Self::Leuven(_) => Self::Leuven(count),
+            Self::MaxwellSlip(_) => Self::MaxwellSlip(count),
+            Self::Gms(_) => Self::Gms(count),
+            other => other,
+        }
+    }
+
     /// The same family with one element less.
     pub fn smaller(self) -> Option<Self> {
-        match self {
-            Self::Leuven(n) if n > 1 => Some(Self::Leuven(n - 1)),
-            Self::MaxwellSlip(n) if n > 1 => Some(Self::MaxwellSlip(n - 1)),
-            Self::Gms(n) if n > 1 => Some(Self::Gms(n - 1)),
-            _ => None,
-        }
+        (self.elements() > 1).then(|| self.with_elements(self.elements() - 1))
     }
 
     /// The model of another family that it becomes with some parameters at zero.
@@ -96,28 +100,6 @@ impl fmt::Display for Kind {
             Self::Leuven(n) | Self::MaxwellSlip(n) | Self::Gms(n) => write!(f, "{}:{n}", self.family()),
             _ => f.write_str(self.family()),
         }
-    }
-}
-
-/// `lugre`, `gms:4`.
-impl FromStr for Kind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        const SINGLE: [Kind; 6] =
-            [Kind::Coulomb, Kind::CoulombViscous, Kind::Stribeck, Kind::Dahl, Kind::LuGre, Kind::LuGreRational];
-        const SEVERAL: [fn(usize) -> Kind; 3] = [Kind::Leuven, Kind::MaxwellSlip, Kind::Gms];
-        let (family, count) = text.split_once(':').map_or((text, None), |(family, count)| (family, Some(count)));
-        if let Some(several) = SEVERAL.into_iter().find(|kind| kind(1).family() == family) {
-            let wanted = || format!("{family} needs a number of elements from 1 to {MAX_ELEMENTS}, such as {family}:4");
-            let count = count.and_then(|c| c.parse().ok()).filter(|n| (1..=MAX_ELEMENTS).contains(n));
-            return Ok(several(count.ok_or_else(wanted)?));
-        }
-        let single = SINGLE.into_iter().find(|kind| kind.family() == family && count.is_none());
-        single.ok_or_else(|| {
-            let several = SEVERAL.map(|kind| format!("{}:N", kind(1).family()));
-            format!("no model {text:?}; there are {}, {}", SINGLE.map(Kind::family).join(", "), several.join(", "))
-        })
     }
 }
 

@@ -12,5 +12,5 @@ mod starts;
 
 pub(crate) use data::ClassicalData;
 pub use fit::ClassicalFit;
-pub(crate) use fit::{Kin, LONG, SHORT, fit, unrest};
+pub(crate) use fit::{Kin, LONG, SHORT, doubts, fit};
 pub use kind::Kind;

@@ -1,6 +1,6 @@
 //! Errors against the number of parameters that buy them.
 
-use super::{by_name, family, family_name, is_bank, model_name};
+use super::{by_name, family, family_name, model_name};
 use crate::compare::{Comparison, Entry};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 
@@ -28,7 +28,8 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
     let mut panel = axes.title(title).aspect(0.45);
     let mut names = by_name(comparison);
     names.iter_mut().for_each(|own| own.sort_by_key(|entry| entry.elements));
-    let (lines, singles): (Vec<_>, Vec<_>) = names.into_iter().partition(|own| own.len() > 1 && is_bank(own[0]));
+    let (lines, singles): (Vec<_>, Vec<_>) =
+        names.into_iter().partition(|own| own.len() > 1 && own[0].choice.is_bank());
     for own in lines {
         let x: Vec<f64> = own.iter().map(|entry| entry.parameters as f64).collect();
         let y: Vec<f64> = own.iter().map(|entry| error(entry)).collect();

@@ -41,12 +41,7 @@ pub(in super::super) fn family_name(name: &str) -> &str {
 /// Name of a model for people, with its number of elements where the family has several.
 pub(in super::super) fn model_name(entry: &Entry) -> String {
     let name = family_name(entry.name);
-    if is_bank(entry) { format!("{name} {}", entry.elements) } else { name.to_owned() }
-}
-
-/// Whether the family is a choice of numbers of elements.
-fn is_bank(entry: &Entry) -> bool {
-    matches!(entry.name, "leuven" | "maxwell-slip" | "gms")
+    if entry.choice.is_bank() { format!("{name} {}", entry.elements) } else { name.to_owned() }
 }
 
 fn family(entry: &Entry) -> Family {

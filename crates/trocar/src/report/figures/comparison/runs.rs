@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Drawn, by_name, family, is_bank, model_name, of_interest, role, variant};
+use super::{Drawn, by_name, family, model_name, of_interest, role, variant};
 use crate::compare::{Comparison, Entry};
 use crate::recording::Recording;
 use crate::replay::replay;
@@ -70,7 +70,7 @@ pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_
 fn models<'a>(comparison: &'a Comparison, families: &[Family]) -> Vec<(&'a Entry, usize)> {
     let own = by_name(comparison).into_iter().filter(|own| families.contains(&family(own[0])));
     let numbered = own.flat_map(|own| {
-        let chosen = if is_bank(own[0]) { of_interest(&own) } else { own };
+        let chosen = if own[0].choice.is_bank() { of_interest(&own) } else { own };
         chosen.into_iter().enumerate().map(|(place, entry)| (entry, place)).collect::<Vec<_>>()
     });
     let mut all: Vec<(&Entry, usize)> = numbered.collect();

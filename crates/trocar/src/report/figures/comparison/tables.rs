@@ -1,6 +1,6 @@
 //! Tables of a comparison.
 
-use super::{best, by_name, family_name, is_bank, model_name};
+use super::{best, by_name, family_name, model_name};
 use crate::compare::{Comparison, Entry};
 use crate::identify::Warning;
 use crate::report::document::{Cell, Table};
@@ -91,7 +91,7 @@ pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> 
     let columns = ["Model", "Parameter", "Symbol", "Value", "95 % interval", "Unit"];
     let family = |mut own: Vec<&Entry>| {
         own.sort_by_key(|entry| entry.elements);
-        own.retain(|entry| !is_bank(entry) || entry.elements <= MOST_ELEMENTS);
+        own.retain(|entry| !entry.choice.is_bank() || entry.elements <= MOST_ELEMENTS);
         let caption = family_name(own.first()?.name);
         Some(table(caption, &columns, own.into_iter().flat_map(parameters)))
     };
