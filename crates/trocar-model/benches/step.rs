@@ -8,7 +8,8 @@ use std::time::Instant;
 
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, ParamError, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    MaxwellSlip, ParamError, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate,
+    StaticFriction, StribeckCurve,
 };
 
 const SAMPLES: usize = 40_000;
@@ -66,6 +67,8 @@ fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
     let gentle = SlidingFriction { stribeck_velocity: 0.15, ..STRIBECK };
     let unique = ElementParams { insertion: gentle, withdrawal: gentle, ..constant };
     let damping = SealDamping::constant(1.0);
+    let arm = |stiffness, time| RelaxationArm { stiffness, time };
+    let relaxation = Relaxation { arms: [arm(120.0, 0.2), arm(60.0, 3.0)] };
     let cases = [
         ("constant friction, sigma = 0", constant),
         ("constant friction, sigma > 0", ElementParams { damping, ..constant }),
@@ -73,6 +76,10 @@ fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
         ("Stribeck, unique, sigma > 0", ElementParams { damping, ..unique }),
         ("Stribeck, folded, sigma = 0", folded),
         ("Stribeck, folded, sigma > 0", ElementParams { damping, ..folded }),
+        ("creep", ElementParams { creep_velocity: 2e-4, ..constant }),
+        ("relaxation, two arms", ElementParams { relaxation, ..constant }),
+        ("everything, unique", ElementParams { damping, relaxation, creep_velocity: 2e-4, ..unique }),
+        ("everything, folded", ElementParams { damping, relaxation, creep_velocity: 2e-4, ..folded }),
     ];
     for (name, params) in cases {
         report(name, &Element::new(params)?, displacements);

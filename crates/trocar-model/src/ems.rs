@@ -1,10 +1,12 @@
 //! The Extended Maxwell-Slip (EMS) element: a seal that first bends with the instrument, then lets it slide.
 
+use crate::creep::resistance;
 use crate::damping::SealDamping;
 use crate::elastic::DeformationForce;
-use crate::error::ParamError;
+use crate::error::{ParamError, not_negative};
 use crate::exponential::decay;
 use crate::friction::{Friction, velocity};
+use crate::relaxation::{ArmForces, MAX_ARMS, Relaxation};
 use crate::sliding::SlidingFriction;
 
 /// Allowed distance between a branch end and the static force, as a fraction of the static force.
@@ -27,14 +29,19 @@ pub struct ElementParams {
     pub insertion: SlidingFriction,
     /// Sliding friction for v_sl < 0.
     pub withdrawal: SlidingFriction,
+    /// v_c, m/s, >= 0: slip speed over which the contact's force builds up, [`crate::creep`]. 0 is EMS: no slip at all below
+    /// the static force.
+    pub creep_velocity: f64,
+    /// Slow relaxation of the rubber; [`Relaxation::NONE`] is EMS.
+    pub relaxation: Relaxation,
 }
 
 /// What the seal does at the moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The seal sticks to the instrument and bends: v_sl = 0, EMS (10).
+    /// The seal sticks to the instrument and bends: v_sl = 0, EMS (10); with creep, |v_sl| <= v_c.
     Deforming,
-    /// The instrument slides through the seal: v_sl != 0, EMS (14).
+    /// The instrument slides through the seal, EMS (14).
     Sliding,
 }
 
@@ -45,9 +52,19 @@ pub struct State {
     pub(crate) yield_force: f64,
     pub(crate) force: f64,
     pub(crate) slip_velocity: f64,
+    /// d(g·ρ + β·u)/du, N·s/m, near the last slip speed.
+    pub(crate) contact_slope: f64,
+    pub(crate) arms: ArmForces,
+    pub(crate) mode: Mode,
 }
 
 impl State {
+    /// Bending without any slip.
+    #[inline(always)]
+    pub(crate) fn stuck(deflection: f64, yield_force: f64, force: f64, arms: ArmForces) -> Self {
+        Self { deflection, yield_force, force, slip_velocity: 0.0, contact_slope: 0.0, arms, mode: Mode::Deforming }
+    }
+
     /// z, m: deflection of the seal.
     pub fn deflection(&self) -> f64 {
         self.deflection
@@ -68,6 +85,11 @@ impl State {
         self.slip_velocity
     }
 
+    /// Σ a, N: part of the force that relaxes, [`Relaxation`].
+    pub fn relaxing_force(&self) -> f64 {
+        self.arms.iter().sum()
+    }
+
     /// Takes over `next` unless a number grew beyond all bounds.
     #[inline(always)]
     fn commit(&mut self, next: Self) {
@@ -78,7 +100,7 @@ impl State {
 
     /// Whether the seal bends or slides.
     pub fn mode(&self) -> Mode {
-        if self.slip_velocity == 0.0 { Mode::Deforming } else { Mode::Sliding }
+        self.mode
     }
 }
 
@@ -103,6 +125,8 @@ pub struct Element {
     pub(crate) params: ElementParams,
     /// Sliding happens on the straight ends only, with constant friction and no damping: the step is exact.
     confined: bool,
+    /// Slip without yielding: v_c > 0.
+    pub(crate) creeps: bool,
     /// Smallest dF_e/dz over both branches and both ends, N/m.
     pub(crate) least_stiffness: f64,
     withdrawal: Contact,
@@ -168,6 +192,8 @@ impl Element {
         params.insertion.check()?;
         params.withdrawal.check()?;
         params.damping.check()?;
+        params.relaxation.check()?;
+        not_negative("creep_velocity", params.creep_velocity, "m/s")?;
         check_pins(&params)?;
         let extremes = params.deformation.extremes();
         let constant = params.insertion.is_constant() && params.withdrawal.is_constant();
@@ -176,8 +202,11 @@ impl Element {
         Ok(Self {
             confined: constant
                 && params.damping.is_zero()
+                && params.relaxation.is_none()
+                && params.creep_velocity == 0.0
                 && extremes.highest_force <= highest
                 && extremes.lowest_force >= lowest,
+            creeps: params.creep_velocity > 0.0,
             least_stiffness: extremes.least_slope,
             withdrawal: Contact::new(&params, Side::Withdrawal)?,
             insertion: Contact::new(&params, Side::Insertion)?,
@@ -205,7 +234,7 @@ impl Element {
         let deflection = if deflection.is_finite() { deflection } else { 0.0 };
         let yield_force = if yield_force.is_finite() { yield_force } else { 0.0 };
         let (force, yield_force) = self.params.deformation.reach(deflection, yield_force, deflection);
-        State { deflection, yield_force, force, slip_velocity: 0.0 }
+        State::stuck(deflection, yield_force, force, [0.0; MAX_ARMS])
     }
 
     /// State at rest on the mid curve M that holds `force`, N.
@@ -282,6 +311,12 @@ impl Element {
         side.sliding(&self.params)
     }
 
+    /// Force of the contact at slip speed `u` >= 0, N, and its slope, N·s/m: (g·ρ + β·u) of [`crate::creep`].
+    #[inline(always)]
+    pub(crate) fn resistance(&self, side: Side, u: f64) -> (f64, f64) {
+        resistance(self.sliding(side), self.params.creep_velocity, u)
+    }
+
     fn contact(&self, side: Side) -> &Contact {
         match side {
             Side::Withdrawal => &self.withdrawal,
@@ -329,7 +364,7 @@ impl Element {
             return self.slide_on_end(Side::Withdrawal, 0.0, velocity, (target + c) / velocity).0;
         }
         let (force, yield_force) = self.params.deformation.reach(z, q, target);
-        State { deflection: target, yield_force, force, slip_velocity: 0.0 }
+        State::stuck(target, yield_force, force, state.arms)
     }
 
     /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the time left.
@@ -353,6 +388,9 @@ impl Element {
             yield_force: 0.0,
             force: s * (end_force + end_stiffness * end),
             slip_velocity,
+            contact_slope: 0.0,
+            arms: [0.0; MAX_ARMS],
+            mode: if slip_velocity == 0.0 { Mode::Deforming } else { Mode::Sliding },
         };
         (state, left)
     }
@@ -402,7 +440,7 @@ impl Contact {
         let (end_force, end_stiffness) = params.deformation.end(side == Side::Insertion);
         let rate = end_stiffness / sliding.viscous_damping;
         Ok(Self {
-            folding: folding(sliding, damping.least_slope()),
+            folding: folding(sliding, params.creep_velocity, damping.least_slope()),
             least_drag: sliding.viscous_damping + damping.least_slope() - sliding.steepest_fall(),
             free,
             end_force: side.sign() * end_force,
@@ -413,26 +451,35 @@ impl Contact {
     }
 }
 
-/// Stationary points of H(u) = g(u) + b·u with b = β + min dD/dż.
-fn folding(sliding: &SlidingFriction, least_damping: f64) -> Folding {
+/// Stationary points of H(u) = g(u)·ρ(u) + b·u with b = β + min dD/dż.
+fn folding(sliding: &SlidingFriction, creep_velocity: f64, least_damping: f64) -> Folding {
     let b = sliding.viscous_damping + least_damping;
     if b > sliding.steepest_fall() || sliding.is_constant() {
         return Folding::Unique;
     }
     let steepest = sliding.steepest_speed();
-    let falls = |u: f64| sliding.level_and_slope(u).1 + b < 0.0;
-    let from = if steepest > 0.0 { boundary(falls, steepest, 0.0) } else { 0.0 };
+    let falls = |u: f64| resistance(sliding, creep_velocity, u).1 + least_damping < 0.0;
+    let Some(inside) = first_fall(falls, steepest.max(creep_velocity), sliding.stribeck_velocity) else {
+        return Folding::Unique;
+    };
+    let from = if inside > 0.0 { boundary(falls, inside, 0.0) } else { 0.0 };
     if b == 0.0 {
         return Folding::Folded { from, to: f64::INFINITY };
     }
-    let mut beyond = steepest + sliding.stribeck_velocity;
+    let mut beyond = inside + sliding.stribeck_velocity;
     for _ in 0..1000 {
         if !falls(beyond) {
             break;
         }
         beyond *= 2.0;
     }
-    Folding::Folded { from, to: boundary(falls, steepest, beyond) }
+    Folding::Folded { from, to: boundary(falls, inside, beyond) }
+}
+
+/// A slip speed at which the force falls with speed, from the steepest of g upwards: creep may fill the fall in.
+fn first_fall(falls: impl Fn(f64) -> bool, steepest: f64, stribeck_velocity: f64) -> Option<f64> {
+    const CELLS: u32 = 40;
+    (0..=CELLS).map(|k| steepest + 0.1 * f64::from(k) * stribeck_velocity).find(|u| falls(*u))
 }
 
 /// Where `holds` changes between `yes` and `no`, by bisection.

@@ -55,6 +55,11 @@
 //!   slips by itself, against the remark that proposition III.3 holds for any Stribeck curve. [`Element::folded`] tells;
 //!   the step follows the present branch to its end.
 //!
+//! # Where it goes beyond the paper
+//!
+//! Held seals lose force, which EMS cannot show. Two laws may be added to an element, each dissipative by itself: slip of
+//! the contact below the static force ([`creep`]) and relaxation of the rubber ([`relaxation`]). Both are off by default.
+//!
 //! # Accuracy
 //!
 //! With constant friction, no damping, and branches that stay within ±F_s, sliding happens on the straight ends of F_e
@@ -68,6 +73,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod creep;
 pub mod dahl;
 pub mod damping;
 pub mod elastic;
@@ -82,6 +88,7 @@ pub mod maxwell_slip;
 pub mod paper_literal;
 pub mod parallel;
 mod plausible;
+pub mod relaxation;
 pub mod sliding;
 mod slip;
 pub mod stribeck;
@@ -98,5 +105,6 @@ pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
 pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
 pub use paper_literal::{LiteralState, PaperLiteral};
 pub use parallel::{Parallel, step_parallel};
+pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 pub use sliding::SlidingFriction;
 pub use stribeck::{StaticFriction, StaticState};

@@ -4,6 +4,7 @@ use crate::damping::SealDamping;
 use crate::elastic::{Branch, DeformationForce, Piece};
 use crate::ems::ElementParams;
 use crate::error::ParamError;
+use crate::relaxation::Relaxation;
 use crate::sliding::SlidingFriction;
 
 /// c, m. EMS discusses its figure 8 at 6 mm, and speaks of deformations of about 1 cm.
@@ -47,6 +48,8 @@ impl ElementParams {
             damping: SealDamping::ZERO,
             insertion: sliding,
             withdrawal: sliding,
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
         })
     }
 }

@@ -4,17 +4,20 @@
 //! At the end of a step of duration dt the slip speed u >= 0 on the side s = ±1 solves
 //!
 //! ```text
-//! r(u) = s·[F_e(z⁺) + D(v_d - s·u)] - g(u) - β·u = 0                         (13) with (8), (11)
+//! r(u) = s·[F_e(z⁺) + Σ a⁺ + D(v_d - s·u)] - g(u)·ρ(u) - β·u = 0              (13) with (8), (11)
 //! z⁺   = z + v_d·dt - s·dt·[θ·u + (1 - θ)·u_0]                               (8)
 //! ```
 //!
 //! where u_0 is the slip speed at the start. θ is fitted so that the step is exact for a straight spring and a straight
 //! friction law; it lies between 1/2 (second order) and 1 (stiff limit), so no stiffness is too high for any dt.
-//! If r(0) <= 0 the seal sticks: the contact is an inclusion, sgn(v_d) decides nothing.
+//! If r(0) <= 0 the seal sticks: the contact is an inclusion, sgn(v_d) decides nothing. With creep, r(0) = 0 only where
+//! the force is zero; there the slip changes sides. Within a step the relaxing arms a are one more spring
+//! ([`crate::relaxation`]), exact at a constant dz/dt.
 
 use crate::elastic::Local;
-use crate::ems::{Element, Side, State};
+use crate::ems::{Element, Mode, Side, State};
 use crate::exponential::decay;
+use crate::relaxation::{ArmForces, StepArms};
 
 /// Limit on evaluations of r in one search: keeps the work of a step bounded.
 const MAX_EVALUATIONS: usize = 240;
@@ -26,7 +29,7 @@ const NEWTON_EVALUATIONS: usize = 24;
 const EVEN_STRIDES: usize = 100;
 
 /// A residual below this fraction of the static force gets one last Newton correction, which squares it.
-const RESIDUAL: f64 = 1e-8;
+const RESIDUAL: f64 = 1e-4;
 
 /// Change of force, as a fraction of the static force, up to which the slip speed at the start of a step follows to first
 /// order. It only weighs in with 1 - θ < 1/2 and a factor K·dt.
@@ -55,9 +58,10 @@ struct Onset {
     q: f64,
     /// The deformation force around z.
     local: Local,
+    arms: ArmForces,
     side: Side,
     speed: f64,
-    /// d(r)/du at fixed z with the sign changed: β + g' + D'.
+    /// d(r)/du at fixed z with the sign changed: β + (g·ρ)' + D'.
     drag: f64,
 }
 
@@ -74,22 +78,27 @@ impl Element {
     #[inline(always)]
     pub(crate) fn advance_general(&self, state: &State, velocity: f64, time: f64) -> State {
         let motion = Motion { velocity, time };
-        if state.slip_velocity == 0.0 {
+        if state.slip_velocity == 0.0 && !self.creeps {
             return self.leave_stick(state, motion);
         }
         self.keep_sliding(state, motion)
     }
 
-    /// From a slide; the velocity may have changed since, so that it sticks at once.
+    /// From a slide; the velocity may have changed since, so that it sticks at once or slips the other way.
     fn keep_sliding(&self, state: &State, motion: Motion) -> State {
-        let side = Side::of(state.slip_velocity);
-        let (z, q) = (state.deflection, state.yield_force);
+        let mut side = Side::of(state.slip_velocity);
+        let (z, q, arms) = (state.deflection, state.yield_force, state.arms);
         let local = self.params.deformation.local(z);
-        let (speed, drag) = self.slip_after(state, side, local.mid + q, motion.velocity);
+        let elastic = local.mid + q + state.relaxing_force();
+        let (mut speed, mut drag) = self.slip_after(state, side, elastic, motion.velocity);
         if speed == 0.0 {
-            return self.leave_stick(state, motion);
+            if !self.creeps {
+                return self.leave_stick(state, motion);
+            }
+            side = side.opposite();
+            (speed, drag) = self.slip_at(side, elastic, motion.velocity, 0.0);
         }
-        self.slide(Onset { z, q, local, side, speed, drag }, motion)
+        self.slide(Onset { z, q, local, arms, side, speed, drag }, motion)
     }
 
     /// From stick: bends with the instrument, EMS (10).
@@ -99,10 +108,11 @@ impl Element {
         let damping = self.params.damping.force(motion.velocity);
         let target = z + motion.velocity * motion.time;
         let (elastic, yield_force) = self.params.deformation.reach(z, q, target);
-        let force = elastic + damping;
+        let arms = self.params.relaxation.within(&state.arms, motion.time);
+        let force = elastic + arms.force(target - z) + damping;
         let sticks = force <= self.params.insertion.static_force && -force <= self.params.withdrawal.static_force;
         if sticks {
-            return State { deflection: target, yield_force, force, slip_velocity: 0.0 };
+            return State::stuck(target, yield_force, force, arms.forces(target - z));
         }
         self.yield_within(state, motion, force)
     }
@@ -115,15 +125,20 @@ impl Element {
         let side = Side::of(trial);
         let s = side.sign();
         let limit = self.sliding(side).static_force;
+        let bent = |part: f64| part * motion.velocity * motion.time;
+        let arms_at = |part: f64| self.params.relaxation.within(&state.arms, part * motion.time).forces(bent(part));
         let force_at = |part: f64| {
-            s * (self.params.deformation.reach(z, q, z + part * motion.velocity * motion.time).0 + damping) - limit
+            let elastic = self.params.deformation.reach(z, q, z + bent(part)).0;
+            s * (elastic + arms_at(part).iter().sum::<f64>() + damping) - limit
         };
         let part = yield_fraction(force_at, s * trial - limit);
-        let reached = z + part * motion.velocity * motion.time;
+        let reached = z + bent(part);
         let yield_force = self.params.deformation.reach(z, q, reached).1;
         let local = self.params.deformation.local(reached);
-        let (speed, drag) = self.slip_at(side, local.mid + yield_force, motion.velocity, 0.0);
-        let onset = Onset { z: reached, q: yield_force, local, side, speed, drag };
+        let arms = arms_at(part);
+        let elastic = local.mid + yield_force + arms.iter().sum::<f64>();
+        let (speed, drag) = self.slip_at(side, elastic, motion.velocity, 0.0);
+        let onset = Onset { z: reached, q: yield_force, local, arms, side, speed, drag };
         self.slide(onset, Motion { time: (1.0 - part) * motion.time, ..motion })
     }
 
@@ -138,10 +153,15 @@ impl Element {
             return (last, 0.0);
         }
         let sliding = self.sliding(side);
-        let beta = sliding.viscous_damping;
         let deformation_velocity = velocity - s * last; // EMS (8)
-        let fall = sliding.slope_at_level(last, s * state.force - beta * last);
-        let drag = beta + fall + self.params.damping.slope(deformation_velocity);
+        let slope = match self.creeps {
+            true => state.contact_slope,
+            false => {
+                let beta = sliding.viscous_damping;
+                beta + sliding.slope_at_level(last, s * state.force - beta * last)
+            }
+        };
+        let drag = slope + self.params.damping.slope(deformation_velocity);
         let surplus = s * (elastic + self.params.damping.force(deformation_velocity) - state.force);
         let speed = last + surplus / drag;
         if surplus.abs() < SMALL_SURPLUS * sliding.static_force && drag > 0.0 && speed > 0.0 {
@@ -157,11 +177,10 @@ impl Element {
         let sliding = self.sliding(side);
         let damping = &self.params.damping;
         let residual = |u: f64| {
-            let (level, fall) = sliding.level_and_slope(u);
+            let (resistance, slope) = self.resistance(side, u);
             let deformation_velocity = velocity - s * u; // EMS (8)
             let drive = s * (elastic + damping.force(deformation_velocity));
-            let drag = sliding.viscous_damping + fall + damping.slope(deformation_velocity);
-            (drive - level - sliding.viscous_damping * u, -drag)
+            (drive - resistance, -(slope + damping.slope(deformation_velocity)))
         };
         if self.is_free(side) {
             return (guess, 0.0);
@@ -173,38 +192,44 @@ impl Element {
 
     /// Slides through `motion`, EMS (14).
     fn slide(&self, onset: Onset, motion: Motion) -> State {
-        let (theta, guess) = self.predict(onset, motion);
-        let next = self.slide_with(onset, motion, theta, guess);
+        let arms = self.params.relaxation.within(&onset.arms, motion.time);
+        let (theta, guess) = self.predict(&onset, motion, arms);
+        let next = self.slide_with(&onset, motion, arms, theta, guess);
         let across = onset.side.opposite();
-        if next.slip_velocity == 0.0 && across.sign() * next.force > self.sliding(across).static_force {
+        let limit = if self.creeps { 0.0 } else { self.sliding(across).static_force };
+        if next.slip_velocity == 0.0 && across.sign() * next.force > limit {
             // It stuck and then yielded the other way within the step.
             let onset = Onset { side: across, speed: 0.0, ..onset };
-            return self.slide_with(onset, motion, 1.0, 0.0);
+            return self.slide_with(&onset, motion, arms, 1.0, 0.0);
         }
         next
     }
 
-    fn slide_with(&self, onset: Onset, motion: Motion, theta: f64, guess: f64) -> State {
-        let Onset { z, q, side, speed, .. } = onset;
+    fn slide_with(&self, onset: &Onset, motion: Motion, arms: StepArms, theta: f64, guess: f64) -> State {
+        let Onset { z, q, side, speed, .. } = *onset;
         let s = side.sign();
-        let sliding = self.sliding(side);
         let (deformation, damping) = (&self.params.deformation, &self.params.damping);
         let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
         let implicit = theta * motion.time;
+        let mut contact_slope = 0.0;
         let residual = |u: f64| {
-            let (elastic, stiffness) = deformation.reach_with_slope(z, q, target - s * implicit * u);
+            let reached = target - s * implicit * u;
+            let (elastic, stiffness) = deformation.reach_with_slope(z, q, reached);
             let deformation_velocity = motion.velocity - s * u; // EMS (8)
-            let (level, fall) = sliding.level_and_slope(u);
-            let drive = s * (elastic + damping.force(deformation_velocity));
-            let drag = sliding.viscous_damping + fall + damping.slope(deformation_velocity);
-            (drive - level - sliding.viscous_damping * u, -drag - implicit * stiffness) // EMS (13)
+            let (resistance, slope) = self.resistance(side, u);
+            contact_slope = slope;
+            let drive = s * (elastic + arms.force(reached - z) + damping.force(deformation_velocity));
+            let drag = slope + damping.slope(deformation_velocity);
+            (drive - resistance, -drag - implicit * (stiffness + arms.stiffness)) // EMS (13)
         };
         let search = self.search(onset, implicit, guess);
         let u = find_root(residual, search).0;
         let deflection = target - s * implicit * u;
         let (elastic, yield_force) = deformation.reach(z, q, deflection);
-        let force = elastic + damping.force(motion.velocity - s * u); // EMS (14)
-        State { deflection, yield_force, force, slip_velocity: s * u }
+        let force = elastic + arms.force(deflection - z) + damping.force(motion.velocity - s * u); // EMS (14)
+        let arms = arms.forces(deflection - z);
+        let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
+        State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, arms, mode }
     }
 
     /// Where the slip speed at the end of the step is sought.
@@ -212,7 +237,7 @@ impl Element {
     /// With a single root any start will do, and the last speed is the nearest. A folded friction law is followed on
     /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
     /// side, is the stable one.
-    fn search(&self, onset: Onset, implicit: f64, guess: f64) -> Search {
+    fn search(&self, onset: &Onset, implicit: f64, guess: f64) -> Search {
         let sliding = self.sliding(onset.side);
         let residual = RESIDUAL * sliding.static_force;
         let folds = self.folds(onset.side);
@@ -229,15 +254,25 @@ impl Element {
 
     /// θ of the module documentation, from the rate K/(β + g' + D') at the start, and the slip speed at the end if
     /// nothing bends. θ = 1 where the start does not decay.
-    fn predict(&self, onset: Onset, motion: Motion) -> (f64, f64) {
+    ///
+    /// A creeping contact is slow and may let go within the step: there θ follows the drag of sliding, which is exact for
+    /// what comes, and costs nothing where the slip is small.
+    fn predict(&self, onset: &Onset, motion: Motion, arms: StepArms) -> (f64, f64) {
         let s = onset.side.sign();
         let deformation_velocity = motion.velocity - s * onset.speed;
-        let stiffness = self.one_sided_stiffness(&onset, deformation_velocity);
+        let stiffness = self.one_sided_stiffness(onset, deformation_velocity) + arms.stiffness;
         let stiffening = stiffness * motion.time;
         if stiffening <= 0.0 || onset.drag <= 0.0 {
             return (1.0, onset.speed);
         }
-        let theta = fit_theta(stiffening / onset.drag);
+        let theta = match self.creeps {
+            true => {
+                let sliding =
+                    self.sliding(onset.side).viscous_damping + self.params.damping.slope(deformation_velocity);
+                fit_theta(stiffening / sliding.min(onset.drag))
+            }
+            false => fit_theta(stiffening / onset.drag),
+        };
         let change = stiffening * s * deformation_velocity / (onset.drag + theta * stiffening);
         (theta, (onset.speed + change).max(0.0))
     }
@@ -283,7 +318,7 @@ fn yield_fraction(force_at: impl Fn(f64) -> f64, end: f64) -> f64 {
 ///
 /// Newton steps inside a bracket. Until there is a bracket the search marches from the guess towards the root, never
 /// further at once than the stride, so that it stops at the nearest root.
-fn find_root(residual: impl Fn(f64) -> (f64, f64), search: Search) -> (f64, f64) {
+fn find_root(mut residual: impl FnMut(f64) -> (f64, f64), search: Search) -> (f64, f64) {
     let Search { guess: mut u, mut stride, residual: small } = search;
     let (mut below, mut above): (Option<f64>, Option<f64>) = (None, None);
     let (mut r, mut slope) = residual(u);

@@ -4,8 +4,8 @@
 use proptest::prelude::*;
 use trocar_model::{
     Branch, DeformationForce, Element, ElementParams, Friction, Gms, GmsElement, GmsState, Leuven, LeuvenParams,
-    LeuvenState, LuGre, LuGreParams, MaxwellSlip, MaxwellSlipState, Piece, SealDamping, SlidingFriction, SlipElement,
-    SlipRate, StribeckCurve, step_parallel,
+    LeuvenState, LuGre, LuGreParams, MaxwellSlip, MaxwellSlipState, Piece, Relaxation, SealDamping, SlidingFriction,
+    SlipElement, SlipRate, StribeckCurve, step_parallel,
 };
 
 /// N. Rounding of a few hundred sums of up to 16 N (unit in the last place 2e-15 N).
@@ -283,6 +283,8 @@ fn ems_elements_with_linear_springs_are_maxwell_slip() {
             damping: SealDamping::ZERO,
             insertion: sliding,
             withdrawal: sliding,
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
         })
         .unwrap()
     });

@@ -5,8 +5,8 @@ mod common;
 use common::{Seal, general_elements, seals};
 use proptest::prelude::*;
 use trocar_model::{
-    DeformationForce, Element, ElementParams, Folding, Mode, ParamError, SealDamping, SlidingFriction, State,
-    step_parallel,
+    DeformationForce, Element, ElementParams, Folding, Mode, ParamError, Relaxation, SealDamping, SlidingFriction,
+    State, step_parallel,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -113,6 +113,8 @@ proptest! {
         let params = ElementParams {
             insertion: SlidingFriction::coulomb(seal.insertion_force, 0.0),
             withdrawal: SlidingFriction::coulomb(seal.withdrawal_force, 0.0),
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
             ..seal.params()
         };
         let element = Element::new(params).unwrap();
@@ -216,6 +218,8 @@ proptest! {
         let params = ElementParams {
             insertion: SlidingFriction::coulomb(seal.insertion_force, beta),
             withdrawal: SlidingFriction::coulomb(seal.withdrawal_force, beta),
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
             ..seal.params()
         };
         let element = Element::new(params).unwrap();
@@ -336,6 +340,8 @@ fn folded_friction_sticks_and_slips() {
         damping: SealDamping::ZERO,
         insertion: folding_friction(),
         withdrawal: folding_friction(),
+        creep_velocity: 0.0,
+        relaxation: Relaxation::NONE,
     };
     let element = Element::new(params).unwrap();
     let Folding::Folded { from, to } = element.folded().0 else { panic!("must fold") };

@@ -5,7 +5,7 @@ mod shared;
 
 use shared::shared_vector;
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece, SealDamping,
+    Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece, Relaxation, SealDamping,
     SlidingFriction,
 };
 
@@ -44,6 +44,8 @@ fn params(sigma: f64, half_width: f64) -> ElementParams {
         damping: SealDamping::constant(sigma),
         insertion: sliding,
         withdrawal: sliding,
+        creep_velocity: 0.0,
+        relaxation: Relaxation::NONE,
     }
 }
 

@@ -375,7 +375,7 @@ fn is_exact(element: &Element) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trocar_model::{DeformationForce, ElementParams, Piece, SealDamping};
+    use trocar_model::{DeformationForce, ElementParams, Piece, Relaxation, SealDamping};
 
     fn plausible() -> ElementParams {
         ElementParams::plausible_10_5_mm().unwrap()
@@ -395,6 +395,8 @@ mod tests {
             damping: SealDamping::ZERO,
             insertion: friction,
             withdrawal: friction,
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
         })
         .unwrap()
     }
@@ -455,6 +457,8 @@ mod tests {
             damping: SealDamping::ZERO,
             insertion: friction,
             withdrawal: friction,
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
         })
         .unwrap();
         let passage = &analyze(&[element], 1).elements[0].reaches_sliding.branches[0];

@@ -12,7 +12,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SealDamping, SlidingFriction};
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, MAX_ARMS, ParamError, Piece, Relaxation, RelaxationArm,
+    SealDamping, SlidingFriction,
+};
 
 use crate::classical::Classical;
 use crate::recording::Recording;
@@ -23,9 +26,12 @@ mod friction;
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Newest version read. It is written for classical models only.
-pub const VERSION: u32 = 2;
-/// Version before there were classical models: written for EMS elements, so that older programs read them.
+/// Newest version read: with creep and relaxation of the elements.
+pub const VERSION: u32 = 3;
+/// Version with classical models.
+const CLASSICAL_VERSION: u32 = 2;
+/// First version: EMS elements. Each model is written in the oldest version that can hold it, so that older programs
+/// read it.
 const ELEMENTS_VERSION: u32 = 1;
 
 /// Largest difference between a joint and the ends of its pieces, as a part of the half width.
@@ -177,7 +183,7 @@ pub enum ModelFileError {
         found: u64,
     },
     /// A version that never existed.
-    #[error("the key \"version\" must be {ELEMENTS_VERSION} or {VERSION}, got {found}")]
+    #[error("the key \"version\" must be {ELEMENTS_VERSION} to {VERSION}, got {found}")]
     WrongVersion {
         /// What was found.
         found: String,
@@ -312,9 +318,14 @@ impl ModelFile {
     }
 
     fn text<F: Serialize>(&self, elements: Option<Vec<ElementText>>, friction: Option<F>) -> String {
+        let version = match &elements {
+            None => CLASSICAL_VERSION,
+            Some(elements) if elements.iter().any(ElementText::is_slow) => VERSION,
+            Some(_) => ELEMENTS_VERSION,
+        };
         let document = Document {
             format: FORMAT.to_owned(),
-            version: if friction.is_some() { VERSION } else { ELEMENTS_VERSION },
+            version,
             origin: self.origin.clone(),
             sensor: self.sensor,
             elements,
@@ -386,6 +397,21 @@ struct ElementText {
     seal_damping: DampingText,
     insertion: SlidingText,
     withdrawal: SlidingText,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    creep_velocity_m_s: f64,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    relaxation: Vec<ArmText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ArmText {
+    stiffness_n_m: f64,
+    time_s: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 #[derive(Serialize, Deserialize)]
@@ -433,9 +459,13 @@ struct SlidingText {
 impl<F: FrictionText> Document<F> {
     fn into_file(self) -> Result<ModelFile, ModelFileError> {
         let model = match (self.elements, self.friction) {
+            (Some(elements), None) if self.version < VERSION && elements.iter().any(ElementText::is_slow) => {
+                let what = format!("creep and relaxation need version {VERSION}, got version {}", self.version);
+                return Err(impossible("elements", &what));
+            }
             (Some(elements), None) => Model::Ems(read_elements(&elements)?),
-            (None, Some(_)) if self.version < VERSION => {
-                let what = format!("needs version {VERSION}, got version {}", self.version);
+            (None, Some(_)) if self.version < CLASSICAL_VERSION => {
+                let what = format!("needs version {CLASSICAL_VERSION}, got version {}", self.version);
                 return Err(impossible("friction", &what));
             }
             (None, Some(friction)) => Model::Classical(friction.model().map_err(parameter("friction"))?),
@@ -506,11 +536,36 @@ impl From<&ElementParams> for ElementText {
             },
             insertion: SlidingText::from(&params.insertion),
             withdrawal: SlidingText::from(&params.withdrawal),
+            creep_velocity_m_s: params.creep_velocity,
+            relaxation: params.relaxation.arms.iter().filter(|arm| arm.stiffness > 0.0).map(ArmText::from).collect(),
         }
     }
 }
 
+impl From<&RelaxationArm> for ArmText {
+    fn from(arm: &RelaxationArm) -> Self {
+        Self { stiffness_n_m: arm.stiffness, time_s: arm.time }
+    }
+}
+
 impl ElementText {
+    /// Whether it holds what only the newest version knows.
+    fn is_slow(&self) -> bool {
+        self.creep_velocity_m_s != 0.0 || !self.relaxation.is_empty()
+    }
+
+    fn relaxation(&self, place: &str) -> Result<Relaxation, ModelFileError> {
+        if self.relaxation.len() > MAX_ARMS {
+            let what = format!("a seal has at most {MAX_ARMS} relaxing arms, got {}", self.relaxation.len());
+            return Err(impossible(&format!("{place}.relaxation"), &what));
+        }
+        let mut relaxation = Relaxation::NONE;
+        for (arm, text) in relaxation.arms.iter_mut().zip(&self.relaxation) {
+            *arm = RelaxationArm { stiffness: text.stiffness_n_m, time: text.time_s };
+        }
+        Ok(relaxation)
+    }
+
     fn element(&self, place: &str) -> Result<Element, ModelFileError> {
         let deformation = self.deformation.force(&format!("{place}.deformation"))?;
         let damping = &self.seal_damping;
@@ -521,6 +576,8 @@ impl ElementText {
             },
             insertion: self.insertion.friction(),
             withdrawal: self.withdrawal.friction(),
+            creep_velocity: self.creep_velocity_m_s,
+            relaxation: self.relaxation(place)?,
         };
         Element::new(params).map_err(parameter(place))
     }

@@ -3,7 +3,7 @@
 use trocar::bench::{
     BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol, random_plausible_seal, random_seal, run,
 };
-use trocar_model::{DeformationForce, Element, ElementParams, SealDamping, SlidingFriction};
+use trocar_model::{DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction};
 
 const ENCODER_COUNT: f64 = 4e-6;
 
@@ -19,6 +19,8 @@ fn linear_seal(coulomb_force: f64, viscous_damping: f64) -> Element {
         damping: SealDamping::ZERO,
         insertion: friction,
         withdrawal: friction,
+        creep_velocity: 0.0,
+        relaxation: Relaxation::NONE,
     })
     .unwrap()
 }

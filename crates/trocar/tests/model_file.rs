@@ -6,7 +6,8 @@ use trocar::classical::Classical;
 use trocar::model_file::{Interval, Model, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo};
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS,
-    MaxwellSlip, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    MaxwellSlip, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction,
+    StribeckCurve,
 };
 
 fn schema() -> jsonschema::Validator {
@@ -39,6 +40,17 @@ fn complete() -> ModelFile {
         model.intervals.insert(name.to_owned(), interval);
     }
     model
+}
+
+/// A model whose elements creep and relax.
+fn slow() -> ModelFile {
+    let arm = |stiffness, time| RelaxationArm { stiffness, time };
+    let plausible = ElementParams::plausible_10_5_mm().unwrap();
+    let two = Relaxation { arms: [arm(1e3 / 7.0, 0.3), arm(50.0, 10.0 / 3.0)] };
+    let both = ElementParams { creep_velocity: 1e-3 / 7.0, relaxation: two, ..plausible };
+    let one = ElementParams { relaxation: Relaxation::single(120.0, 0.2), ..plausible };
+    let elements = [both, one, plausible].map(|params| Element::new(params).unwrap());
+    ModelFile { model: Model::Ems(elements.to_vec()), ..complete() }
 }
 
 /// Numbers that are not short in decimals.
@@ -107,6 +119,7 @@ fn files_of_elements_stay_readable_for_older_programs() {
         assert_eq!(text["version"], 2, "an older program says that it is too old");
         assert!(text.get("elements").is_none());
     }
+    assert_eq!(value(&slow().to_json())["version"], 3, "an older program says that it is too old");
     let newer = value(&complete().to_json().replacen("\"version\": 1", "\"version\": 2", 1));
     assert!(schema().is_valid(&newer));
     assert_eq!(ModelFile::from_json(&newer.to_string()).unwrap(), complete());
@@ -123,7 +136,7 @@ fn elements_of_a_classical_model_are_refused_with_its_kind() {
 #[test]
 fn written_models_conform_and_come_back_to_the_bit() {
     let schema = schema();
-    let mut models = vec![complete(), ModelFile::plausible_10_5_mm().unwrap()];
+    let mut models = vec![complete(), slow(), ModelFile::plausible_10_5_mm().unwrap()];
     models.extend(classical_files());
     for seed in 0..200 {
         let element = Element::new(random_plausible_seal(seed)).unwrap();
@@ -139,6 +152,27 @@ fn written_models_conform_and_come_back_to_the_bit() {
 }
 
 #[test]
+fn slow_parts_that_make_no_seal_are_refused() {
+    let good = slow();
+    let arm = json!({ "stiffness_n_m": 1.0, "time_s": 1.0 });
+    let cases = [
+        ("/version", json!(2), "elements: creep and relaxation need version 3, got version 2"),
+        (
+            "/elements/0/relaxation",
+            json!([arm, arm, arm]),
+            "elements[0].relaxation: a seal has at most 2 relaxing arms, got 3",
+        ),
+        ("/elements/0/relaxation/1/time_s", json!(0), "elements[0]: relaxation_time"),
+        ("/elements/0/creep_velocity_m_s", json!(-1e-4), "elements[0]: creep_velocity"),
+    ];
+    for (pointer, replacement, expected) in cases {
+        let error =
+            ModelFile::from_json(&broken(&good, pointer, Some(replacement)).to_string()).unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
+    }
+}
+
+#[test]
 fn plausible_model_says_so() {
     let text = ModelFile::plausible_10_5_mm().unwrap().to_json();
     assert_eq!(value(&text)["origin"]["kind"], "plausible");
@@ -147,7 +181,7 @@ fn plausible_model_says_so() {
 #[test]
 fn every_number_says_its_unit() {
     fn walk(key: &str, value: &Value) {
-        let units = ["_n", "_m", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg"];
+        let units = ["_n", "_m", "_s", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg"];
         let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95"];
         match value {
             Value::Object(inner) => inner.iter().for_each(|(key, value)| walk(key, value)),
@@ -159,6 +193,7 @@ fn every_number_says_its_unit() {
         }
     }
     walk("", &value(&complete().to_json()));
+    walk("", &value(&slow().to_json()));
     classical_files().iter().for_each(|file| walk("", &value(&file.to_json())));
 }
 
@@ -187,10 +222,10 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(3)), "written by a newer trocar: model version 3, this one reads 2"),
-        ("/version", Some(json!(0)), "\"version\" must be 1 or 2, got 0"),
-        ("/version", Some(json!("1")), "\"version\" must be 1 or 2, got \"1\""),
-        ("/version", None, "\"version\" must be 1 or 2, got nothing"),
+        ("/version", Some(json!(4)), "written by a newer trocar: model version 4, this one reads 3"),
+        ("/version", Some(json!(0)), "\"version\" must be 1 to 3, got 0"),
+        ("/version", Some(json!("1")), "\"version\" must be 1 to 3, got \"1\""),
+        ("/version", None, "\"version\" must be 1 to 3, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),

@@ -3,7 +3,7 @@
 #![allow(dead_code)] // every test binary uses its own part
 
 use proptest::prelude::*;
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, SealDamping, SlidingFriction};
+use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping, SlidingFriction};
 
 /// Legendre coefficients of a cubic on its own interval through `from` and `to` at the ends with bends `b`, `d`.
 fn cubic(from: f64, to: f64, b: f64, d: f64) -> [f64; 4] {
@@ -44,6 +44,8 @@ impl Seal {
             damping: SealDamping::ZERO,
             insertion: SlidingFriction::coulomb(self.insertion_force, self.viscous[0]),
             withdrawal: SlidingFriction::coulomb(self.withdrawal_force, self.viscous[1]),
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
         }
     }
 
@@ -172,5 +174,7 @@ pub(crate) fn humped(beta: f64) -> ElementParams {
         damping: SealDamping::ZERO,
         insertion: sliding,
         withdrawal: sliding,
+        creep_velocity: 0.0,
+        relaxation: Relaxation::NONE,
     }
 }

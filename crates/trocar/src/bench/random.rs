@@ -1,7 +1,7 @@
 //! Random plausible seals: known truths for tests of the identification.
 
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece};
-use trocar_model::{SealDamping, SlidingFriction};
+use trocar_model::{Relaxation, SealDamping, SlidingFriction};
 
 use super::noise::{Noise, Source};
 
@@ -77,6 +77,8 @@ pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
             damping: SealDamping::ZERO,
             insertion,
             withdrawal,
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
         });
         if let Ok(params) = params
             && plausible(&params)

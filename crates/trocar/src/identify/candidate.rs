@@ -1,6 +1,6 @@
 //! A candidate model as a vector of free numbers, for the refinement against simulated force.
 
-use trocar_model::{DeformationForce, Element, ElementParams, ParamError, SealDamping, SlidingFriction};
+use trocar_model::{DeformationForce, Element, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction};
 
 use super::output_error::{Free, Trial};
 use super::shape::{BranchShape, Pins};
@@ -45,6 +45,8 @@ impl Candidate {
             damping: SealDamping { coefficients: [self.seal_damping, 0.0, 0.0] },
             insertion: self.insertion,
             withdrawal: self.withdrawal,
+            creep_velocity: 0.0,
+            relaxation: Relaxation::NONE,
         })
     }
 
