@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::identify::{
-    DampingTest, DeformationFit, Estimate, Identification, IdentifyOptions, Parameter, Refinement, SteadyFit, Warning,
+    DampingTest, DeformationFit, Estimate, FreeMotion, Identification, IdentifyOptions, MotionFit, Parameter,
+    Refinement, SteadyFit, Warning,
 };
 use crate::model_file::{Interval, ModelFile, Origin, SensorInfo};
 use crate::recording::{Quality, Recording};
@@ -118,6 +119,10 @@ pub struct Summary<'a> {
     pub residual_rms_n: f64,
     /// The refinement beside the two steps; `None` when it was not made.
     pub refinement: Option<&'a Refinement>,
+    /// Holds and partial reversals in the recordings.
+    pub free_motion: Option<FreeMotion>,
+    /// The fit to all motion, ingredient by ingredient; `None` when it was not made.
+    pub motion: Option<&'a MotionFit>,
     /// Validation on the recordings held back; `None` without any.
     pub validation: Option<&'a Validation>,
     /// Steady-state step with its data.
@@ -150,6 +155,8 @@ impl<'a> Outcome<'a> {
             two_step_parameters: by_name(&found.two_step_parameters),
             residual_rms_n: found.residual_rms,
             refinement: found.refinement.as_ref(),
+            free_motion: found.free_motion,
+            motion: found.motion.as_ref(),
             validation: self.validation,
             steady: &found.steady,
             deformation: deformation.ok().map(deformation_summary),

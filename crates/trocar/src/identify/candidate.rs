@@ -24,9 +24,18 @@ pub struct Candidate {
     pub falling: BranchShape,
     /// σ, N s/m.
     pub seal_damping: f64,
+    /// κ over its least value, the steepest change of the half gap; >= 1.
+    pub yield_ratio: f64,
+    /// v_c, m/s; 0 for a contact that does not creep.
+    pub creep_velocity: f64,
+    /// Relaxation of the rubber.
+    pub relaxation: Relaxation,
 }
 
 impl Candidate {
+    /// The yield ratio that an element has by default.
+    pub const DEFAULT_YIELD_RATIO: f64 = 1.01;
+
     /// Forces at ±c.
     pub fn pins(&self) -> Pins {
         Pins { low: -self.withdrawal.static_force, high: self.insertion.static_force }
@@ -40,13 +49,20 @@ impl Candidate {
         let pins = self.pins();
         let rising = self.rising.branch(self.half_width, pins)?;
         let falling = self.falling.branch(self.half_width, pins)?;
+        let softest = DeformationForce::new(rising, falling, None)?;
+        let deformation = if self.yield_ratio > Self::DEFAULT_YIELD_RATIO {
+            let stiffness = softest.yield_stiffness() * self.yield_ratio / Self::DEFAULT_YIELD_RATIO;
+            DeformationForce::new(rising, falling, Some(stiffness))?
+        } else {
+            softest
+        };
         Ok(ElementParams {
-            deformation: DeformationForce::new(rising, falling, None)?,
+            deformation,
             damping: SealDamping { coefficients: [self.seal_damping, 0.0, 0.0] },
             insertion: self.insertion,
             withdrawal: self.withdrawal,
-            creep_velocity: 0.0,
-            relaxation: Relaxation::NONE,
+            creep_velocity: self.creep_velocity,
+            relaxation: self.relaxation,
         })
     }
 
@@ -59,6 +75,11 @@ impl Candidate {
     }
 }
 
+/// Range of v_c, m/s: below, a second of creep moves the seal by less than an encoder sees; above, sliding itself is creep.
+const CREEP_RANGE: [f64; 2] = [1e-6, 2e-2];
+/// Range of relaxation times, s: faster is damping, slower is longer than recordings hold still.
+const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
+
 /// Which numbers of a candidate are free, in the order of the parameter vector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Layout {
@@ -67,6 +88,18 @@ pub(super) struct Layout {
     pub(super) stribeck: bool,
     pub(super) damping: bool,
     pub(super) hidden_mass: bool,
+    /// Minor-loop stiffness.
+    pub(super) yielding: bool,
+    pub(super) creep: bool,
+    /// Relaxing arms.
+    pub(super) arms: usize,
+}
+
+/// Visits the logarithm of a number that must stay positive.
+fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, f64, f64, f64)) {
+    let mut log = value.clamp(low, high).ln();
+    on(&mut log, 1e-3, low.ln(), high.ln());
+    *value = log.exp();
 }
 
 /// Precisions, 1/variance, of what the steady state estimates.
@@ -104,7 +137,7 @@ impl Layout {
                 on(&mut candidate.withdrawal.viscous_damping, 100.0 * force, 0.0, free);
             }
             if self.stribeck {
-                candidate.withdrawal.static_force = candidate.insertion.static_force;
+                on(&mut candidate.withdrawal.static_force, force, 10.0 * force, free);
                 candidate.withdrawal.stribeck_velocity = candidate.insertion.stribeck_velocity;
             }
         }
@@ -127,6 +160,17 @@ impl Layout {
         if self.damping {
             on(&mut candidate.seal_damping, 10.0 * force, 0.0, free);
         }
+        if self.yielding {
+            on(&mut candidate.yield_ratio, 1e-3, Candidate::DEFAULT_YIELD_RATIO, 20.0);
+        }
+        if self.creep {
+            on_log(&mut candidate.creep_velocity, CREEP_RANGE, &mut on);
+        }
+        let stiffest = 10.0 * candidate.insertion.coulomb_force / candidate.half_width;
+        for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
+            on_log(&mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
+            on_log(&mut arm.time, TIME_RANGE, &mut on);
+        }
     }
 
     /// The free numbers of a candidate.
@@ -145,8 +189,8 @@ impl Layout {
         for (line, [coulomb, viscous]) in known.lines.iter().enumerate().take(if self.symmetric { 1 } else { 2 }) {
             all.push(*coulomb);
             all.extend(self.viscous.then_some(*viscous));
-            if self.stribeck && line == 0 {
-                all.extend(known.stribeck);
+            if self.stribeck {
+                all.extend(if line == 0 { &known.stribeck[..] } else { &[0.0] });
             }
         }
         all.resize(count, 0.0);
@@ -178,6 +222,13 @@ impl Layout {
 pub(super) struct EmsTrial {
     pub(super) candidate: Candidate,
     pub(super) layout: Layout,
+}
+
+impl EmsTrial {
+    /// How many numbers are free.
+    pub(super) fn free_numbers(&self) -> usize {
+        self.layout.free(&self.candidate).len()
+    }
 }
 
 impl Trial for EmsTrial {

@@ -60,6 +60,9 @@ pub(super) fn conclude(
         stribeck: two.steady.stribeck.is_some(),
         damping: two.candidate.seal_damping > 0.0,
         hidden_mass: options.estimate_hidden_mass && acceleration_is_resolved(two.recordings),
+        yielding: false,
+        creep: false,
+        arms: 0,
     };
     progress("refining", 0.3);
     let outcome = match (&two.deformation, options.refine) {
@@ -77,7 +80,7 @@ pub(super) fn conclude(
     let refinement = outcome.map(|o| o.summary);
     let warnings = warnings(&two, &model, refinement.as_ref(), &parameters);
     progress("residuals", 0.9);
-    let residual_rms = residual_rms(&two, &model, &element);
+    let residual_rms = residual_rms(two.recordings, &model, &element);
     let free_parameters = free_parameters(&model, layout, two.assumed);
     Ok(Identification {
         model,
@@ -88,6 +91,8 @@ pub(super) fn conclude(
         steady: two.steady,
         deformation: two.deformation,
         refinement,
+        free_motion: None,
+        motion: None,
         free_parameters,
         residual_rms,
         warnings,
@@ -252,9 +257,9 @@ fn hidden_mass_is_plausible(found: &Refined, training: &Training) -> bool {
     estimate.value > HIDDEN_MASS_LEVEL * error && small
 }
 
-fn residual_rms(two: &TwoSteps, model: &Candidate, element: &trocar_model::Element) -> f64 {
+pub(super) fn residual_rms(recordings: &[Recording], model: &Candidate, element: &trocar_model::Element) -> f64 {
     let (mut squares, mut samples) = (0.0, 0.0);
-    for recording in two.recordings {
+    for recording in recordings {
         let run = crate::replay::replay(std::slice::from_ref(element), recording, model.offset);
         let inertia = acceleration(recording);
         for i in run.known.into_iter().flatten() {
@@ -267,10 +272,10 @@ fn residual_rms(two: &TwoSteps, model: &Candidate, element: &trocar_model::Eleme
 }
 
 /// A number that follows from a candidate: name, unit, and how.
-struct Quantity {
-    name: String,
-    unit: &'static str,
-    of: Box<dyn Fn(&Candidate) -> f64>,
+pub(super) struct Quantity {
+    pub(super) name: String,
+    pub(super) unit: &'static str,
+    pub(super) of: Box<dyn Fn(&Candidate) -> f64>,
 }
 
 impl Quantity {
@@ -280,7 +285,7 @@ impl Quantity {
 }
 
 /// What comes from the branches: join, force there, and the paper's θ (25).
-fn branch_quantities(candidate: &Candidate) -> Vec<Quantity> {
+pub(super) fn branch_quantities(candidate: &Candidate) -> Vec<Quantity> {
     type Side = fn(&Candidate) -> &BranchShape;
     const POWERS: [&str; 8] = ["N", "N/m", "N/m^2", "N/m^3", "N/m^4", "N/m^5", "N/m^6", "N/m^7"];
     let sides: [(&str, Side); 2] = [("rising", |c| &c.rising), ("falling", |c| &c.falling)];

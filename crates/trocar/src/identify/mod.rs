@@ -9,7 +9,7 @@
 //! interval, the reason, and a warning.
 
 use serde::Serialize;
-use trocar_model::{Element, SlidingFriction};
+use trocar_model::{Element, Relaxation, SlidingFriction};
 
 use crate::recording::{Recording, local_acceleration};
 use crate::segment::{Pass, SegmentOptions, Stretch, behind_start, passes, reversal_threshold, stretches};
@@ -18,6 +18,7 @@ pub use candidate::Candidate;
 use deformation::Sensors;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
 pub use estimate::Estimate;
+pub use motion::{FreeMotion, Ingredient, IngredientTrial, MotionFit};
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;
 pub use shape::{BranchShape, Pins};
@@ -28,6 +29,7 @@ pub mod classical;
 mod conclude;
 mod deformation;
 mod estimate;
+mod motion;
 mod nnls;
 mod output_error;
 mod random;
@@ -50,6 +52,8 @@ pub struct IdentifyOptions {
     pub degrees: [usize; 2],
     /// Whether to refine the result against simulated force.
     pub refine: bool,
+    /// Whether to fit the element to all motion, with creep, relaxation and minor loops, where the recordings hold any.
+    pub free_motion: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_hidden_mass: bool,
     /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
@@ -66,6 +70,7 @@ impl Default for IdentifyOptions {
             seed: 1,
             degrees: [4, 4],
             refine: true,
+            free_motion: true,
             estimate_hidden_mass: true,
             inertia_removed: false,
             segment: SegmentOptions::default(),
@@ -175,6 +180,10 @@ pub struct Identification {
     pub deformation: Result<DeformationFit, String>,
     /// Refinement; `None` when it was not asked for or not possible.
     pub refinement: Option<Refinement>,
+    /// What the recordings hold beyond full strokes.
+    pub free_motion: Option<FreeMotion>,
+    /// The fit to all motion, which then is the model; `None` when it was not asked for or there was nothing to fit.
+    pub motion: Option<MotionFit>,
     /// Numbers of the model that the recordings gave, without the sensor's offset and an undeclared mass.
     pub free_parameters: usize,
     /// Root mean square error, N, of the model over the recordings it was identified from.
@@ -237,11 +246,12 @@ pub fn identify(
     progress("steady state", 0.1);
     let (steady, deformation) = two_steps(recordings, &segments, options)?;
     let (two_step, assumed) = candidate_of(&steady, &deformation, recordings);
-    conclude::conclude(
+    let found = conclude::conclude(
         conclude::TwoSteps { recordings, segments: &segments, steady, deformation, candidate: two_step, assumed },
         options,
         progress,
-    )
+    )?;
+    Ok(motion::extend(found, recordings, &segments, options, progress))
 }
 
 fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
@@ -461,8 +471,19 @@ fn candidate_of(
         }
         Err(_) => ((20.0 * step).max(5e-5), straight(), straight(), 0.0),
     };
-    let candidate =
-        Candidate { offset, hidden_mass: 0.0, insertion, withdrawal, half_width, rising, falling, seal_damping };
+    let candidate = Candidate {
+        offset,
+        hidden_mass: 0.0,
+        insertion,
+        withdrawal,
+        half_width,
+        rising,
+        falling,
+        seal_damping,
+        yield_ratio: Candidate::DEFAULT_YIELD_RATIO,
+        creep_velocity: 0.0,
+        relaxation: Relaxation::NONE,
+    };
     (candidate, deformation.is_err())
 }
 

@@ -120,18 +120,26 @@ fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run) -> <T::Model as Frict
     model.rest_at_force(run.first_force - trial.offset())
 }
 
-/// Weighted squares of a trial on the clusters in `use_cluster`; infinite where it is no model.
-pub(crate) fn cost<T: Trial>(training: &Training, trial: &T, use_cluster: impl Fn(usize) -> bool + Sync) -> f64 {
-    let Some(model) = trial.model() else { return f64::INFINITY };
+/// Weighted squares of a trial on each cluster; `None` where it is no model.
+pub(crate) fn costs<T: Trial>(training: &Training, trial: &T) -> Option<Vec<f64>> {
+    let model = trial.model()?;
     let of_run = |run: &Run| {
         let mut state = start(trial, &model, run);
-        let squares = run.steps.iter().map(|step| {
+        let mut squares = vec![0.0; training.clusters()];
+        for step in &run.steps {
             let error = step.force - reading(trial, &model, &mut state, step);
-            if use_cluster(step.cluster) { training.weights[step.cluster] * step.samples * error * error } else { 0.0 }
-        });
-        squares.sum::<f64>()
+            squares[step.cluster] += training.weights[step.cluster] * step.samples * error * error;
+        }
+        squares
     };
-    training.runs.par_iter().map(of_run).collect::<Vec<f64>>().iter().sum()
+    let by_run: Vec<Vec<f64>> = training.runs.par_iter().map(of_run).collect();
+    Some((0..training.clusters()).map(|g| by_run.iter().map(|squares| squares[g]).sum()).collect())
+}
+
+/// Weighted squares of a trial on the clusters in `use_cluster`; infinite where it is no model.
+pub(crate) fn cost<T: Trial>(training: &Training, trial: &T, use_cluster: impl Fn(usize) -> bool) -> f64 {
+    let Some(costs) = costs(training, trial) else { return f64::INFINITY };
+    costs.iter().enumerate().filter(|(g, _)| use_cluster(*g)).map(|(_, cost)| cost).sum()
 }
 
 /// A trial and those with one free number moved each, their models, and the difference quotient's steps.

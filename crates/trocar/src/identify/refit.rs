@@ -42,6 +42,9 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
         stribeck: found.steady.stribeck.is_some(),
         damping: true,
         hidden_mass: false,
+        yielding: false,
+        creep: false,
+        arms: 0,
     };
     let candidate = Candidate { hidden_mass: 0.0, ..found.model.clone() };
     let candidates = match &found.deformation {

@@ -24,13 +24,9 @@ pub(crate) struct ClassicalData {
 impl ClassicalData {
     /// `recordings` hold no inertia any more; `found` was identified from them.
     pub(crate) fn new(recordings: &[Recording], found: &Identification, options: &IdentifyOptions) -> Self {
-        let parts: Vec<(Segments, Vec<Stretch>)> = recordings.iter().map(|r| segmented(r, found, options)).collect();
-        let all: Vec<Segmented> = recordings.iter().zip(&parts).map(|(r, (s, settled))| part(r, s, settled)).collect();
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
-        // All samples weigh the same: what is minimised is nearly what is scored, but for samples taken together.
-        let mut training = Training::new(&all, 1.0, 0.0, half_width, MOST_CLUSTERS);
-        training.forget_unknown_starts(&found.element);
+        let training = plain_training(recordings, found, options, half_width, |r| vec![0.0; r.len()]);
         let scales = Scales {
             offset: found.model.offset,
             force: found.model.insertion.coulomb_force,
@@ -43,6 +39,27 @@ impl ClassicalData {
     }
 }
 
+/// All samples of `recordings`, weighing the same: what is minimised is nearly what is scored, but for samples taken
+/// together.
+pub(crate) fn plain_training(
+    recordings: &[Recording],
+    found: &Identification,
+    options: &IdentifyOptions,
+    half_width: f64,
+    acceleration: impl Fn(&Recording) -> Vec<f64>,
+) -> Training {
+    let parts: Vec<(Segments, Vec<Stretch>)> = recordings.iter().map(|r| segmented(r, found, options)).collect();
+    let mut all = Vec::new();
+    for (recording, (segments, settled)) in recordings.iter().zip(&parts) {
+        let (passes, settled) = (segments.passes.as_slice(), settled.clone());
+        let acceleration = acceleration(recording);
+        all.push(Segmented { recording, passes, settled, settled_scored: true, acceleration });
+    }
+    let mut training = Training::new(&all, 1.0, 0.0, half_width, MOST_CLUSTERS);
+    training.forget_unknown_starts(&found.element);
+    training
+}
+
 fn segmented(recording: &Recording, found: &Identification, options: &IdentifyOptions) -> (Segments, Vec<Stretch>) {
     let segments = segment(recording, &options.segment);
     let settled = match &found.deformation {
@@ -50,14 +67,4 @@ fn segmented(recording: &Recording, found: &Identification, options: &IdentifyOp
         Err(_) => Vec::new(),
     };
     (segments, settled)
-}
-
-fn part<'a>(recording: &'a Recording, segments: &'a Segments, settled: &[Stretch]) -> Segmented<'a> {
-    Segmented {
-        recording,
-        passes: &segments.passes,
-        settled: settled.to_vec(),
-        settled_scored: true,
-        acceleration: vec![0.0; recording.len()],
-    }
 }
