@@ -318,12 +318,8 @@ fn motion_and_force_pass_through_pipes() {
     let model = place.model();
     place.put("saw.csv", &saw(|_, values| row(values)));
     place.run(&format!("simulate {model} saw.csv --out force.csv")).done();
-    let piped = place
-        .command(&format!("--quiet simulate {model} - --out -"))
-        .stdin(fs::File::open(place.path("saw.csv")).unwrap())
-        .output()
-        .unwrap();
-    let piped = Ran::from(piped).done();
+    let piped = place.command(&format!("--quiet simulate {model} - --out -"));
+    let piped = fed(piped, &place.path("saw.csv")).done();
     assert_eq!(piped.stdout, place.text("force.csv"));
     assert_eq!(piped.stderr, "");
     assert_eq!(piped.stdout.lines().count(), 4001);
@@ -348,6 +344,61 @@ fn the_start_is_taken_from_the_first_reading_or_as_given() {
     place.put("saw.csv", &motion);
     run("").says(&["has no force"]);
     assert!(first(&place).ends_with(",0.0,deforming"), "{}", first(&place));
+}
+
+/// A push of 3 mm read in steps of 4 um, then a hold that flickers by one step.
+fn flickering_hold() -> String {
+    let reading = |k: i32| if k <= 300 { f64::from(k) * 2.5 } else { 750.0 + f64::from(k * 7919 % 3 - 1) };
+    let rows = (0..1000).map(|k| format!("{:.3},{:.6}\n", 1e-3 * f64::from(k), 4e-6 * reading(k).round()));
+    "time_s,position_m\n".to_owned() + &rows.collect::<String>()
+}
+
+#[test]
+fn a_guard_silences_a_resting_encoder() {
+    let place = Place::new();
+    let model = place.model();
+    place.put("hold.csv", &flickering_hold());
+    let forces = |more: &str| {
+        let ran = place.run(&format!("simulate {model} hold.csv --out force.csv {more}")).done();
+        let text = place.text("force.csv");
+        let forces: Vec<String> = text.lines().skip(1).map(|l| l.split(',').nth(2).unwrap().to_owned()).collect();
+        (ran, forces)
+    };
+    let rests = |forces: &[String]| forces[400..].iter().all(|force| *force == forces[400]);
+    let (plain, none, given, auto) =
+        (forces(""), forces("--guard-m 0"), forces("--guard-m 6e-6"), forces("--guard-m auto"));
+    assert_eq!(plain.1, none.1);
+    assert!(!rests(&plain.1) && rests(&given.1));
+    assert_eq!(given.1, auto.1);
+    auto.0.says(&["guard: 6.000 um", "resolution of 4.000 um"]);
+    assert!(!plain.0.stderr.contains("guard"), "{:#?}", plain.0);
+    let piped = place.command(&format!("--quiet simulate {model} - --guard-m 6e-6 --out -"));
+    let piped = fed(piped, &place.path("hold.csv")).done();
+    assert!(piped.stdout.lines().skip(1).map(|l| l.split(',').nth(2).unwrap()).eq(given.1.iter()));
+}
+
+#[test]
+fn an_automatic_guard_needs_a_resolution() {
+    let place = Place::new();
+    let model = place.model();
+    place.put("hold.csv", &flickering_hold());
+    let stream = place.command(&format!("simulate {model} - --guard-m auto --out -"));
+    let refused = fed(stream, &place.path("hold.csv")).ends_with(2);
+    refused.says(&["--guard-m auto", "resolution", "stream", "hint:", "6e-6"]);
+    let smooth = (0..100).map(|k| format!("{k},{:.17}\n", 0.01 * (0.1 * f64::from(k)).sin()));
+    place.put("smooth.csv", &("time_s,position_m\n".to_owned() + &smooth.collect::<String>()));
+    let refused = place.run(&format!("simulate {model} smooth.csv --guard-m auto --out force.csv")).ends_with(2);
+    refused.says(&["smooth.csv", "no step", "hint:"]);
+    for width in ["-0.001", "nan", "wide"] {
+        place.run(&format!("simulate {model} hold.csv --guard-m {width} --out force.csv")).ends_with(2).says(&["auto"]);
+    }
+    place.run(&format!("simulate {model} gone.csv --guard-m auto --out force.csv")).fails_saying(&["gone.csv"]);
+    assert!(!place.path("force.csv").exists());
+}
+
+/// A run with a file as standard input.
+fn fed(mut command: Command, file: &std::path::Path) -> Ran {
+    Ran::from(command.stdin(fs::File::open(file).unwrap()).output().unwrap())
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use trocar_model::{Friction, Mode, Parallel, State};
+use trocar_model::{Friction, GuardState, Mode, Parallel, PlayGuard, State};
 
 use crate::error::{OutputError, RecordingError};
 use crate::output::AtomicFile;
@@ -90,6 +90,47 @@ impl Drive for Parallel<'_> {
         let sliding = self.states().iter().all(|state| state.mode() == Mode::Sliding);
         let mode = if sliding { Mode::Sliding } else { Mode::Deforming };
         Some(Deformation { deflection: sum / self.states().len() as f64, mode })
+    }
+}
+
+/// A drive behind a play guard: flicker of a resting position no longer reaches it.
+///
+/// The positions written stay those of the motion; only what the drive is moved by goes through the guard.
+#[derive(Debug)]
+pub struct Guarded<'a, D> {
+    drive: &'a mut D,
+    guard: PlayGuard,
+    state: GuardState,
+    /// Position from the first row on, m.
+    travelled: f64,
+}
+
+impl<'a, D: Drive> Guarded<'a, D> {
+    /// Puts `guard` in front of `drive`.
+    pub fn new(drive: &'a mut D, guard: PlayGuard) -> Self {
+        let mut state = GuardState::default();
+        guard.displacement(&mut state, 0.0);
+        Self { drive, guard, state, travelled: 0.0 }
+    }
+}
+
+impl<D: Drive> Drive for Guarded<'_, D> {
+    fn start(&mut self, reading: Option<f64>) {
+        self.drive.start(reading);
+    }
+
+    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
+        self.travelled += displacement;
+        let displacement = self.guard.displacement(&mut self.state, self.travelled);
+        self.drive.step(displacement, duration)
+    }
+
+    fn force(&self) -> f64 {
+        self.drive.force()
+    }
+
+    fn deformation(&self) -> Option<Deformation> {
+        self.drive.deformation()
     }
 }
 

@@ -4,14 +4,16 @@ use std::path::{Path, PathBuf};
 
 use trocar::classical::Classical;
 use trocar::model_file::{Model, ModelFile};
+use trocar::recording::position_resolution;
 use trocar::replay::{Deformation, start_states};
-use trocar::simulate::{Drive, Single, simulate_file};
-use trocar_model::{Element, LiteralState, Mode, PaperLiteral, State, step_parallel};
+use trocar::simulate::{Drive, Guarded, Single, simulate_file};
+use trocar_model::{Element, LiteralState, Mode, PaperLiteral, PlayGuard, State, step_parallel};
 
 use crate::Done;
 use crate::console::{BadArgument, Console};
-use crate::input::finite;
+use crate::input::{finite, not_negative};
 use crate::progress::Progress;
+use crate::table::number;
 
 /// Replay a model along a motion: force and deflection for every row
 ///
@@ -35,9 +37,29 @@ pub(crate) struct Args {
     /// The paper's own reading of its model: mode and branch by the sign of the velocity; for EMS elements only
     #[arg(long)]
     literal: bool,
+    /// Play between position and model, in m to either side: keeps the flicker of a resting encoder out of the force. 0
+    /// is none; 'auto' takes 1.5 times the resolution that the first rows of a file show
+    #[arg(long, default_value = "0", value_name = "WIDTH", value_parser = guard_width, allow_negative_numbers = true)]
+    guard_m: GuardWidth,
     /// Names of the columns in order, with units, '-' to skip one: time_s,position_mm,-
     #[arg(long, value_name = "NAMES")]
     columns: Option<String>,
+}
+
+/// Width of the play guard.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum GuardWidth {
+    /// As given, m; 0 for none.
+    Given(f64),
+    /// From the resolution of the positions.
+    Auto,
+}
+
+fn guard_width(text: &str) -> Result<GuardWidth, String> {
+    if text == "auto" {
+        return Ok(GuardWidth::Auto);
+    }
+    not_negative(text).map(GuardWidth::Given).map_err(|error| format!("{error}, in metres, or 'auto'"))
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
@@ -74,6 +96,41 @@ fn refuse_what_is_for_elements(args: &Args, classical: &Classical) -> Result<(),
 }
 
 fn stream(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<()> {
+    match guard(console, args)? {
+        Some(guard) => stream_bare(console, args, &mut Guarded::new(drive, guard)),
+        None => stream_bare(console, args, drive),
+    }
+}
+
+/// The play guard asked for, if any.
+fn guard(console: &Console, args: &Args) -> anyhow::Result<Option<PlayGuard>> {
+    match args.guard_m {
+        GuardWidth::Given(width) => Ok(if width > 0.0 { Some(PlayGuard::new(width)?) } else { None }),
+        GuardWidth::Auto => Ok(Some(guard_for_resolution(console, args)?)),
+    }
+}
+
+/// The guard for what the first rows show: so only a file that can be read twice has one.
+fn guard_for_resolution(console: &Console, args: &Args) -> anyhow::Result<PlayGuard> {
+    let refuse = |why: &str| {
+        let motion = args.motion.display();
+        let hint = "give the width in metres, 1.5 resolutions of the encoder: --guard-m 6e-6 for 4 um";
+        BadArgument(format!("--guard-m auto needs the resolution of the positions, {why}: {motion}\n\nhint: {hint}"))
+    };
+    if args.motion.as_os_str() == "-" || std::fs::metadata(&args.motion).is_ok_and(|data| !data.is_file()) {
+        return Err(refuse("which a stream does not tell beforehand").into());
+    }
+    let resolution = position_resolution(&args.motion, args.columns.as_deref())?;
+    if resolution == 0.0 {
+        return Err(refuse("but they are whole multiples of no step").into());
+    }
+    let guard = PlayGuard::for_resolution(resolution)?;
+    let (width, resolution) = (number(1e6 * guard.width()), number(1e6 * resolution));
+    console.remark(&format!("guard: {width} um to either side, 1.5 times the resolution of {resolution} um"));
+    Ok(guard)
+}
+
+fn stream_bare(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<()> {
     let progress = Progress::new(console);
     let size = size_of_file(&args.motion);
     let report = |bytes: u64| progress.report("simulating", size.map_or(0.0, |size| bytes as f64 / size as f64));

@@ -225,6 +225,24 @@ fn read_from(
     Ok(recording)
 }
 
+/// [`Quality::position_resolution`] from the first rows of a file alone, in constant memory; 0 if none was found.
+///
+/// `columns` names the columns of a file without a header; a force column is not needed.
+///
+/// # Errors
+/// [`RecordingError`] when the file cannot be opened, its columns are unclear or one of those rows is no row of numbers.
+pub fn position_resolution(path: &Path, columns: Option<&str>) -> Result<f64, RecordingError> {
+    let file = path.display().to_string();
+    let input = File::open(path).map_err(|source| RecordingError::Open { file: file.clone(), source })?;
+    let mut reader = RowReader::open(&file, input, columns, &[Quantity::Time, Quantity::Position], false)?;
+    let mut positions = Vec::new();
+    while positions.len() < screen::LOOKED_AT {
+        let Some(row) = reader.next_row()? else { break };
+        positions.extend(Some(row.get(Quantity::Position)).filter(|position| position.is_finite()));
+    }
+    Ok(screen::resolution(&positions))
+}
+
 fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
     const MB: u64 = 1_000_000;
     let needed = rows * columns * size_of::<f64>() as u64;

@@ -36,7 +36,7 @@ const STALL_NEIGHBOURS: usize = 25;
 const SATURATED_RUN: usize = 5;
 
 /// Values looked at for resolution and noise: enough for three digits, few enough to cost nothing.
-const LOOKED_AT: usize = 1 << 16;
+pub(super) const LOOKED_AT: usize = 1 << 16;
 
 /// Deviations beyond this many standard deviations are not noise.
 const NOISE_LIMIT: f64 = 5.0;
@@ -267,7 +267,7 @@ fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
 ///
 /// The numbers are brought to whole multiples of a power of ten first. Each block of differences has its own
 /// greatest common divisor, and the divisor that most blocks share is taken, so a few odd values do no harm.
-fn resolution(values: &[f64]) -> f64 {
+pub(super) fn resolution(values: &[f64]) -> f64 {
     let looked_at = &values[..values.len().min(LOOKED_AT)];
     let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
