@@ -207,7 +207,7 @@ fn models_that_cannot_be_read_are_explained() {
         ("cut", model[..200].to_owned(), vec!["cut.json: line", "not JSON"]),
         (
             "newer",
-            model.replace("\"version\": 1", "\"version\": 3"),
+            model.replace("\"version\": 1", "\"version\": 99"),
             vec!["newer.json", "newer trocar", "hint: update"],
         ),
         ("other", "{}".to_owned(), vec!["other.json", "not a model", "format"]),
@@ -484,7 +484,12 @@ fn an_analysis_is_data_and_ends_with_0() {
     let json: serde_json::Value =
         serde_json::from_str(&place.run(&format!("analyze {model} --json")).done().stdout).unwrap();
     assert_eq!(json["elements"][0]["steady_state"]["holds"], true);
-    assert!(json["random_loops"]["least_work_j"].is_number());
+    let random = &json["random_cycles"];
+    assert!(random["cycles"].as_u64().unwrap() >= 200 && random["giving_work"] == 0, "{random:#}");
+    for key in ["work_j", "amplitude_m", "slowest_m_s", "fastest_m_s", "turning_points", "seed"] {
+        assert!(random["worst_cycle"][key].is_number(), "{key}");
+    }
+    assert!(ran.stdout.contains("least work") && ran.stdout.contains("turning points"), "{}", ran.stdout);
 }
 
 #[test]

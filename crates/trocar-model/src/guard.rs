@@ -35,7 +35,7 @@ const AGREEING: usize = 3;
 ///   only to one side; the displacement of a monotone motion does not depend on how it is cut; ε = 0 passes everything.
 /// - **Price**: the force of the model lags by ε, and by 2ε just after a reversal, times the stiffness of the seal; by
 ///   nothing in steady sliding.
-/// - **Reversals** are looked for in x and not in x_f, which keeps every outlier until the next one from the other side.
+/// - **Reversals** are looked for in x and not in x_f, which keeps every outlier until one comes from the other side.
 ///   Measured with a resolution of 4 µm at 1 kHz, noise as standard deviation before rounding: no false reversal in two
 ///   hours of holds with noise up to 2 µm. Of 100 000 reversals of 20 µm none missed with noise up to 1 µm where both
 ///   turning points last for 10 readings; with 2 µm 0.05 %, and 10 % where a turn is over in 4 readings (1 mm/s).

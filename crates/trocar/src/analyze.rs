@@ -12,10 +12,12 @@
 use serde::Serialize;
 use trocar_model::{Branch, Element, Folding, Mode, SlidingFriction, State};
 
+mod cycles;
 mod energy;
 mod stability;
 
-pub use energy::{CycleWork, RandomLoops, StepError};
+pub use cycles::{RandomCycles, WorstCycle};
+pub use energy::{Cycle, CycleWork, StepError};
 pub use stability::{SpeedRange, Stability, StickSlip};
 
 /// Speeds of the tables, m/s: the paper's range (EMS section IV) and slower.
@@ -161,8 +163,8 @@ pub struct Analysis {
     pub elements: Vec<ElementAnalysis>,
     /// Work dissipated over full cycles.
     pub cycle_work: CycleWork,
-    /// Energy of random closed motions.
-    pub random_loops: RandomLoops,
+    /// Least work of random closed cycles.
+    pub random_cycles: RandomCycles,
     /// Error of the step.
     pub step_error: StepError,
     /// Whether everything holds.
@@ -173,12 +175,12 @@ pub struct Analysis {
 pub fn analyze(elements: &[Element], seed: u64) -> Analysis {
     let each: Vec<ElementAnalysis> = elements.iter().map(analyze_element).collect();
     let cycle_work = CycleWork::of(elements);
-    let random_loops = RandomLoops::of(elements, seed);
+    let random_cycles = RandomCycles::search(elements, cycles::CYCLES, seed);
     let step_error = StepError::of(elements);
-    let whole = cycle_work.holds && random_loops.holds && step_error.holds;
+    let whole = cycle_work.holds && random_cycles.holds && step_error.holds;
     let propositions = |e: &ElementAnalysis| e.reaches_sliding.holds && e.steady_state.holds && e.stability.holds;
     let holds = whole && each.iter().all(propositions);
-    Analysis { elements: each, cycle_work, random_loops, step_error, holds }
+    Analysis { elements: each, cycle_work, random_cycles, step_error, holds }
 }
 
 fn analyze_element(element: &Element) -> ElementAnalysis {
@@ -364,12 +366,19 @@ fn settled(element: &Element, velocity: f64) -> State {
     state
 }
 
-/// Whether the step is exact: constant friction, no damping of the seal, and branches that stay within the limits.
+/// Whether the step is exact: constant friction, no damping of the seal, neither creep nor relaxation, and branches that
+/// stay within the limits.
 fn is_exact(element: &Element) -> bool {
     let params = element.params();
     let unique = element.folded() == (Folding::Unique, Folding::Unique);
     let humps = Sense::BOTH.into_iter().all(|sense| BranchPassage::of(element, sense).turns_over_first);
-    unique && humps && params.insertion.is_constant() && params.withdrawal.is_constant() && params.damping.is_zero()
+    let slow = params.creep_velocity > 0.0 || !params.relaxation.is_none();
+    unique
+        && humps
+        && !slow
+        && params.insertion.is_constant()
+        && params.withdrawal.is_constant()
+        && params.damping.is_zero()
 }
 
 #[cfg(test)]

@@ -1,7 +1,5 @@
-//! Energy over closed motions, and the error of the step.
+//! Energy over full cycles, and the error of the step.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use trocar_model::{Element, State, step_parallel};
 
@@ -12,9 +10,6 @@ const SAMPLE: f64 = 1e-3;
 
 /// Speeds of the full cycles, m/s.
 const CYCLE_SPEEDS: [f64; 4] = [0.001, 0.015, 0.05, 0.1];
-
-/// Random closed motions tried.
-const LOOPS: u32 = 200;
 
 /// Parts of a sample that stand for the converged solution.
 const FINE_PARTS: u32 = 64;
@@ -47,21 +42,6 @@ pub struct CycleWork {
     pub verdict: String,
 }
 
-/// Energy of random closed motions, repeated until the seal repeats itself.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RandomLoops {
-    /// Motions tried.
-    pub loops: u32,
-    /// Seed they were drawn with.
-    pub seed: u64,
-    /// Least work of one repetition, J; negative would be energy out of nothing.
-    pub least_work_j: f64,
-    /// Whether it is negative by no more than rounding.
-    pub holds: bool,
-    /// The same in words.
-    pub verdict: String,
-}
-
 /// Error of the step at 1 kHz on a 40 mm stroke at 80 mm/s with 2 m/s² at its ends.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StepError {
@@ -76,7 +56,8 @@ pub struct StepError {
 }
 
 /// The elements of a seal and their states.
-struct Run<'a> {
+#[derive(Clone)]
+pub(super) struct Run<'a> {
     elements: &'a [Element],
     states: Vec<State>,
     force: f64,
@@ -84,10 +65,26 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(elements: &'a [Element]) -> Self {
-        Self { elements, states: elements.iter().map(|e| e.rest_state(0.0)).collect(), force: 0.0 }
+        Self::at(elements, |_| 0.0)
     }
 
-    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
+    /// At rest, every element at a deflection (m) of its own.
+    pub(super) fn at(elements: &'a [Element], deflection: impl FnMut(&Element) -> f64) -> Self {
+        let deflections = elements.iter().map(deflection);
+        let states: Vec<State> = elements.iter().zip(deflections).map(|(e, z)| e.rest_state(z)).collect();
+        let force = states.iter().map(State::force).sum();
+        Self { elements, states, force }
+    }
+
+    pub(super) fn force(&self) -> f64 {
+        self.force
+    }
+
+    pub(super) fn deflections(&self) -> Vec<f64> {
+        self.states.iter().map(State::deflection).collect()
+    }
+
+    pub(super) fn step(&mut self, displacement: f64, duration: f64) -> f64 {
         self.force = step_parallel(self.elements, &mut self.states, displacement, duration);
         self.force
     }
@@ -103,7 +100,8 @@ impl<'a> Run<'a> {
     }
 }
 
-fn widest(elements: &[Element]) -> f64 {
+/// The largest half width, m.
+pub(super) fn widest(elements: &[Element]) -> f64 {
     elements.iter().map(|e| e.params().deformation.half_width()).fold(0.0, f64::max)
 }
 
@@ -129,44 +127,6 @@ impl Cycle {
         let sliding_work_j = stroke_m * elements.iter().map(sliding).sum::<f64>();
         Self { speed_m_s, stroke_m, work_j, sliding_work_j }
     }
-}
-
-impl RandomLoops {
-    pub(super) fn of(elements: &[Element], seed: u64) -> Self {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let scale = widest(elements);
-        let least = (0..LOOPS).map(|_| closed_work(elements, scale, &mut random)).fold(f64::INFINITY, f64::min);
-        let friction: f64 = elements.iter().map(|e| e.params().insertion.static_force).sum();
-        // Rounding and the trapezoidal rule at the corners of the force.
-        let holds = least >= -1e-6 * friction * scale;
-        let verdict = if holds {
-            format!("none of {LOOPS} random closed motions gives work")
-        } else {
-            format!("a random closed motion gives {:.2e} J: the seal is not passive", -least)
-        };
-        Self { loops: LOOPS, seed, least_work_j: least, holds, verdict }
-    }
-}
-
-/// Work of the third repetition of a random closed motion: by then the seal repeats itself.
-fn closed_work(elements: &[Element], scale: f64, random: &mut ChaCha8Rng) -> f64 {
-    const TURNS: usize = 8;
-    let reach = scale * 10_f64.powf(random.random_range(-1.5..0.5));
-    let mut corners: Vec<f64> = (0..TURNS).map(|_| reach * random.random_range(-1.0..1.0)).collect();
-    corners.push(corners[0]);
-    let speed = 10_f64.powf(random.random_range(-2.5..-0.8));
-    let path: Vec<f64> = corners
-        .windows(2)
-        .flat_map(|pair| {
-            let way = pair[1] - pair[0];
-            let steps = (way.abs() / (speed * SAMPLE)).ceil().max(1.0);
-            std::iter::repeat_n(way / steps, steps as usize)
-        })
-        .collect();
-    let mut run = Run::new(elements);
-    run.work(path.iter().copied());
-    run.work(path.iter().copied());
-    run.work(path.iter().copied())
 }
 
 impl StepError {
