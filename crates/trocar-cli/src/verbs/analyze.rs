@@ -68,7 +68,8 @@ fn random_cycles_text(text: &mut String, found: &RandomCycles) {
     let worst = &found.worst_cycle;
     let _ = writeln!(
         text,
-        "    least work {:.3e} J a cycle (rounding: {:.0e} J): amplitude {} mm, {} turning points, {} to {} mm/s, {} s at rest, seed {}",
+        "    least work {:.3e} J a cycle (rounding: {:.0e} J): amplitude {} mm, {} turning points, {} to {} mm/s, \
+         {} s at rest, seed {}",
         worst.work_j,
         worst.round_off_j,
         number(1e3 * worst.amplitude_m),

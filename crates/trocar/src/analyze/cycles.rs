@@ -28,7 +28,7 @@ use super::energy::{Run, widest};
 /// Cycles tried by `analyze`.
 pub(super) const CYCLES: u32 = 300;
 
-/// Smallest amplitude, m, and largest, in half widths.
+/// Smallest reach to either side, m, and largest, in half widths.
 const SMALLEST: f64 = 20e-6;
 const LARGEST: f64 = 4.0;
 
@@ -94,8 +94,8 @@ pub struct WorstCycle {
 
 /// Work of random closed cycles, each repeated until the seal repeats itself.
 ///
-/// Amplitudes from 20 µm to four half widths, speeds from 1 to 150 mm/s, each drawn evenly over its orders of
-/// magnitude; rests, nested loops, and a random history before each.
+/// Reaches from 20 µm to four half widths to either side, speeds from 1 to 150 mm/s, each drawn evenly over its orders
+/// of magnitude; rests, nested loops, and a random history before each.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RandomCycles {
     /// Cycles tried.
