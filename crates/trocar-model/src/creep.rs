@@ -12,19 +12,77 @@
 //! At small force the contact is a dashpot of F_s/v_c; at u >> v_c it is EMS, (1 - ρ) < v_c²/2u². v_c -> 0 is EMS itself.
 //! F·v_sl >= 0 at every slip speed: creep only ever takes energy. A held force F below F_s relaxes at first with the rate
 //! K·v_c/√(F_s² - F²) (K the stiffness of the bent seal).
+//!
+//! # Lag of the Stribeck curve
+//!
+//! On a soft seal a force that falls with speed makes the contact stick and slip by itself ([`crate::Element::folded`]). Friction
+//! rises and falls with a delay, though (frictional memory, ARMSTRONG), and a lag T of the curve keeps steady sliding steady
+//! where T·K + β + σ exceeds the fall of g. For a creeping contact T may be given; the force stays opposed to the slip.
 
+use crate::exponential::decay;
 use crate::sliding::SlidingFriction;
 
-/// g(u)·ρ(u) + β·u, N, and its slope, N·s/m, at slip speed `u` >= 0, m/s; ρ = 1 without creep.
-#[inline(always)]
-pub(crate) fn resistance(sliding: &SlidingFriction, creep_velocity: f64, u: f64) -> (f64, f64) {
-    let (level, fall) = sliding.level_and_slope(u);
-    let beta = sliding.viscous_damping;
-    if creep_velocity <= 0.0 {
-        return (level + beta * u, fall + beta);
+/// How much of the static force's surplus the contact has, within a step: g = F_c + (F_s - F_c)·λ with
+///
+/// ```text
+/// dλ/dt = (exp(-(u/v_s)^δ) - λ)/T        λ⁺ = `kept` + `now`·exp(-(u/v_s)^δ)
+/// ```
+///
+/// T = 0 is the curve of EMS (11) itself: `kept` = 0, `now` = 1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rise {
+    pub(crate) kept: f64,
+    pub(crate) now: f64,
+}
+
+impl Rise {
+    /// The curve without lag.
+    pub(crate) const INSTANT: Self = Self { kept: 0.0, now: 1.0 };
+
+    /// λ = `rise` before a step has begun, with lag `lag`, s.
+    #[inline(always)]
+    pub(crate) fn at_start(rise: f64, lag: f64) -> Self {
+        if lag > 0.0 { Self { kept: rise, now: 0.0 } } else { Self::INSTANT }
     }
+
+    /// λ at the end of a step of `duration`, s.
+    #[inline(always)]
+    pub(crate) fn after(rise: f64, lag: f64, duration: f64) -> Self {
+        if lag > 0.0 {
+            let left = decay(duration / lag);
+            Self { kept: rise * left, now: 1.0 - left }
+        } else {
+            Self::INSTANT
+        }
+    }
+}
+
+/// The contact at one slip speed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Resistance {
+    /// g(u)·ρ(u) + β·u, N.
+    pub(crate) force: f64,
+    /// Its slope, N·s/m.
+    pub(crate) slope: f64,
+    /// λ.
+    pub(crate) rise: f64,
+}
+
+/// The contact at slip speed `u` >= 0, m/s; ρ = 1 without creep.
+#[inline(always)]
+pub(crate) fn resistance(sliding: &SlidingFriction, creep_velocity: f64, rise: Rise, u: f64) -> Resistance {
+    let beta = sliding.viscous_damping;
+    let (level, fall) = sliding.level_and_slope(u);
+    if creep_velocity <= 0.0 {
+        return Resistance { force: level + beta * u, slope: fall + beta, rise: 1.0 };
+    }
+    let surplus = sliding.static_force - sliding.coulomb_force;
+    let reached = if surplus > 0.0 { (level - sliding.coulomb_force) / surplus } else { 1.0 };
+    let rise_now = rise.kept + rise.now * reached;
+    let level = sliding.coulomb_force + surplus * rise_now;
     let inverse = 1.0 / libm::sqrt(u * u + creep_velocity * creep_velocity);
     let part = u * inverse;
     let growth = creep_velocity * creep_velocity * inverse * (inverse * inverse);
-    (level * part + beta * u, fall * part + level * growth + beta)
+    let slope = rise.now * fall * part + level * growth + beta;
+    Resistance { force: level * part + beta * u, slope, rise: rise_now }
 }

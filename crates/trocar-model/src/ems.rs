@@ -1,6 +1,6 @@
 //! The Extended Maxwell-Slip (EMS) element: a seal that first bends with the instrument, then lets it slide.
 
-use crate::creep::resistance;
+use crate::creep::{Resistance, Rise, resistance};
 use crate::damping::SealDamping;
 use crate::elastic::DeformationForce;
 use crate::error::{ParamError, not_negative};
@@ -32,6 +32,8 @@ pub struct ElementParams {
     /// v_c, m/s, >= 0: slip speed over which the contact's force builds up, [`crate::creep`]. 0 is EMS: no slip at all below
     /// the static force.
     pub creep_velocity: f64,
+    /// T, s, >= 0: lag of the Stribeck curve, [`crate::creep`]; above 0 for a creeping contact only. 0 is EMS (11).
+    pub friction_lag: f64,
     /// Slow relaxation of the rubber; [`Relaxation::NONE`] is EMS.
     pub relaxation: Relaxation,
 }
@@ -54,6 +56,8 @@ pub struct State {
     pub(crate) slip_velocity: f64,
     /// d(g·ρ + β·u)/du, N·s/m, near the last slip speed.
     pub(crate) contact_slope: f64,
+    /// λ of [`crate::creep`], 0 to 1.
+    pub(crate) rise: f64,
     pub(crate) arms: ArmForces,
     pub(crate) mode: Mode,
 }
@@ -62,7 +66,16 @@ impl State {
     /// Bending without any slip.
     #[inline(always)]
     pub(crate) fn stuck(deflection: f64, yield_force: f64, force: f64, arms: ArmForces) -> Self {
-        Self { deflection, yield_force, force, slip_velocity: 0.0, contact_slope: 0.0, arms, mode: Mode::Deforming }
+        Self {
+            deflection,
+            yield_force,
+            force,
+            slip_velocity: 0.0,
+            contact_slope: 0.0,
+            rise: 1.0,
+            arms,
+            mode: Mode::Deforming,
+        }
     }
 
     /// z, m: deflection of the seal.
@@ -137,8 +150,10 @@ pub struct Element {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Contact {
     folding: Folding,
-    /// β + min dD/dż - max|g'|, N·s/m: above zero the slip speed is unique in continuous time.
-    least_drag: f64,
+    /// β + min dD/dż, N·s/m.
+    damping: f64,
+    /// max|g'|, N·s/m.
+    steepest_fall: f64,
     /// Neither β nor σ: the force does not decide the slip speed.
     free: bool,
     /// |F_e| at the end of the deformation range, N, and its slope beyond, N/m.
@@ -194,6 +209,10 @@ impl Element {
         params.damping.check()?;
         params.relaxation.check()?;
         not_negative("creep_velocity", params.creep_velocity, "m/s")?;
+        not_negative("friction_lag", params.friction_lag, "s")?;
+        if params.friction_lag > 0.0 && params.creep_velocity == 0.0 {
+            return Err(ParamError::LagWithoutCreep { lag: params.friction_lag });
+        }
         check_pins(&params)?;
         let extremes = params.deformation.extremes();
         let constant = params.insertion.is_constant() && params.withdrawal.is_constant();
@@ -311,10 +330,10 @@ impl Element {
         side.sliding(&self.params)
     }
 
-    /// Force of the contact at slip speed `u` >= 0, N, and its slope, N·s/m: (g·ρ + β·u) of [`crate::creep`].
+    /// The contact at slip speed `u` >= 0, m/s.
     #[inline(always)]
-    pub(crate) fn resistance(&self, side: Side, u: f64) -> (f64, f64) {
-        resistance(self.sliding(side), self.params.creep_velocity, u)
+    pub(crate) fn resistance(&self, side: Side, rise: Rise, u: f64) -> Resistance {
+        resistance(self.sliding(side), self.params.creep_velocity, rise, u)
     }
 
     fn contact(&self, side: Side) -> &Contact {
@@ -324,12 +343,15 @@ impl Element {
         }
     }
 
-    pub(crate) fn folds(&self, side: Side) -> bool {
-        self.contact(side).folding != Folding::Unique
+    /// Whether one force may belong to several slip speeds when `now` of a change of g shows within the step.
+    pub(crate) fn folds(&self, side: Side, now: f64) -> bool {
+        self.contact(side).folding != Folding::Unique && self.least_drag(side, now) <= 0.0
     }
 
-    pub(crate) fn least_drag(&self, side: Side) -> f64 {
-        self.contact(side).least_drag
+    /// β + min dD/dż - `now`·max|g'|, N·s/m: above zero the slip speed is unique in continuous time.
+    pub(crate) fn least_drag(&self, side: Side, now: f64) -> f64 {
+        let Contact { damping, steepest_fall, .. } = *self.contact(side);
+        if now > 0.0 { damping - now * steepest_fall } else { damping }
     }
 
     pub(crate) fn is_free(&self, side: Side) -> bool {
@@ -389,6 +411,7 @@ impl Element {
             force: s * (end_force + end_stiffness * end),
             slip_velocity,
             contact_slope: 0.0,
+            rise: 1.0,
             arms: [0.0; MAX_ARMS],
             mode: if slip_velocity == 0.0 { Mode::Deforming } else { Mode::Sliding },
         };
@@ -441,7 +464,8 @@ impl Contact {
         let rate = end_stiffness / sliding.viscous_damping;
         Ok(Self {
             folding: folding(sliding, params.creep_velocity, damping.least_slope()),
-            least_drag: sliding.viscous_damping + damping.least_slope() - sliding.steepest_fall(),
+            damping: sliding.viscous_damping + damping.least_slope(),
+            steepest_fall: sliding.steepest_fall(),
             free,
             end_force: side.sign() * end_force,
             end_stiffness,
@@ -458,7 +482,7 @@ fn folding(sliding: &SlidingFriction, creep_velocity: f64, least_damping: f64) -
         return Folding::Unique;
     }
     let steepest = sliding.steepest_speed();
-    let falls = |u: f64| resistance(sliding, creep_velocity, u).1 + least_damping < 0.0;
+    let falls = |u: f64| resistance(sliding, creep_velocity, Rise::INSTANT, u).slope + least_damping < 0.0;
     let Some(inside) = first_fall(falls, steepest.max(creep_velocity), sliding.stribeck_velocity) else {
         return Folding::Unique;
     };

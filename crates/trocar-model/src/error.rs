@@ -38,6 +38,11 @@ pub enum ParamError {
         /// F_c, N.
         coulomb_force: f64,
     },
+    /// A lag of the Stribeck curve for a contact that does not creep.
+    LagWithoutCreep {
+        /// T, s.
+        lag: f64,
+    },
     /// The damping force sigma(zdot)*zdot falls somewhere as the deformation speed grows.
     DampingForceFalls {
         /// Smallest slope of the damping force over all speeds, N*s/m; minus infinity when it is unbounded.
@@ -154,6 +159,9 @@ impl fmt::Display for ParamError {
             }
             Self::StaticBelowCoulomb { static_force, coulomb_force } => {
                 write!(f, "static_force must be at least coulomb_force = {coulomb_force} N, got {static_force} N")
+            }
+            Self::LagWithoutCreep { lag } => {
+                write!(f, "friction_lag = {lag} s needs a creep_velocity above 0 m/s")
             }
             Self::DampingForceFalls { slope } => {
                 write!(f, "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m")

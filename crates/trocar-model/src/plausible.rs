@@ -49,6 +49,7 @@ impl ElementParams {
             insertion: sliding,
             withdrawal: sliding,
             creep_velocity: 0.0,
+            friction_lag: 0.0,
             relaxation: Relaxation::NONE,
         })
     }

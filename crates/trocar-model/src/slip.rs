@@ -14,6 +14,7 @@
 //! the force is zero; there the slip changes sides. Within a step the relaxing arms a are one more spring
 //! ([`crate::relaxation`]), exact at a constant dz/dt.
 
+use crate::creep::Rise;
 use crate::elastic::Local;
 use crate::ems::{Element, Mode, Side, State};
 use crate::exponential::decay;
@@ -63,6 +64,8 @@ struct Onset {
     speed: f64,
     /// d(r)/du at fixed z with the sign changed: β + (g·ρ)' + D'.
     drag: f64,
+    /// λ of [`crate::creep`].
+    rise: f64,
 }
 
 /// How far a search for a root may stride, and from where it starts.
@@ -96,9 +99,10 @@ impl Element {
                 return self.leave_stick(state, motion);
             }
             side = side.opposite();
-            (speed, drag) = self.slip_at(side, elastic, motion.velocity, 0.0);
+            let rise = Rise::at_start(state.rise, self.params.friction_lag);
+            (speed, drag) = self.slip_at(side, elastic, motion.velocity, rise, 0.0);
         }
-        self.slide(Onset { z, q, local, arms, side, speed, drag }, motion)
+        self.slide(Onset { z, q, local, arms, side, speed, drag, rise: state.rise }, motion)
     }
 
     /// From stick: bends with the instrument, EMS (10).
@@ -137,8 +141,8 @@ impl Element {
         let local = self.params.deformation.local(reached);
         let arms = arms_at(part);
         let elastic = local.mid + yield_force + arms.iter().sum::<f64>();
-        let (speed, drag) = self.slip_at(side, elastic, motion.velocity, 0.0);
-        let onset = Onset { z: reached, q: yield_force, local, arms, side, speed, drag };
+        let (speed, drag) = self.slip_at(side, elastic, motion.velocity, Rise::INSTANT, 0.0);
+        let onset = Onset { z: reached, q: yield_force, local, arms, side, speed, drag, rise: 1.0 };
         self.slide(onset, Motion { time: (1.0 - part) * motion.time, ..motion })
     }
 
@@ -167,25 +171,26 @@ impl Element {
         if surplus.abs() < SMALL_SURPLUS * sliding.static_force && drag > 0.0 && speed > 0.0 {
             (speed, drag)
         } else {
-            self.slip_at(side, elastic, velocity, last)
+            self.slip_at(side, elastic, velocity, Rise::at_start(state.rise, self.params.friction_lag), last)
         }
     }
 
     /// Slip speed at a given elastic force, and the drag β + g' + D' there. With neither β nor σ the speed is free: 0.
-    fn slip_at(&self, side: Side, elastic: f64, velocity: f64, guess: f64) -> (f64, f64) {
+    fn slip_at(&self, side: Side, elastic: f64, velocity: f64, rise: Rise, guess: f64) -> (f64, f64) {
         let s = side.sign();
         let sliding = self.sliding(side);
         let damping = &self.params.damping;
         let residual = |u: f64| {
-            let (resistance, slope) = self.resistance(side, u);
+            let contact = self.resistance(side, rise, u);
             let deformation_velocity = velocity - s * u; // EMS (8)
             let drive = s * (elastic + damping.force(deformation_velocity));
-            (drive - resistance, -(slope + damping.slope(deformation_velocity)))
+            (drive - contact.force, -(contact.slope + damping.slope(deformation_velocity)))
         };
         if self.is_free(side) {
             return (guess, 0.0);
         }
-        let stride = if self.folds(side) { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+        let stride =
+            if self.folds(side, rise.now) { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
         let (speed, slope) = find_root(residual, Search { guess, stride, residual: RESIDUAL * sliding.static_force });
         (speed, -slope)
     }
@@ -211,25 +216,26 @@ impl Element {
         let (deformation, damping) = (&self.params.deformation, &self.params.damping);
         let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
         let implicit = theta * motion.time;
-        let mut contact_slope = 0.0;
+        let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time);
+        let (mut contact_slope, mut rise) = (0.0, 1.0);
         let residual = |u: f64| {
             let reached = target - s * implicit * u;
             let (elastic, stiffness) = deformation.reach_with_slope(z, q, reached);
             let deformation_velocity = motion.velocity - s * u; // EMS (8)
-            let (resistance, slope) = self.resistance(side, u);
-            contact_slope = slope;
+            let contact = self.resistance(side, lagged, u);
+            (contact_slope, rise) = (contact.slope, contact.rise);
             let drive = s * (elastic + arms.force(reached - z) + damping.force(deformation_velocity));
-            let drag = slope + damping.slope(deformation_velocity);
-            (drive - resistance, -drag - implicit * (stiffness + arms.stiffness)) // EMS (13)
+            let drag = contact.slope + damping.slope(deformation_velocity);
+            (drive - contact.force, -drag - implicit * (stiffness + arms.stiffness)) // EMS (13)
         };
-        let search = self.search(onset, implicit, guess);
+        let search = self.search(onset, implicit, lagged.now, guess);
         let u = find_root(residual, search).0;
         let deflection = target - s * implicit * u;
         let (elastic, yield_force) = deformation.reach(z, q, deflection);
         let force = elastic + arms.force(deflection - z) + damping.force(motion.velocity - s * u); // EMS (14)
         let arms = arms.forces(deflection - z);
         let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
-        State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, arms, mode }
+        State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, rise, arms, mode }
     }
 
     /// Where the slip speed at the end of the step is sought.
@@ -237,11 +243,11 @@ impl Element {
     /// With a single root any start will do, and the last speed is the nearest. A folded friction law is followed on
     /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
     /// side, is the stable one.
-    fn search(&self, onset: &Onset, implicit: f64, guess: f64) -> Search {
+    fn search(&self, onset: &Onset, implicit: f64, now: f64, guess: f64) -> Search {
         let sliding = self.sliding(onset.side);
         let residual = RESIDUAL * sliding.static_force;
-        let folds = self.folds(onset.side);
-        let softens = self.least_stiffness * implicit + self.least_drag(onset.side) <= 0.0;
+        let folds = self.folds(onset.side, now);
+        let softens = self.least_stiffness * implicit + self.least_drag(onset.side, now) <= 0.0;
         if !folds && !softens {
             return Search { guess, stride: f64::INFINITY, residual };
         }

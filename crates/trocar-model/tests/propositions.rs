@@ -114,6 +114,7 @@ proptest! {
             insertion: SlidingFriction::coulomb(seal.insertion_force, 0.0),
             withdrawal: SlidingFriction::coulomb(seal.withdrawal_force, 0.0),
             creep_velocity: 0.0,
+            friction_lag: 0.0,
             relaxation: Relaxation::NONE,
             ..seal.params()
         };
@@ -219,6 +220,7 @@ proptest! {
             insertion: SlidingFriction::coulomb(seal.insertion_force, beta),
             withdrawal: SlidingFriction::coulomb(seal.withdrawal_force, beta),
             creep_velocity: 0.0,
+            friction_lag: 0.0,
             relaxation: Relaxation::NONE,
             ..seal.params()
         };
@@ -341,6 +343,7 @@ fn folded_friction_sticks_and_slips() {
         insertion: folding_friction(),
         withdrawal: folding_friction(),
         creep_velocity: 0.0,
+        friction_lag: 0.0,
         relaxation: Relaxation::NONE,
     };
     let element = Element::new(params).unwrap();

@@ -45,6 +45,7 @@ fn params(sigma: f64, half_width: f64) -> ElementParams {
         insertion: sliding,
         withdrawal: sliding,
         creep_velocity: 0.0,
+        friction_lag: 0.0,
         relaxation: Relaxation::NONE,
     }
 }

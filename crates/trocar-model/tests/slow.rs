@@ -20,6 +20,7 @@ fn spring(creep_velocity: f64, relaxation: Relaxation) -> ElementParams {
         insertion: sliding,
         withdrawal: sliding,
         creep_velocity,
+        friction_lag: 0.0,
         relaxation,
     }
 }

@@ -405,6 +405,7 @@ mod tests {
             insertion: friction,
             withdrawal: friction,
             creep_velocity: 0.0,
+            friction_lag: 0.0,
             relaxation: Relaxation::NONE,
         })
         .unwrap()
@@ -467,6 +468,7 @@ mod tests {
             insertion: friction,
             withdrawal: friction,
             creep_velocity: 0.0,
+            friction_lag: 0.0,
             relaxation: Relaxation::NONE,
         })
         .unwrap();

@@ -399,6 +399,8 @@ struct ElementText {
     withdrawal: SlidingText,
     #[serde(default, skip_serializing_if = "is_zero")]
     creep_velocity_m_s: f64,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    friction_lag_s: f64,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     relaxation: Vec<ArmText>,
 }
@@ -537,6 +539,7 @@ impl From<&ElementParams> for ElementText {
             insertion: SlidingText::from(&params.insertion),
             withdrawal: SlidingText::from(&params.withdrawal),
             creep_velocity_m_s: params.creep_velocity,
+            friction_lag_s: params.friction_lag,
             relaxation: params.relaxation.arms.iter().filter(|arm| arm.stiffness > 0.0).map(ArmText::from).collect(),
         }
     }
@@ -551,7 +554,7 @@ impl From<&RelaxationArm> for ArmText {
 impl ElementText {
     /// Whether it holds what only the newest version knows.
     fn is_slow(&self) -> bool {
-        self.creep_velocity_m_s != 0.0 || !self.relaxation.is_empty()
+        self.creep_velocity_m_s != 0.0 || self.friction_lag_s != 0.0 || !self.relaxation.is_empty()
     }
 
     fn relaxation(&self, place: &str) -> Result<Relaxation, ModelFileError> {
@@ -577,6 +580,7 @@ impl ElementText {
             insertion: self.insertion.friction(),
             withdrawal: self.withdrawal.friction(),
             creep_velocity: self.creep_velocity_m_s,
+            friction_lag: self.friction_lag_s,
             relaxation: self.relaxation(place)?,
         };
         Element::new(params).map_err(parameter(place))

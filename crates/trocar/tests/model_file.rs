@@ -47,7 +47,7 @@ fn slow() -> ModelFile {
     let arm = |stiffness, time| RelaxationArm { stiffness, time };
     let plausible = ElementParams::plausible_10_5_mm().unwrap();
     let two = Relaxation { arms: [arm(1e3 / 7.0, 0.3), arm(50.0, 10.0 / 3.0)] };
-    let both = ElementParams { creep_velocity: 1e-3 / 7.0, relaxation: two, ..plausible };
+    let both = ElementParams { creep_velocity: 1e-3 / 7.0, friction_lag: 1.0 / 70.0, relaxation: two, ..plausible };
     let one = ElementParams { relaxation: Relaxation::single(120.0, 0.2), ..plausible };
     let elements = [both, one, plausible].map(|params| Element::new(params).unwrap());
     ModelFile { model: Model::Ems(elements.to_vec()), ..complete() }

@@ -45,6 +45,7 @@ impl Seal {
             insertion: SlidingFriction::coulomb(self.insertion_force, self.viscous[0]),
             withdrawal: SlidingFriction::coulomb(self.withdrawal_force, self.viscous[1]),
             creep_velocity: 0.0,
+            friction_lag: 0.0,
             relaxation: Relaxation::NONE,
         }
     }
@@ -175,6 +176,7 @@ pub(crate) fn humped(beta: f64) -> ElementParams {
         insertion: sliding,
         withdrawal: sliding,
         creep_velocity: 0.0,
+        friction_lag: 0.0,
         relaxation: Relaxation::NONE,
     }
 }

@@ -78,6 +78,7 @@ pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
             insertion,
             withdrawal,
             creep_velocity: 0.0,
+            friction_lag: 0.0,
             relaxation: Relaxation::NONE,
         });
         if let Ok(params) = params

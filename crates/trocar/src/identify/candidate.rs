@@ -28,6 +28,8 @@ pub struct Candidate {
     pub yield_ratio: f64,
     /// v_c, m/s; 0 for a contact that does not creep.
     pub creep_velocity: f64,
+    /// T, s: lag of the Stribeck curve of a creeping contact.
+    pub friction_lag: f64,
     /// Relaxation of the rubber.
     pub relaxation: Relaxation,
 }
@@ -62,6 +64,7 @@ impl Candidate {
             insertion: self.insertion,
             withdrawal: self.withdrawal,
             creep_velocity: self.creep_velocity,
+            friction_lag: if self.creep_velocity > 0.0 { self.friction_lag } else { 0.0 },
             relaxation: self.relaxation,
         })
     }
@@ -77,6 +80,8 @@ impl Candidate {
 
 /// Range of v_c, m/s: below, a second of creep moves the seal by less than an encoder sees; above, sliding itself is creep.
 const CREEP_RANGE: [f64; 2] = [1e-6, 2e-2];
+/// Range of T, s.
+const LAG_RANGE: [f64; 2] = [1e-3, 1.0];
 /// Range of relaxation times, s: faster is damping, slower is longer than recordings hold still.
 const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
 
@@ -91,6 +96,8 @@ pub(super) struct Layout {
     /// Minor-loop stiffness.
     pub(super) yielding: bool,
     pub(super) creep: bool,
+    /// Lag of the Stribeck curve.
+    pub(super) lag: bool,
     /// Relaxing arms.
     pub(super) arms: usize,
 }
@@ -165,6 +172,9 @@ impl Layout {
         }
         if self.creep {
             on_log(&mut candidate.creep_velocity, CREEP_RANGE, &mut on);
+        }
+        if self.lag {
+            on_log(&mut candidate.friction_lag, LAG_RANGE, &mut on);
         }
         let stiffest = 10.0 * candidate.insertion.coulomb_force / candidate.half_width;
         for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {

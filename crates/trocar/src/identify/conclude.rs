@@ -62,6 +62,7 @@ pub(super) fn conclude(
         hidden_mass: options.estimate_hidden_mass && acceleration_is_resolved(two.recordings),
         yielding: false,
         creep: false,
+        lag: false,
         arms: 0,
     };
     progress("refining", 0.3);

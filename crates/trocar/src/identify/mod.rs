@@ -482,6 +482,7 @@ fn candidate_of(
         seal_damping,
         yield_ratio: Candidate::DEFAULT_YIELD_RATIO,
         creep_velocity: 0.0,
+        friction_lag: 0.0,
         relaxation: Relaxation::NONE,
     };
     (candidate, deformation.is_err())

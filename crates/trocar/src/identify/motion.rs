@@ -45,6 +45,8 @@ const FIRST_TIMES: [f64; 2] = [0.2, 3.0];
 const FIRST_RISE: f64 = 1.08;
 const FIRST_STRIBECK_VELOCITY: f64 = 0.01;
 const FIRST_DAMPING: f64 = 1.0;
+/// Lag of the Stribeck curve, s.
+const FIRST_LAG: f64 = 0.01;
 
 /// What an element may have besides constant and viscous friction and its branches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -126,6 +128,8 @@ impl Ingredient {
             Self::Creep => {
                 layout.creep = true;
                 candidate.creep_velocity = FIRST_CREEP;
+                layout.lag = layout.stribeck;
+                candidate.friction_lag = if layout.lag { FIRST_LAG } else { 0.0 };
             }
             Self::Relaxation | Self::SecondRelaxation => {
                 let stiffness = FIRST_ARM * candidate.insertion.coulomb_force / candidate.half_width;
@@ -141,7 +145,10 @@ impl Ingredient {
     fn remove(self, from: &EmsTrial) -> EmsTrial {
         let EmsTrial { mut candidate, mut layout } = from.clone();
         match self {
-            Self::Stribeck => layout.stribeck = false,
+            Self::Stribeck => {
+                (layout.stribeck, layout.lag) = (false, false);
+                candidate.friction_lag = 0.0;
+            }
             Self::SealDamping => {
                 layout.damping = false;
                 candidate.seal_damping = 0.0;
@@ -151,8 +158,8 @@ impl Ingredient {
                 candidate.yield_ratio = Candidate::DEFAULT_YIELD_RATIO;
             }
             Self::Creep => {
-                layout.creep = false;
-                candidate.creep_velocity = 0.0;
+                (layout.creep, layout.lag) = (false, false);
+                (candidate.creep_velocity, candidate.friction_lag) = (0.0, 0.0);
             }
             Self::Relaxation | Self::SecondRelaxation => {
                 let kept = usize::from(self == Self::SecondRelaxation);
@@ -329,6 +336,7 @@ pub(super) fn extend(
         hidden_mass,
         yielding: false,
         creep: false,
+        lag: false,
         arms: 0,
     };
     let start = EmsTrial { candidate: found.model.clone(), layout };
@@ -447,6 +455,9 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
     }
     if layout.creep {
         all.push(("creep_velocity_m_s", "m/s", 0.0, true, |c| c.creep_velocity));
+    }
+    if layout.lag {
+        all.push(("friction_lag_s", "s", 0.0, true, |c| c.friction_lag));
     }
     let arms: [[Quantity; 2]; 2] = [
         [

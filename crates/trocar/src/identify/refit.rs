@@ -44,6 +44,7 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
         hidden_mass: false,
         yielding: false,
         creep: false,
+        lag: false,
         arms: 0,
     };
     let candidate = Candidate { hidden_mass: 0.0, ..found.model.clone() };
