@@ -27,7 +27,7 @@ fn recordings(truth: ElementParams, protocols: &[Protocol], seed: u64) -> Vec<Re
 }
 
 fn found(recordings: &[Recording], seed: u64) -> Identification {
-    let options = IdentifyOptions { bootstrap: 0, seed, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { bootstrap: 0, seed, free_motion: false, ..IdentifyOptions::default() };
     identify(recordings, &options, &|_, _| {}).expect("there is steady sliding")
 }
 

@@ -104,7 +104,7 @@ pub(super) struct Layout {
 
 /// Visits the logarithm of a number that must stay positive.
 fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, f64, f64, f64)) {
-    let mut log = value.clamp(low, high).ln();
+    let mut log = value.max(low).min(high).ln();
     on(&mut log, 1e-3, low.ln(), high.ln());
     *value = log.exp();
 }
@@ -176,7 +176,8 @@ impl Layout {
         if self.lag {
             on_log(&mut candidate.friction_lag, LAG_RANGE, &mut on);
         }
-        let stiffest = 10.0 * candidate.insertion.coulomb_force / candidate.half_width;
+        // A trial of any numbers may have impossible ones: the range stays one.
+        let stiffest = (10.0 * candidate.insertion.coulomb_force / candidate.half_width).abs().clamp(1.0, 1e9);
         for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
             on_log(&mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
             on_log(&mut arm.time, TIME_RANGE, &mut on);

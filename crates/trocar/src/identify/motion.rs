@@ -400,7 +400,7 @@ impl FreeMotion {
 
     /// Whether there is enough to learn minor loops, creep and relaxation from.
     pub fn is_enough(&self) -> bool {
-        self.partial_reversals >= FEWEST_PARTIAL || self.held_s >= SHORTEST_REST
+        self.partial_reversals >= FEWEST_PARTIAL && self.held_s >= SHORTEST_REST
     }
 }
 
