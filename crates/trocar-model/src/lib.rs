@@ -106,7 +106,7 @@ pub use leuven::{Leuven, LeuvenParams, LeuvenState};
 pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
 pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
 pub use paper_literal::{LiteralState, PaperLiteral};
-pub use parallel::{Parallel, step_parallel};
+pub use parallel::{MAX_STAGES, Parallel, Stages, StagesState, rest_states, step_parallel};
 pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 pub use sliding::SlidingFriction;
 pub use stribeck::{StaticFriction, StaticState};

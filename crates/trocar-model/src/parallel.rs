@@ -1,6 +1,7 @@
 //! Several elements under one motion, as in a trocar with several seals.
 
 use crate::ems::{Element, State};
+use crate::friction::Friction;
 
 /// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of the forces (N).
 ///
@@ -43,4 +44,81 @@ impl<'a> Parallel<'a> {
     pub fn states(&self) -> &[State] {
         self.states
     }
+}
+
+/// Most elements of [`Stages`].
+pub const MAX_STAGES: usize = 4;
+
+/// Up to [`MAX_STAGES`] elements as one model that owns them: the stages of a trocar, such as a duckbill and a lip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stages {
+    /// Those past `count` repeat the first.
+    elements: [Element; MAX_STAGES],
+    count: usize,
+}
+
+impl Stages {
+    /// The elements in parallel; `None` for none or more than [`MAX_STAGES`].
+    pub fn new(elements: &[Element]) -> Option<Self> {
+        let first = *elements.first()?;
+        let mut own = [first; MAX_STAGES];
+        own.get_mut(..elements.len())?.copy_from_slice(elements);
+        Some(Self { elements: own, count: elements.len() })
+    }
+
+    /// The elements, at least one.
+    pub fn elements(&self) -> &[Element] {
+        &self.elements[..self.count]
+    }
+
+    /// The first element.
+    pub fn first(&self) -> &Element {
+        &self.elements[0]
+    }
+}
+
+impl From<Element> for Stages {
+    fn from(element: Element) -> Self {
+        Self { elements: [element; MAX_STAGES], count: 1 }
+    }
+}
+
+/// States of [`Stages`], one an element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StagesState {
+    states: [State; MAX_STAGES],
+    count: usize,
+}
+
+impl StagesState {
+    /// The states, in the order of the elements.
+    pub fn states(&self) -> &[State] {
+        &self.states[..self.count]
+    }
+}
+
+impl Friction for Stages {
+    type State = StagesState;
+
+    /// Each element bears the share of its static forces.
+    fn rest_at_force(&self, force: f64) -> StagesState {
+        let mut states = [self.elements[0].rest_at_force(0.0); MAX_STAGES];
+        states.iter_mut().zip(rest_states(self.elements(), force)).for_each(|(state, at_rest)| *state = at_rest);
+        StagesState { states, count: self.count }
+    }
+
+    fn step(&self, state: &mut StagesState, displacement: f64, duration: f64) -> f64 {
+        step_parallel(self.elements(), &mut state.states[..self.count], displacement, duration)
+    }
+
+    fn force(state: &StagesState) -> f64 {
+        state.states().iter().map(State::force).sum()
+    }
+}
+
+/// States at rest that together give `force`, N, each element bearing the share of its static forces.
+pub fn rest_states(elements: &[Element], force: f64) -> impl Iterator<Item = State> + '_ {
+    let limit = |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
+    let total: f64 = elements.iter().map(limit).sum();
+    elements.iter().map(move |e| e.rest_at_force(force * limit(e) / total))
 }

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use trocar_model::{Element, Friction, Mode, State};
+use trocar_model::{Element, Friction, Mode, State, rest_states};
 
 use crate::classical::{Classical, ClassicalState};
 use crate::recording::Recording;
@@ -110,9 +110,7 @@ impl Replayable for Classical {
 
 /// States at rest that together give `force`, N, each element bearing the share of its sliding limit.
 pub fn start_states(elements: &[Element], force: f64) -> Vec<State> {
-    let limit = |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
-    let total: f64 = elements.iter().map(limit).sum();
-    elements.iter().map(|e| e.rest_at_force(force * limit(e) / total)).collect()
+    rest_states(elements, force).collect()
 }
 
 /// First of the steps (displacement in m, duration in s) after which the start no longer matters.

@@ -180,7 +180,7 @@ impl<'a> Outcome<'a> {
         let found = self.identification;
         let mut origin = Origin::identified(self.options.seed, self.recordings);
         origin.note = found.deformation_note();
-        let mut model = ModelFile::new(vec![found.element], origin);
+        let mut model = ModelFile::new(found.stages.elements().to_vec(), origin);
         model.sensor = Some(self.moving_mass.sensor(found.model.offset, found.model.hidden_mass));
         model.intervals = intervals(&found.parameters);
         model

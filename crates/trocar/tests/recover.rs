@@ -73,7 +73,7 @@ fn the_branches_are_recovered_between_their_ends() {
     let c = truth.deformation.half_width();
     for k in -18..=18 {
         let z = c * f64::from(k) / 20.0;
-        let (want, got) = (&truth.deformation, &found.element.params().deformation);
+        let (want, got) = (&truth.deformation, &found.element().params().deformation);
         for (name, want, got) in [
             ("rising", want.rising().force(z), got.rising().force(z)),
             ("falling", want.falling().force(z), got.falling().force(z)),

@@ -30,7 +30,7 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| {
     let training = vec![record(Protocol::Steady), record(Protocol::Dynamic)];
     let validation = vec![record(Protocol::Validation)];
     let identification = identified(&training);
-    let scores = validate([identification.element].as_slice(), &validation, identification.model.offset);
+    let scores = validate(identification.stages.elements(), &validation, identification.model.offset);
     Bench { truth, training, validation, scores, identification }
 });
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::identify::{Estimate, Identification, IdentifyOptions, Warning, identify};
+use trocar::identify::{Estimate, Identification, IdentifyOptions, Ingredient, Warning, identify};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::{self, identification::IdentificationReport};
@@ -45,6 +45,13 @@ pub(crate) struct Args {
     /// Keep the two-step result instead of refining it against the simulated force
     #[arg(long)]
     no_refine: bool,
+    /// Keep the element of the paper's two steps, however the recordings move
+    #[arg(long)]
+    no_free_motion: bool,
+    /// Ingredients that the fit to all motion leaves out: stribeck, seal_damping, minor_loops, creep, relaxation,
+    /// second_relaxation, asymmetry, second_stage
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = ingredient, conflicts_with = "no_free_motion")]
+    without: Vec<Ingredient>,
     #[command(flatten)]
     rod: Rod,
     /// Print summary.json instead of the table
@@ -65,6 +72,12 @@ fn degrees(text: &str) -> Result<Degrees, String> {
     Ok(Degrees([degree(left).ok_or_else(wrong)?, degree(right).ok_or_else(wrong)?]))
 }
 
+fn ingredient(text: &str) -> Result<Ingredient, String> {
+    let names = || Ingredient::ALL.map(Ingredient::name).join(", ");
+    let found = Ingredient::ALL.into_iter().find(|i| i.name() == text.trim());
+    found.ok_or_else(|| format!("expected one of {}", names()))
+}
+
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
@@ -82,6 +95,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         degrees: args.degrees.0,
         refine: !args.no_refine,
         inertia_removed: moving_mass.mass > 0.0,
+        free_motion: !args.no_free_motion,
+        without: args.without.clone(),
         ..IdentifyOptions::default()
     };
     // Better to learn now than after the work that nothing can be written there.
@@ -125,7 +140,7 @@ impl Job {
         let hidden = identification.model.hidden_mass;
         let held_back = std::mem::take(&mut self.held_back).into_iter().map(|r| without(r, taken_out, hidden));
         self.held_back = held_back.collect::<anyhow::Result<_>>()?;
-        let elements = std::slice::from_ref(&identification.element);
+        let elements = identification.stages.elements();
         let offset = identification.model.offset;
         let validation = (!self.held_back.is_empty()).then(|| validate(elements, &self.held_back, offset));
         let found = Found { job: self, identification, validation };

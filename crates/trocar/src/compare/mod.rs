@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::{Element, Friction};
+use trocar_model::{Friction, Stages};
 
 use crate::classical::Classical;
 use crate::identify::classical::{ClassicalData, ClassicalFit, Kin, Kind};
@@ -112,7 +112,7 @@ pub struct CompareOptions {
 #[allow(clippy::large_enum_variant)] // some dozens in all
 pub enum Compared {
     /// The EMS element.
-    Ems(Element),
+    Ems(Stages),
     /// A classical model.
     Classical(Classical),
 }
@@ -255,7 +255,7 @@ pub fn compare(
     let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
     let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.model, m.offset)).collect();
     // Of one model whichever are compared, so that the criteria do not depend on the choice.
-    let reference = grounds.raw(&Compared::Ems(ems.element), ems.model.offset);
+    let reference = grounds.raw(&Compared::Ems(ems.stages), ems.model.offset);
     let effective_samples = grounds.effective_samples(&reference);
     let times: Vec<Option<f64>> =
         models.iter().map(|m| options.timing.then(|| m.model.nanoseconds_per_step(&validation[0]))).collect();
@@ -304,7 +304,7 @@ impl Fitted {
         Self {
             choice: Choice::Ems,
             parameters: ems.free_parameters,
-            model: Compared::Ems(ems.element),
+            model: Compared::Ems(ems.stages),
             offset: ems.model.offset,
             estimates: ems.parameters.clone(),
             warnings: ems.warnings.clone(),
@@ -316,7 +316,7 @@ impl Fitted {
         Self {
             choice: Choice::EmsOutputError,
             parameters: fit.free_parameters,
-            model: Compared::Ems(fit.element),
+            model: Compared::Ems(fit.stages),
             offset: fit.model.offset,
             estimates: fit.parameters,
             warnings: fit.warnings,
@@ -325,10 +325,14 @@ impl Fitted {
     }
 
     fn into_entry(self, scores: Scores, ns_per_sample: Option<f64>, timing: bool) -> Entry {
+        let elements = match &self.model {
+            Compared::Ems(stages) => stages.elements().len(),
+            Compared::Classical(_) => self.choice.elements(),
+        };
         Entry {
             choice: self.choice,
             name: self.choice.family(),
-            elements: self.choice.elements(),
+            elements,
             parameters: self.parameters,
             model: self.model,
             offset: self.offset,
@@ -384,7 +388,7 @@ fn fit_all(
 impl From<Compared> for Model {
     fn from(model: Compared) -> Self {
         match model {
-            Compared::Ems(element) => Self::Ems(vec![element]),
+            Compared::Ems(stages) => Self::Ems(stages.elements().to_vec()),
             Compared::Classical(model) => Self::Classical(model),
         }
     }

@@ -36,7 +36,7 @@ pub(super) struct Raw {
 
 impl<'a> Ground<'a> {
     fn new(ems: &Identification, recording: &'a Recording, reversal_travel: f64) -> Self {
-        let run = replay(std::slice::from_ref(&ems.element), recording, ems.model.offset);
+        let run = replay(ems.stages.elements(), recording, ems.model.offset);
         let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
         let scored = if known.is_empty() { (0..recording.len()).collect() } else { known };
         let reversed = passes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);

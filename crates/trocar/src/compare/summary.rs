@@ -143,8 +143,8 @@ impl Comparison {
 impl<'a> Outcome<'a> {
     /// What leaves an unknown state in the scores: validation recordings on which the seal never slides all round.
     pub fn unknown_states(&self) -> Vec<String> {
-        let Identification { element, model, .. } = &self.comparison.ems;
-        let scores = validate(std::slice::from_ref(element), &self.comparison.validation, model.offset);
+        let Identification { stages, model, .. } = &self.comparison.ems;
+        let scores = validate(stages.elements(), &self.comparison.validation, model.offset);
         let of = |r: &RecordingValidation| r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>();
         scores.recordings.iter().flat_map(of).collect()
     }

@@ -1,9 +1,12 @@
 //! A candidate model as a vector of free numbers, for the refinement against simulated force.
 
-use trocar_model::{DeformationForce, Element, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction};
+use trocar_model::{
+    DeformationForce, Element, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction, Stages,
+};
 
 use super::output_error::{Free, Trial};
 use super::shape::{BranchShape, Pins};
+use super::stage::SecondStage;
 
 /// An EMS element (key EMS in SOURCES.md, (8)-(14)) with the sensor offset beside it, before it is checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,11 +35,18 @@ pub struct Candidate {
     pub friction_lag: f64,
     /// Relaxation of the rubber.
     pub relaxation: Relaxation,
+    /// A second stage beside this one.
+    pub second: Option<SecondStage>,
 }
 
 impl Candidate {
     /// The yield ratio that an element has by default.
     pub const DEFAULT_YIELD_RATIO: f64 = 1.01;
+
+    /// Sliding force of all stages over that of the first.
+    pub fn stage_factor(&self) -> f64 {
+        1.0 + self.second.as_ref().map_or(0.0, |second| second.share)
+    }
 
     /// Forces at ±c.
     pub fn pins(&self) -> Pins {
@@ -69,12 +79,15 @@ impl Candidate {
         })
     }
 
-    /// The model, ready to run.
+    /// The model, ready to run: one element a stage.
     ///
     /// # Errors
     /// When the numbers do not make a model.
-    pub fn element(&self) -> Result<Element, ParamError> {
-        Element::new(self.params()?)
+    pub fn stages(&self) -> Result<Stages, ParamError> {
+        let first = Element::new(self.params()?)?;
+        let Some(second) = &self.second else { return Ok(first.into()) };
+        let both = [first, Element::new(second.params(self)?)?];
+        Ok(Stages::new(&both).expect("two elements"))
     }
 }
 
@@ -82,6 +95,8 @@ impl Candidate {
 const CREEP_RANGE: [f64; 2] = [1e-6, 2e-2];
 /// Range of T, s.
 const LAG_RANGE: [f64; 2] = [1e-3, 1.0];
+/// Range of the second stage's share: beyond, one of the stages is none.
+const SHARE_RANGE: [f64; 2] = [1e-2, 1e2];
 /// Range of relaxation times, s: faster is damping, slower is longer than recordings hold still.
 const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
 
@@ -100,6 +115,8 @@ pub(super) struct Layout {
     pub(super) lag: bool,
     /// Relaxing arms.
     pub(super) arms: usize,
+    /// A second stage.
+    pub(super) second: bool,
 }
 
 /// Visits the logarithm of a number that must stay positive.
@@ -158,11 +175,7 @@ impl Layout {
         let width = candidate.half_width;
         on(&mut candidate.half_width, 1e-4 * width, 0.3 * width, 3.0 * width);
         for shape in [&mut candidate.rising, &mut candidate.falling] {
-            on(&mut shape.join, 1e-3, -BranchShape::JOIN_RANGE, BranchShape::JOIN_RANGE);
-            on(&mut shape.join_force, force, -free, free);
-            for value in shape.left.iter_mut().chain(&mut shape.right) {
-                on(value, force, -free, free);
-            }
+            shape.visit(force, &mut on);
         }
         if self.damping {
             on(&mut candidate.seal_damping, 10.0 * force, 0.0, free);
@@ -181,6 +194,13 @@ impl Layout {
         for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
             on_log(&mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
             on_log(&mut arm.time, TIME_RANGE, &mut on);
+        }
+        if let (true, Some(second)) = (self.second, &mut candidate.second) {
+            on_log(&mut second.share, SHARE_RANGE, &mut on);
+            on_log(&mut second.half_width, [0.02 * width, 5.0 * width], &mut on);
+            for shape in [&mut second.rising, &mut second.falling] {
+                shape.visit(force, &mut on);
+            }
         }
     }
 
@@ -243,10 +263,10 @@ impl EmsTrial {
 }
 
 impl Trial for EmsTrial {
-    type Model = Element;
+    type Model = Stages;
 
-    fn model(&self) -> Option<Element> {
-        self.candidate.element().ok()
+    fn model(&self) -> Option<Stages> {
+        self.candidate.stages().ok()
     }
 
     fn free(&self) -> Vec<Free> {

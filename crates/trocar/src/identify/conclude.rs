@@ -3,6 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use trocar_model::Stages;
 
 use super::candidate::{Candidate, EmsTrial, Layout, SteadyPrecisions};
 use super::deformation::{COARSEST, DampingTest, DeformationFit, Traverse, curves_of, mean_points};
@@ -53,7 +54,7 @@ pub(super) fn conclude(
     options: &IdentifyOptions,
     progress: Progress,
 ) -> Result<Identification, IdentifyError> {
-    two.candidate.element()?;
+    two.candidate.stages()?;
     let mut layout = Layout {
         symmetric: !two.steady.is_asymmetric() || two.steady.stribeck.is_some(),
         viscous: two.steady.viscous_damping_n_s_m.pinned,
@@ -64,6 +65,7 @@ pub(super) fn conclude(
         creep: false,
         lag: false,
         arms: 0,
+        second: false,
     };
     progress("refining", 0.3);
     let outcome = match (&two.deformation, options.refine) {
@@ -77,15 +79,15 @@ pub(super) fn conclude(
         Some(o) => (o.refined.best.candidate.clone(), refined_parameters(&two, &o.refined, options)),
         None => (two.candidate.clone(), two_step_parameters.clone()),
     };
-    let element = model.element()?;
+    let stages = model.stages()?;
     let refinement = outcome.map(|o| o.summary);
     let warnings = warnings(&two, &model, refinement.as_ref(), &parameters);
     progress("residuals", 0.9);
-    let residual_rms = residual_rms(two.recordings, &model, &element);
+    let residual_rms = residual_rms(two.recordings, &model, &stages);
     let free_parameters = free_parameters(&model, layout, two.assumed);
     Ok(Identification {
         model,
-        element,
+        stages,
         two_step: two.candidate,
         parameters,
         two_step_parameters,
@@ -237,7 +239,7 @@ fn training<'a>(two: &TwoSteps<'a>, found: &DeformationFit) -> Result<Training, 
         two.candidate.half_width,
         MOST_CLUSTERS,
     );
-    training.forget_unknown_starts(&two.candidate.element()?);
+    training.forget_unknown_starts(two.candidate.stages()?.elements());
     Ok(training)
 }
 
@@ -258,10 +260,10 @@ fn hidden_mass_is_plausible(found: &Refined, training: &Training) -> bool {
     estimate.value > HIDDEN_MASS_LEVEL * error && small
 }
 
-pub(super) fn residual_rms(recordings: &[Recording], model: &Candidate, element: &trocar_model::Element) -> f64 {
+pub(super) fn residual_rms(recordings: &[Recording], model: &Candidate, stages: &Stages) -> f64 {
     let (mut squares, mut samples) = (0.0, 0.0);
     for recording in recordings {
-        let run = crate::replay::replay(std::slice::from_ref(element), recording, model.offset);
+        let run = crate::replay::replay(stages.elements(), recording, model.offset);
         let inertia = acceleration(recording);
         for i in run.known.into_iter().flatten() {
             let error = recording.force[i] - model.offset - model.hidden_mass * inertia[i] - run.force[i];

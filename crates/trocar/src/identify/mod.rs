@@ -9,7 +9,7 @@
 //! interval, the reason, and a warning.
 
 use serde::Serialize;
-use trocar_model::{Element, Relaxation, SlidingFriction};
+use trocar_model::{Element, Relaxation, SlidingFriction, Stages};
 
 use crate::recording::{Recording, local_acceleration};
 use crate::segment::{Pass, SegmentOptions, Stretch, behind_start, passes, reversal_threshold, stretches};
@@ -22,6 +22,7 @@ pub use motion::{FreeMotion, Ingredient, IngredientTrial, MotionFit};
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;
 pub use shape::{BranchShape, Pins};
+pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
 
 mod candidate;
@@ -37,6 +38,7 @@ mod refit;
 mod replicates;
 mod shape;
 mod spread;
+mod stage;
 mod steady;
 mod stribeck;
 mod training;
@@ -54,6 +56,8 @@ pub struct IdentifyOptions {
     pub refine: bool,
     /// Whether to fit the element to all motion, with creep, relaxation and minor loops, where the recordings hold any.
     pub free_motion: bool,
+    /// Ingredients that this fit does not try.
+    pub without: Vec<Ingredient>,
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_hidden_mass: bool,
     /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
@@ -71,6 +75,7 @@ impl Default for IdentifyOptions {
             degrees: [4, 4],
             refine: true,
             free_motion: true,
+            without: Vec::new(),
             estimate_hidden_mass: true,
             inertia_removed: false,
             segment: SegmentOptions::default(),
@@ -167,7 +172,7 @@ pub struct Identification {
     /// The model's numbers.
     pub model: Candidate,
     /// The model, ready to run.
-    pub element: Element,
+    pub stages: Stages,
     /// The two-step result, before the refinement.
     pub two_step: Candidate,
     /// All parameters with intervals.
@@ -193,6 +198,11 @@ pub struct Identification {
 }
 
 impl Identification {
+    /// The element, or the first of several stages.
+    pub fn element(&self) -> &Element {
+        self.stages.first()
+    }
+
     /// The named parameter.
     pub fn parameter(&self, name: &str) -> Option<&Estimate> {
         self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
@@ -484,6 +494,7 @@ fn candidate_of(
         creep_velocity: 0.0,
         friction_lag: 0.0,
         relaxation: Relaxation::NONE,
+        second: None,
     };
     (candidate, deformation.is_err())
 }

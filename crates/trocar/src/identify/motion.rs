@@ -13,13 +13,14 @@
 //! (four times, so that each is held out once).
 
 use serde::Serialize;
-use trocar_model::RelaxationArm;
+use trocar_model::{RelaxationArm, SlidingFriction};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::plain_training;
 use super::conclude::branch_quantities;
 use super::output_error::{self, Fitted, Stop};
 use super::spread::{Reported, Spread};
+use super::stage::SecondStage;
 use super::training::Training;
 use super::{Identification, IdentifyOptions, Parameter, Progress, Segments, Warning, acceleration};
 use crate::recording::Recording;
@@ -41,6 +42,9 @@ const LAST: Stop = Stop { iterations: 40, fall: 1e-5 };
 const FIRST_CREEP: f64 = 2e-4;
 const FIRST_ARM: f64 = 0.1;
 const FIRST_TIMES: [f64; 2] = [0.2, 3.0];
+/// Half widths of the second stage, as parts of the first's, and its part of the sliding force.
+const FIRST_WIDTHS: [f64; 2] = [0.3, 0.6];
+const FIRST_PART: f64 = 0.3;
 /// F_s over F_c and v_s, m/s, to start from; seal damping, N·s/m.
 const FIRST_RISE: f64 = 1.08;
 const FIRST_STRIBECK_VELOCITY: f64 = 0.01;
@@ -66,11 +70,13 @@ pub enum Ingredient {
     SecondRelaxation,
     /// Sliding forces of their own for insertion and withdrawal.
     Asymmetry,
+    /// A second element in parallel: a seal of its own, or the part of a lip that slides while the rest still holds.
+    SecondStage,
 }
 
 impl Ingredient {
     /// All, in the order of the tables.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Stribeck,
         Self::SealDamping,
         Self::MinorLoops,
@@ -78,7 +84,25 @@ impl Ingredient {
         Self::Relaxation,
         Self::SecondRelaxation,
         Self::Asymmetry,
+        Self::SecondStage,
     ];
+
+    /// Those that are only tried on top of the others.
+    const LARGER: [Self; 3] = [Self::SecondRelaxation, Self::Asymmetry, Self::SecondStage];
+
+    /// Name on the command line and in `summary.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stribeck => "stribeck",
+            Self::SealDamping => "seal_damping",
+            Self::MinorLoops => "minor_loops",
+            Self::Creep => "creep",
+            Self::Relaxation => "relaxation",
+            Self::SecondRelaxation => "second_relaxation",
+            Self::Asymmetry => "asymmetry",
+            Self::SecondStage => "second_stage",
+        }
+    }
 
     /// Words for tables.
     pub fn words(self) -> &'static str {
@@ -90,6 +114,7 @@ impl Ingredient {
             Self::Relaxation => "relaxation",
             Self::SecondRelaxation => "second relaxation time",
             Self::Asymmetry => "asymmetric sliding",
+            Self::SecondStage => "second stage",
         }
     }
 
@@ -102,12 +127,13 @@ impl Ingredient {
             Self::Relaxation => layout.arms > 0,
             Self::SecondRelaxation => layout.arms > 1,
             Self::Asymmetry => !layout.symmetric,
+            Self::SecondStage => layout.second,
         }
     }
 
-    /// The trial with the ingredient, at a first value.
-    fn add(self, to: &EmsTrial) -> EmsTrial {
-        let EmsTrial { mut candidate, mut layout } = to.clone();
+    /// Trials with the ingredient to start from.
+    fn starts(self, from: &EmsTrial) -> Vec<EmsTrial> {
+        let EmsTrial { mut candidate, mut layout } = from.clone();
         match self {
             Self::Stribeck => {
                 layout.stribeck = true;
@@ -137,12 +163,22 @@ impl Ingredient {
                 layout.arms += 1;
             }
             Self::Asymmetry => layout.symmetric = false,
+            Self::SecondStage => {
+                layout.second = true;
+                let divided = FIRST_WIDTHS.iter().filter_map(|width| candidate.divided(*width, FIRST_PART));
+                return divided.map(|candidate| EmsTrial { candidate, layout }).collect();
+            }
         }
-        EmsTrial { candidate, layout }
+        vec![EmsTrial { candidate, layout }]
     }
 
-    /// The trial without the ingredient.
-    fn remove(self, from: &EmsTrial) -> EmsTrial {
+    /// Whether the ingredient can be tried on top.
+    fn can_join(self, layout: &Layout) -> bool {
+        !self.is_in(layout) && (self != Self::SecondRelaxation || layout.arms == 1)
+    }
+
+    /// The trial without the ingredient; `None` for stages that make no single element.
+    fn remove(self, from: &EmsTrial) -> Option<EmsTrial> {
         let EmsTrial { mut candidate, mut layout } = from.clone();
         match self {
             Self::Stribeck => {
@@ -171,10 +207,14 @@ impl Ingredient {
                 candidate.insertion.coulomb_force =
                     0.5 * (candidate.insertion.coulomb_force + candidate.withdrawal.coulomb_force);
             }
+            Self::SecondStage => {
+                layout.second = false;
+                candidate = candidate.joined()?;
+            }
         }
         // Numbers that hang on others, such as F_s = F_c without Stribeck friction, follow.
         let values: Vec<f64> = layout.free(&candidate).iter().map(|free| free.value).collect();
-        EmsTrial { candidate: layout.with(&candidate, &values), layout }
+        Some(EmsTrial { candidate: layout.with(&candidate, &values), layout })
     }
 }
 
@@ -185,7 +225,9 @@ pub struct IngredientTrial {
     pub ingredient: Ingredient,
     /// Whether the model has it.
     pub kept: bool,
-    /// Root mean square error, N, on held-out cycles with all ingredients but this one.
+    /// Root mean square error, N, on held-out cycles with it...
+    pub held_out_with_n: f64,
+    /// ...and without it: all that the table has above it, for those tried on top of the others, else all others.
     pub held_out_without_n: f64,
     /// Growth of the held-out squares without it, in standard errors over the cycles.
     pub surety: f64,
@@ -259,33 +301,49 @@ pub(super) struct Chosen {
 ///
 /// `starts` are elements of the paper; the best of them after a short fit is taken. `None` when no start gives a model
 /// that runs.
-pub(super) fn choose(training: &Training, starts: &[EmsTrial]) -> Option<Chosen> {
+pub(super) fn choose(training: &Training, starts: &[EmsTrial], excluded: &[Ingredient]) -> Option<Chosen> {
+    let allowed = |i: &Ingredient| !excluded.contains(i);
     let short = starts.iter().filter_map(|start| output_error::fit(training, start, NEXT));
     let paper = short.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))?;
     let paper = Scored::new(training, &paper.best, NEXT)?;
-    let start = Ingredient::ALL.iter().fold(paper.fitted.best.clone(), |trial, i| match i {
-        Ingredient::SecondRelaxation | Ingredient::Asymmetry => trial,
-        _ => i.add(&trial),
-    });
+    let base = Ingredient::ALL.into_iter().filter(|i| allowed(i) && !Ingredient::LARGER.contains(i));
+    let start = base.fold(paper.fitted.best.clone(), |trial, i| i.starts(&trial).pop().unwrap_or(trial));
     let mut all = Scored::new(training, &start, FIRST)?;
-    for more in [Ingredient::SecondRelaxation, Ingredient::Asymmetry] {
-        let larger = Scored::new(training, &more.add(&all.fitted.best), NEXT);
-        if let Some(larger) = larger.filter(|larger| earns_its_keep(all.growth(larger))) {
+    let mut ingredients = Vec::new();
+    for more in Ingredient::LARGER.into_iter().filter(allowed) {
+        if !more.can_join(&all.fitted.best.layout) {
+            continue;
+        }
+        let trials = more.starts(&all.fitted.best);
+        let tried = trials.iter().filter_map(|trial| Scored::new(training, trial, NEXT));
+        let Some(larger) = tried.min_by(|a, b| a.total().total_cmp(&b.total())) else { continue };
+        let growth = all.growth(&larger);
+        let kept = earns_its_keep(growth);
+        ingredients.push(IngredientTrial {
+            ingredient: more,
+            kept,
+            held_out_with_n: larger.rms(),
+            held_out_without_n: all.rms(),
+            surety: growth.1,
+            parameters: larger.fitted.best.free_numbers() - all.fitted.best.free_numbers(),
+        });
+        if kept {
             all = larger;
         }
     }
-    let mut ingredients = Vec::new();
     let mut chosen = all.fitted.best.clone();
-    for ingredient in Ingredient::ALL.into_iter().filter(|i| i.is_in(&all.fitted.best.layout)) {
-        let smaller = Scored::new(training, &ingredient.remove(&all.fitted.best), NEXT)?;
+    let present = |i: &Ingredient| i.is_in(&all.fitted.best.layout) && !Ingredient::LARGER.contains(i);
+    for ingredient in Ingredient::ALL.into_iter().filter(present) {
+        let smaller = Scored::new(training, &ingredient.remove(&all.fitted.best)?, NEXT)?;
         let growth = smaller.growth(&all);
         let kept = earns_its_keep(growth);
         if !kept && ingredient.is_in(&chosen.layout) {
-            chosen = ingredient.remove(&chosen);
+            chosen = ingredient.remove(&chosen)?;
         }
         ingredients.push(IngredientTrial {
             ingredient,
             kept,
+            held_out_with_n: all.rms(),
             held_out_without_n: smaller.rms(),
             surety: growth.1,
             parameters: all.fitted.best.free_numbers() - smaller.fitted.best.free_numbers(),
@@ -338,10 +396,11 @@ pub(super) fn extend(
         creep: false,
         lag: false,
         arms: 0,
+        second: false,
     };
     let start = EmsTrial { candidate: found.model.clone(), layout };
-    let Some(Chosen { fitted, summary }) = choose(&training, &[start]) else { return found };
-    let Ok(element) = fitted.best.candidate.element() else { return found };
+    let Some(Chosen { fitted, summary }) = choose(&training, &[start], &options.without) else { return found };
+    let Ok(stages) = fitted.best.candidate.stages() else { return found };
     let steady_lines =
         found.parameters.iter().filter(|p| p.name.ends_with("_positive") || p.name.ends_with("_negative"));
     let mut parameters = parameters(&fitted);
@@ -351,9 +410,9 @@ pub(super) fn extend(
     found.warnings.retain(|w| w.subject != "yield_stiffness_n_m" && w.subject != "refinement");
     found.warnings.extend(warnings(&fitted, &parameters, &summary));
     found.free_parameters = fitted.best.free_numbers() - 1 - usize::from(hidden_mass);
-    found.residual_rms = super::conclude::residual_rms(recordings, &fitted.best.candidate, &element);
+    found.residual_rms = super::conclude::residual_rms(recordings, &fitted.best.candidate, &stages);
     found.model = fitted.best.candidate;
-    found.element = element;
+    found.stages = stages;
     found.parameters = parameters;
     found.motion = Some(summary);
     found
@@ -364,8 +423,8 @@ fn warnings(fitted: &Fitted<EmsTrial>, parameters: &[Parameter], summary: &Motio
     let mut all = super::classical::doubts(fitted, &main);
     for left_out in summary.ingredients.iter().filter(|i| !i.kept) {
         let message = format!(
-            "left out: held-out cycles are predicted no better with it ({:.4} N with everything, {:.4} N without it)",
-            summary.held_out_all_n, left_out.held_out_without_n
+            "left out: held-out cycles are predicted no better with it ({:.4} N with it, {:.4} N without)",
+            left_out.held_out_with_n, left_out.held_out_without_n
         );
         all.push(Warning { subject: left_out.ingredient.words().to_owned(), message, doubtful: false });
     }
@@ -424,26 +483,35 @@ fn held(recording: &Recording, reach: f64) -> f64 {
 /// Name, unit, least sensible value, whether on the logarithm, and how it follows from a candidate.
 type Quantity = (&'static str, &'static str, f64, bool, fn(&Candidate) -> f64);
 
+/// A number of the sliding force of all stages, in the mean of both directions.
+fn whole(candidate: &Candidate, of: fn(&SlidingFriction) -> f64) -> f64 {
+    0.5 * candidate.stage_factor() * (of(&candidate.insertion) + of(&candidate.withdrawal))
+}
+
+fn second(candidate: &Candidate, of: fn(&SecondStage) -> f64) -> f64 {
+    candidate.second.as_ref().map_or(f64::NAN, of)
+}
+
 fn quantities(layout: Layout) -> Vec<Quantity> {
     const ANY: f64 = f64::NEG_INFINITY;
     let mut all: Vec<Quantity> = vec![
         ("offset_n", "N", ANY, false, |c| c.offset),
-        ("coulomb_force_n", "N", 0.0, true, |c| c.insertion.coulomb_force),
-        ("viscous_damping_n_s_m", "N s/m", 0.0, false, |c| c.insertion.viscous_damping),
+        ("coulomb_force_n", "N", 0.0, true, |c| whole(c, |s| s.coulomb_force)),
+        ("viscous_damping_n_s_m", "N s/m", 0.0, false, |c| whole(c, |s| s.viscous_damping)),
         ("half_width_m", "m", 0.0, true, |c| c.half_width),
     ];
     if !layout.symmetric {
-        all.push(("coulomb_force_n_positive", "N", 0.0, true, |c| c.insertion.coulomb_force));
-        all.push(("coulomb_force_n_negative", "N", 0.0, true, |c| c.withdrawal.coulomb_force));
-        all.push(("viscous_damping_n_s_m_positive", "N s/m", 0.0, false, |c| c.insertion.viscous_damping));
-        all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| c.withdrawal.viscous_damping));
+        all.push(("coulomb_force_n_positive", "N", 0.0, true, |c| c.stage_factor() * c.insertion.coulomb_force));
+        all.push(("coulomb_force_n_negative", "N", 0.0, true, |c| c.stage_factor() * c.withdrawal.coulomb_force));
+        all.push(("viscous_damping_n_s_m_positive", "N s/m", 0.0, false, |c| c.stage_factor() * c.insertion.viscous_damping));
+        all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| c.stage_factor() * c.withdrawal.viscous_damping));
     }
     if layout.stribeck {
-        all.push(("static_force_n", "N", 0.0, true, |c| c.insertion.static_force));
+        all.push(("static_force_n", "N", 0.0, true, |c| whole(c, |s| s.static_force)));
         all.push(("stribeck_velocity_m_s", "m/s", 0.0, true, |c| c.insertion.stribeck_velocity));
     }
     if layout.damping {
-        all.push(("seal_damping_n_s_m", "N s/m", 0.0, false, |c| c.seal_damping));
+        all.push(("seal_damping_n_s_m", "N s/m", 0.0, false, |c| c.stage_factor() * c.seal_damping));
     }
     if layout.hidden_mass {
         all.push(("hidden_mass_kg", "kg", ANY, false, |c| c.hidden_mass));
@@ -470,6 +538,12 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
         ],
     ];
     all.extend(arms.into_iter().take(layout.arms).flatten());
+    if layout.second {
+        all.push(("second_coulomb_force_n", "N", 0.0, true, |c| {
+            whole(c, |s| s.coulomb_force) * second(c, |s| s.share) / c.stage_factor()
+        }));
+        all.push(("second_half_width_m", "m", 0.0, true, |c| second(c, |s| s.half_width)));
+    }
     all
 }
 

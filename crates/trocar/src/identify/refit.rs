@@ -3,7 +3,7 @@
 //! [`identify`](super::identify) follows the paper's two steps and holds the sliding force at the steady state's values, for
 //! the sake of its intervals. A comparison by squared error asks what the element can do at best; that is this.
 
-use trocar_model::Element;
+use trocar_model::Stages;
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ClassicalData, LONG, SHORT, doubts};
@@ -22,7 +22,7 @@ pub struct EmsRefit {
     /// The numbers.
     pub model: Candidate,
     /// The model, ready to run.
-    pub element: Element,
+    pub stages: Stages,
     /// Main parameters with intervals.
     pub parameters: Vec<Parameter>,
     /// Numbers fitted, without the sensor's offset.
@@ -46,6 +46,7 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
         creep: false,
         lag: false,
         arms: 0,
+        second: false,
     };
     let candidate = Candidate { hidden_mass: 0.0, ..found.model.clone() };
     let candidates = match &found.deformation {
@@ -57,22 +58,17 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
     let best = short.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
     let fitted = output_error::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
     let model = fitted.best.candidate.clone();
-    let element = model.element().map_err(|error| error.to_string())?;
+    let stages = model.stages().map_err(|error| error.to_string())?;
     let parameters = parameters(&fitted);
     let free_parameters = layout.free(&model).len() - 1;
     let warnings = doubts(&fitted, &parameters);
-    Ok(EmsRefit { model, element, parameters, free_parameters, warnings })
+    Ok(EmsRefit { model, stages, parameters, free_parameters, warnings })
 }
 
 /// The candidate with straight branches of polynomials of `degrees`.
-fn straight(candidate: &Candidate, half_width: f64, [left, right]: [usize; 2]) -> Candidate {
+fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
     let pins = candidate.pins();
-    let branch = BranchShape {
-        join: 0.0,
-        join_force: 0.5 * (pins.low + pins.high),
-        left: vec![0.0; left - 1],
-        right: vec![0.0; right - 1],
-    };
+    let branch = BranchShape { join_force: 0.5 * (pins.low + pins.high), ..BranchShape::straight(degrees) };
     Candidate { half_width, rising: branch.clone(), falling: branch, ..candidate.clone() }
 }
 

@@ -58,9 +58,24 @@ impl BranchShape {
         self.join.abs() > 0.99 * Self::JOIN_RANGE
     }
 
+    /// Straight from a join force of 0 N in the middle to both pins, with room for polynomials of these degrees.
+    pub(super) fn straight([left, right]: [usize; 2]) -> Self {
+        Self { join: 0.0, join_force: 0.0, left: vec![0.0; left - 1], right: vec![0.0; right - 1] }
+    }
+
     /// Degrees of the left and the right polynomial.
     pub fn degrees(&self) -> [usize; 2] {
         [self.left.len() + 1, self.right.len() + 1]
+    }
+
+    /// Visits every free number with the step of its difference quotient (`force`, N, for forces) and its range.
+    pub(super) fn visit(&mut self, force: f64, on: &mut impl FnMut(&mut f64, f64, f64, f64)) {
+        let free = f64::INFINITY;
+        on(&mut self.join, 1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE);
+        on(&mut self.join_force, force, -free, free);
+        for value in self.left.iter_mut().chain(&mut self.right) {
+            on(value, force, -free, free);
+        }
     }
 
     /// The branch over [-half_width, half_width], m, through `pins`.

@@ -90,10 +90,10 @@ impl Training {
     }
 
     /// Takes the weight from all steps before the state is known: until unknown starts give one force.
-    pub(crate) fn forget_unknown_starts(&mut self, element: &Element) {
+    pub(crate) fn forget_unknown_starts(&mut self, elements: &[Element]) {
         for run in &mut self.runs {
             let steps = run.steps.iter().map(|s| (s.displacement, s.duration));
-            let known = forgotten_after(std::slice::from_ref(element), steps).map_or(run.steps.len(), |i| i + 1);
+            let known = forgotten_after(elements, steps).map_or(run.steps.len(), |i| i + 1);
             run.steps[..known].iter_mut().for_each(|s| s.samples = 0.0);
         }
     }

@@ -56,7 +56,7 @@ pub(crate) fn plain_training(
         all.push(Segmented { recording, passes, settled, settled_scored: true, acceleration });
     }
     let mut training = Training::new(&all, 1.0, 0.0, half_width, MOST_CLUSTERS);
-    training.forget_unknown_starts(&found.element);
+    training.forget_unknown_starts(found.stages.elements());
     training
 }
 

@@ -155,11 +155,11 @@ const JOINED: &str = "joined polynomials (25)";
 const SINGLE: &str = "single polynomial, degree 7";
 
 fn rising(found: &Identification) -> &Branch {
-    found.element.params().deformation.rising()
+    found.element().params().deformation.rising()
 }
 
 fn falling(found: &Identification) -> &Branch {
-    found.element.params().deformation.falling()
+    found.element().params().deformation.falling()
 }
 
 /// The two-step fit of a branch.

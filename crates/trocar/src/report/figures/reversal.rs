@@ -34,7 +34,7 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         Series::line(name, role, x, y)
     };
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
-    let run = replay(std::slice::from_ref(&found.element), recording, found.model.offset);
+    let run = replay(found.stages.elements(), recording, found.model.offset);
     let forces = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
         .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
         .series(line("model", Role::Model, &run.force, 1.0));
@@ -64,7 +64,7 @@ fn caption(name: &str, shown: &Traverse, transients: &Transients) -> String {
 }
 
 fn branch(found: &Identification, direction: Direction) -> &Branch {
-    let force = &found.element.params().deformation;
+    let force = &found.element().params().deformation;
     match direction {
         Direction::Positive => force.rising(),
         Direction::Negative => force.falling(),

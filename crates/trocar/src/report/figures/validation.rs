@@ -41,7 +41,7 @@ pub(in super::super) fn scored<'a>(
     training: &'a [Recording],
     validation: Option<(&'a [Recording], &'a Validation)>,
 ) -> Scored<'a> {
-    let elements = std::slice::from_ref(&found.element);
+    let elements = found.stages.elements();
     let offset = found.model.offset;
     let (recordings, scores, held_out) = match validation {
         Some((recordings, scores)) => (Cow::Borrowed(recordings), Cow::Borrowed(scores), true),

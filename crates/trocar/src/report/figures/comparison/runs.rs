@@ -84,7 +84,7 @@ fn representative(comparison: &Comparison) -> Option<Cycle> {
     let recordings = &comparison.validation;
     let ems = &comparison.ems;
     let known = |index: usize| -> Vec<Range<usize>> {
-        replay(std::slice::from_ref(&ems.element), &recordings[index], ems.model.offset).known
+        replay(ems.stages.elements(), &recordings[index], ems.model.offset).known
     };
     let found = cycles(recordings, known);
     let to_insertion = |c: &&Cycle| {

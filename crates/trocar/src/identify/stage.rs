@@ -1,0 +1,151 @@
+//! A second stage: how its numbers hang on the first's, and where a fit of two stages starts.
+
+use trocar_model::{DeformationForce, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction};
+
+use super::candidate::Candidate;
+use super::shape::{BranchShape, Pins};
+use crate::segment::Direction;
+
+/// A second seal in parallel with the first, or the part of a lip that turns over on its own.
+///
+/// Its sliding force and damping are a share of the first's, curve and all: in steady sliding only the sum shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SecondStage {
+    /// Its sliding force over the first's.
+    pub share: f64,
+    /// c of the second stage, m.
+    pub half_width: f64,
+    /// Branch of the insertion.
+    pub rising: BranchShape,
+    /// Branch of the withdrawal.
+    pub falling: BranchShape,
+}
+
+impl SecondStage {
+    /// Degrees of the joined polynomials.
+    pub const DEGREES: [usize; 2] = [2, 2];
+
+    fn sliding(&self, first: &SlidingFriction) -> SlidingFriction {
+        SlidingFriction {
+            coulomb_force: self.share * first.coulomb_force,
+            static_force: self.share * first.static_force,
+            viscous_damping: self.share * first.viscous_damping,
+            ..*first
+        }
+    }
+
+    fn pins(&self, first: &Candidate) -> Pins {
+        let force = |own: &SlidingFriction| self.sliding(own).static_force;
+        Pins { low: -force(&first.withdrawal), high: force(&first.insertion) }
+    }
+
+    pub(super) fn params(&self, first: &Candidate) -> Result<ElementParams, ParamError> {
+        let pins = self.pins(first);
+        let rising = self.rising.branch(self.half_width, pins)?;
+        let falling = self.falling.branch(self.half_width, pins)?;
+        Ok(ElementParams {
+            deformation: DeformationForce::new(rising, falling, None)?,
+            damping: SealDamping { coefficients: [self.share * first.seal_damping, 0.0, 0.0] },
+            insertion: self.sliding(&first.insertion),
+            withdrawal: self.sliding(&first.withdrawal),
+            creep_velocity: first.creep_velocity,
+            friction_lag: if first.creep_velocity > 0.0 { first.friction_lag } else { 0.0 },
+            relaxation: Relaxation::NONE,
+        })
+    }
+}
+
+/// Points of a full stroke to which branches are fitted.
+const POINTS: usize = 200;
+
+/// Force, N, of a stage at `travel`, m, behind a reversal, from the far end of its deflections on.
+fn upon_stroke(shape: &BranchShape, half_width: f64, pins: Pins, direction: Direction, travel: f64) -> Option<f64> {
+    let branch = shape.branch(half_width, pins).ok()?;
+    let deflection = direction.sign() * (travel - half_width).min(half_width);
+    Some(branch.force(deflection))
+}
+
+/// Branch of an element of half width `half_width` that has the `force` (N) of the travel (m) over a full stroke.
+fn fitted(
+    degrees: [usize; 2],
+    (half_width, pins): (f64, Pins),
+    direction: Direction,
+    force: impl Fn(f64) -> Option<f64>,
+) -> Option<BranchShape> {
+    let at = |k: usize| (2.0 * (k as f64 + 0.5) / POINTS as f64) - 1.0;
+    let point = |u: f64| Some((u, force(half_width * (1.0 + direction.sign() * u))?));
+    let points: Option<Vec<(f64, f64)>> = (0..POINTS).map(|k| point(at(k))).collect();
+    BranchShape::fit(degrees, pins, &points?).map(|found| found.0)
+}
+
+const DIRECTIONS: [Direction; 2] = [Direction::Positive, Direction::Negative];
+
+fn scaled(sliding: &mut SlidingFriction, factor: f64) {
+    sliding.coulomb_force *= factor;
+    sliding.static_force *= factor;
+    sliding.viscous_damping *= factor;
+}
+
+impl Candidate {
+    fn branch_of(&self, direction: Direction) -> &BranchShape {
+        match direction {
+            Direction::Positive => &self.rising,
+            Direction::Negative => &self.falling,
+        }
+    }
+
+    /// Force, N, of the first stage upon a full stroke.
+    fn first_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
+        upon_stroke(self.branch_of(direction), self.half_width, self.pins(), direction, travel)
+    }
+
+    /// Force, N, of the second stage upon a full stroke; 0 without one.
+    fn second_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
+        let Some(second) = &self.second else { return Some(0.0) };
+        let shape = match direction {
+            Direction::Positive => &second.rising,
+            Direction::Negative => &second.falling,
+        };
+        upon_stroke(shape, second.half_width, second.pins(self), direction, travel)
+    }
+
+    /// With forces scaled by `factor` and branches that give `force` (N) upon full strokes (m) of either direction.
+    fn rebuilt(
+        &self,
+        factor: f64,
+        half_width: f64,
+        force: impl Fn(Direction, f64) -> Option<f64>,
+    ) -> Option<Candidate> {
+        let mut whole = Candidate { half_width, ..self.clone() };
+        [&mut whole.insertion, &mut whole.withdrawal].into_iter().for_each(|s| scaled(s, factor));
+        whole.seal_damping *= factor;
+        let ends = (half_width, whole.pins());
+        let degrees = self.rising.degrees();
+        let [rising, falling] = DIRECTIONS.map(|d| fitted(degrees, ends, d, |travel| force(d, travel)));
+        Some(Candidate { rising: rising?, falling: falling?, ..whole })
+    }
+
+    /// The same with the part `share_of_force` of its force given to a second stage of straight branches, whose half width is
+    /// `width` of the first's: full strokes keep their force, partial ones do not.
+    pub(super) fn divided(&self, width: f64, share_of_force: f64) -> Option<Candidate> {
+        let straight = BranchShape::straight(SecondStage::DEGREES);
+        let share = share_of_force / (1.0 - share_of_force);
+        let mut second = SecondStage { share, half_width: width * self.half_width, rising: straight.clone(), falling: straight };
+        let smaller = self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| self.first_upon_stroke(d, travel))?;
+        let pins = second.pins(&smaller);
+        second.rising.join_force = 0.5 * (pins.low + pins.high);
+        second.falling.join_force = second.rising.join_force;
+        let with = Candidate { second: Some(second), ..smaller };
+        let first_alone = |d, travel| Some(self.first_upon_stroke(d, travel)? - with.second_upon_stroke(d, travel)?);
+        let rest = self.rebuilt(1.0 - share_of_force, self.half_width, first_alone)?;
+        Some(Candidate { second: with.second.clone(), ..rest })
+    }
+
+    /// The one element with the force of both stages upon full strokes.
+    pub(super) fn joined(&self) -> Option<Candidate> {
+        let second = self.second.as_ref()?;
+        let both = |d, travel| Some(self.first_upon_stroke(d, travel)? + self.second_upon_stroke(d, travel)?);
+        let whole = self.rebuilt(self.stage_factor(), self.half_width.max(second.half_width), both)?;
+        Some(Candidate { second: None, ..whole })
+    }
+}
