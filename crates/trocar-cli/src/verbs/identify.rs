@@ -49,7 +49,7 @@ pub(crate) struct Args {
     #[arg(long)]
     no_free_motion: bool,
     /// Ingredients that the fit to all motion leaves out: stribeck, seal_damping, minor_loops, creep, relaxation,
-    /// second_relaxation, asymmetry, second_stage
+    /// second_relaxation, hidden_mass, asymmetry, second_stage
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = ingredient, conflicts_with = "no_free_motion")]
     without: Vec<Ingredient>,
     #[command(flatten)]

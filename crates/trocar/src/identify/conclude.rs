@@ -104,7 +104,7 @@ pub(super) fn conclude(
 
 /// Whether all recordings are sampled finely enough to see the acceleration of a reversal, which lasts some hundredths
 /// of a second: it takes five positions.
-fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
+pub(super) fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
     const REVERSAL: f64 = 0.03;
     recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
 }

@@ -93,8 +93,9 @@ pub enum IdentifyError {
     /// Nothing slides steadily anywhere.
     #[error(
         "no steady sliding found: {passes} passes between reversals, {stretches} stretches of constant velocity, none of them \
-         behind the deformation and free of clipped readings\n\nhint: record strokes at constant velocity (within 2 %, longer than 50 ms) that are longer than \
-         the seal's deformation, in both directions and at several speeds"
+         behind the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
+         at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
+         several speeds, or half a minute of motion with many reversals"
     )]
     NoSteadySliding {
         /// Passes found.
@@ -210,7 +211,8 @@ impl Identification {
 
     /// A remark for the model file where the deformation was not identified.
     pub(crate) fn deformation_note(&self) -> Option<String> {
-        self.deformation.as_ref().err().map(|why| format!("deformation assumed, not identified: {why}"))
+        let assumed = self.deformation.as_ref().err().filter(|_| self.motion.is_none());
+        assumed.map(|why| format!("deformation assumed, not identified: {why}"))
     }
 
     /// Whether data were lost or parameters are not pinned (exit code 3).
@@ -255,13 +257,21 @@ pub fn identify(
     let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
     progress("steady state", 0.1);
     let (steady, deformation) = two_steps(recordings, &segments, options)?;
+    let no_steady_sliding = steady.means.is_empty();
     let (two_step, assumed) = candidate_of(&steady, &deformation, recordings);
     let found = conclude::conclude(
         conclude::TwoSteps { recordings, segments: &segments, steady, deformation, candidate: two_step, assumed },
         options,
         progress,
     )?;
-    Ok(motion::extend(found, recordings, &segments, options, progress))
+    let found = motion::extend(found, recordings, &segments, options, progress);
+    if no_steady_sliding && found.motion.is_none() {
+        return Err(IdentifyError::NoSteadySliding {
+            passes: segments.iter().map(|s| s.passes.len()).sum(),
+            stretches: segments.iter().map(|s| s.stretches.len()).sum(),
+        });
+    }
+    Ok(found)
 }
 
 fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
@@ -313,10 +323,8 @@ fn two_steps(
         steady = steady::fit(without_trend(means(&|_| 0.0, false), recordings, segments));
     }
     if steady.means.is_empty() {
-        return Err(IdentifyError::NoSteadySliding {
-            passes: segments.iter().map(|s| s.passes.len()).sum(),
-            stretches: segments.iter().map(|s| s.stretches.len()).sum(),
-        });
+        let why = "nothing slides steadily behind a reversal".to_owned();
+        return Ok((steady::from_levels(recordings)?, Err(why)));
     }
     if steady.coulomb_force_n.ci95[1] <= 0.0 {
         return Err(IdentifyError::ForceSign { coulomb_force: steady.coulomb_force_n.value });

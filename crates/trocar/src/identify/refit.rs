@@ -66,7 +66,7 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
 }
 
 /// The candidate with straight branches of polynomials of `degrees`.
-fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
+pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
     let pins = candidate.pins();
     let branch = BranchShape { join_force: 0.5 * (pins.low + pins.high), ..BranchShape::straight(degrees) };
     Candidate { half_width, rising: branch.clone(), falling: branch, ..candidate.clone() }

@@ -17,9 +17,12 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use super::IdentifyError;
 use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::{Recording, local_velocity};
 use crate::segment::{Direction, Pass, Stretch, behind_start};
+
+const NO_STRETCH: &str = "no stretch of constant velocity behind the deformation";
 
 /// Mean force and velocity of the steady sliding in one pass at one speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -306,6 +309,29 @@ pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
     fit
 }
 
+/// Where no motion is steady: levels to start from, of which nothing is known for certain.
+///
+/// The force spends its time near the sliding force of either direction: F_0 ± F_c are its 5 % and 95 % quantiles.
+///
+/// # Errors
+/// [`IdentifyError::ForceSign`] when the motion takes work from the seal.
+pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, IdentifyError> {
+    let mut forces: Vec<f64> = recordings.iter().flat_map(|r| r.force.iter().copied()).collect();
+    forces.sort_by(f64::total_cmp);
+    let quantile = |part: f64| forces[(part * (forces.len() - 1) as f64) as usize];
+    let (low, high) = (quantile(0.05), quantile(0.95));
+    let (offset, coulomb) = (0.5 * (low + high), 0.5 * (high - low));
+    let work = |r: &Recording| -> f64 {
+        let one = |i: usize| (0.5 * (r.force[i] + r.force[i - 1]) - offset) * (r.position[i] - r.position[i - 1]);
+        r.unbroken().flat_map(|range| range.start + 1..range.end).map(one).sum()
+    };
+    if recordings.iter().map(work).sum::<f64>() < 0.0 {
+        return Err(IdentifyError::ForceSign { coulomb_force: -coulomb });
+    }
+    let none = |value, unit| Estimate::not_pinned(value, unit, NO_STRETCH);
+    Ok(blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N")))
+}
+
 fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
     SteadyFit {
         coulomb_force_n: coulomb,
@@ -343,7 +369,7 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
     let both = has(means, Direction::Positive) && has(means, Direction::Negative);
     let slope = speeds_differ(means, Direction::Positive) || speeds_differ(means, Direction::Negative);
     if means.is_empty() {
-        let none = |unit| Estimate::not_pinned(0.0, unit, "no stretch of constant velocity behind the deformation");
+        let none = |unit| Estimate::not_pinned(0.0, unit, NO_STRETCH);
         return blank(none("N"), none("N s/m"), none("N"));
     }
     let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be told apart";

@@ -1,5 +1,7 @@
 //! The recordings as steps for the classical models, with the scales that the identification found in them.
 
+use trocar_model::Element;
+
 use crate::identify::training::{Segmented, Training};
 use crate::identify::{Identification, IdentifyOptions, Segments, segment, settled_stretches};
 use crate::recording::Recording;
@@ -8,7 +10,7 @@ use crate::segment::Stretch;
 use super::kind::Scales;
 
 /// Half width assumed where no deformation is resolved, as a part of the longest stroke.
-const ASSUMED_WIDTH: f64 = 0.05;
+pub(crate) const ASSUMED_WIDTH: f64 = 0.05;
 
 /// Most clusters of cycles: fewer than for the EMS element, since without a steady state of its own the fit must not take
 /// neighbouring cycles for independent.
@@ -26,7 +28,7 @@ impl ClassicalData {
     pub(crate) fn new(recordings: &[Recording], found: &Identification, options: &IdentifyOptions) -> Self {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
-        let training = plain_training(recordings, found, options, half_width, |r| vec![0.0; r.len()]);
+        let training = plain_training(recordings, found, options, (half_width, found.stages.elements()), |r| vec![0.0; r.len()]);
         let scales = Scales {
             offset: found.model.offset,
             force: found.model.insertion.coulomb_force,
@@ -40,12 +42,12 @@ impl ClassicalData {
 }
 
 /// All samples of `recordings`, weighing the same: what is minimised is nearly what is scored, but for samples taken
-/// together.
+/// together (by the half width, m), and for those before `elements` forget their unknown start.
 pub(crate) fn plain_training(
     recordings: &[Recording],
     found: &Identification,
     options: &IdentifyOptions,
-    half_width: f64,
+    (half_width, elements): (f64, &[Element]),
     acceleration: impl Fn(&Recording) -> Vec<f64>,
 ) -> Training {
     let parts: Vec<(Segments, Vec<Stretch>)> = recordings.iter().map(|r| segmented(r, found, options)).collect();
@@ -56,7 +58,7 @@ pub(crate) fn plain_training(
         all.push(Segmented { recording, passes, settled, settled_scored: true, acceleration });
     }
     let mut training = Training::new(&all, 1.0, 0.0, half_width, MOST_CLUSTERS);
-    training.forget_unknown_starts(found.stages.elements());
+    training.forget_unknown_starts(elements);
     training
 }
 
