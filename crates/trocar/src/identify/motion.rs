@@ -79,6 +79,9 @@ pub(super) fn extend(
 /// The paper's element fitted from every start, and from the best of them on with the ingredients.
 fn fitted(found: &Identification, recordings: &[Recording], options: &IdentifyOptions) -> Option<choose::Chosen> {
     let mut without = options.without.clone();
+    if !found.free_motion.is_some_and(|motion| motion.is_enough()) && !found.steady.means.is_empty() {
+        without.extend(Ingredient::OF_FREE_MOTION);
+    }
     if !(options.estimate_hidden_mass && acceleration_is_resolved(recordings)) {
         without.push(Ingredient::HiddenMass);
     }

@@ -1,0 +1,202 @@
+//! Which ingredients the held-out cycles ask for.
+
+use serde::Serialize;
+
+use super::super::candidate::EmsTrial;
+use super::super::output_error::{self, Fitted, Stop};
+use super::super::training::Training;
+use super::ingredient::Ingredient;
+
+/// Parts in which clusters are held out.
+const FOLDS: usize = 4;
+/// An ingredient is kept if the squares held out grow without it by this part at least...
+const LEAST_GAIN: f64 = 0.01;
+/// ...and by this many standard errors of the growth over clusters (one-sided, 5 %).
+const LEAST_SURETY: f64 = 1.645;
+
+/// Held-out squares over fitted ones beyond which the first order is not believed, and the fold is fitted in full.
+const FAR_OFF: f64 = 2.0;
+
+/// The first fit, and those that start next to it.
+const FIRST: Stop = Stop { iterations: 40, fall: 1e-4 };
+const SHORT: Stop = Stop { iterations: 4, fall: 1e-2 };
+const FOLD: Stop = Stop { iterations: 6, fall: 1e-2 };
+const NEXT: Stop = Stop { iterations: 12, fall: 1e-3 };
+const LAST: Stop = Stop { iterations: 40, fall: 1e-5 };
+
+/// An ingredient on trial.
+#[derive(Debug, Clone, Serialize)]
+pub struct IngredientTrial {
+    /// Which.
+    pub ingredient: Ingredient,
+    /// Whether the model has it.
+    pub kept: bool,
+    /// Root mean square error, N, on held-out cycles with it...
+    pub held_out_with_n: f64,
+    /// ...and without it: all that the table has above it, for those tried on top of the others, else all others.
+    pub held_out_without_n: f64,
+    /// Growth of the held-out squares without it, in standard errors over the cycles.
+    pub surety: f64,
+    /// Numbers it adds.
+    pub parameters: usize,
+}
+
+impl IngredientTrial {
+    fn new(ingredient: Ingredient, with: &Scored, without: &Scored) -> Self {
+        let (growth, surety) = without.growth(with);
+        let numbers = |scored: &Scored| scored.fitted.best.free_numbers();
+        Self {
+            ingredient,
+            kept: growth > LEAST_GAIN && surety > LEAST_SURETY,
+            held_out_with_n: with.rms(),
+            held_out_without_n: without.rms(),
+            surety,
+            parameters: numbers(with).saturating_sub(numbers(without)),
+        }
+    }
+}
+
+/// How the fit to all motion came out.
+#[derive(Debug, Clone, Serialize)]
+pub struct MotionFit {
+    /// Each ingredient.
+    pub ingredients: Vec<IngredientTrial>,
+    /// Root mean square error, N, on held-out cycles with all ingredients.
+    pub held_out_all_n: f64,
+    /// The same of the model chosen.
+    pub held_out_chosen_n: f64,
+    /// The same of the paper's element alone, fitted to the same readings.
+    pub held_out_paper_n: f64,
+    /// Root mean square error, N, of the model chosen over the readings it was fitted to.
+    pub fitted_rms_n: f64,
+    /// Damped steps of the last fit.
+    pub iterations: usize,
+    /// Whether it came to rest.
+    pub converged: bool,
+}
+
+/// A fit with its held-out squares by cluster.
+struct Scored {
+    fitted: Fitted<EmsTrial>,
+    held_out: Vec<f64>,
+}
+
+impl Scored {
+    fn new(training: &Training, from: &EmsTrial, stop: Stop) -> Option<Self> {
+        let fitted = output_error::fit(training, from, stop)?;
+        let mut held_out = vec![0.0; training.clusters()];
+        let own = output_error::costs(training, &fitted.best)?;
+        for fold in 0..FOLDS {
+            let out = |g: &usize| g % FOLDS == fold;
+            let sum = |costs: &[f64]| (0..costs.len()).filter(out).map(|g| costs[g]).sum::<f64>();
+            let first_order = fitted.without(&fitted.best, |g| out(&g));
+            let mut costs = first_order.and_then(|part| output_error::costs(training, &part));
+            let close = |costs: &Vec<f64>| sum(costs) < FAR_OFF * sum(&own);
+            if !costs.as_ref().is_some_and(close) {
+                let part = output_error::fit(&training.without(|g| out(&g)), &fitted.best, FOLD)?;
+                costs = output_error::costs(training, &part.best);
+            }
+            let costs = costs?;
+            (0..held_out.len()).filter(out).for_each(|g| held_out[g] = costs[g]);
+        }
+        Some(Self { fitted, held_out })
+    }
+
+    fn total(&self) -> f64 {
+        self.held_out.iter().sum()
+    }
+
+    fn rms(&self) -> f64 {
+        (self.total() / self.fitted.weight()).sqrt()
+    }
+
+    /// Growth of the held-out squares from `other` to this, as a part of the other's, and in its standard errors.
+    fn growth(&self, other: &Self) -> (f64, f64) {
+        let differences: Vec<f64> = self.held_out.iter().zip(&other.held_out).map(|(a, b)| a - b).collect();
+        let sum: f64 = differences.iter().sum();
+        let n = differences.len() as f64;
+        let variance = differences.iter().map(|d| (d - sum / n).powi(2)).sum::<f64>() * n / (n - 1.0).max(1.0);
+        (sum / other.total(), sum / variance.sqrt().max(f64::MIN_POSITIVE))
+    }
+}
+
+/// What the fit to all motion gives.
+pub(in super::super) struct Chosen {
+    pub(in super::super) fitted: Fitted<EmsTrial>,
+    pub(in super::super) summary: MotionFit,
+}
+
+/// Fits the element with all ingredients but those `excluded`, drops those that do not earn their keep, and fits what is
+/// left.
+///
+/// `start` is an element of the paper. `None` when it makes no model that runs.
+pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredient]) -> Option<Chosen> {
+    let paper = Scored::new(training, start, NEXT)?;
+    let allowed = |i: &Ingredient| !excluded.contains(i);
+    let base = Ingredient::ALL.into_iter().filter(|i| allowed(i) && !Ingredient::LARGER.contains(i));
+    let start = base.fold(paper.fitted.best.clone(), |trial, i| i.starts(&trial).pop().unwrap_or(trial));
+    let mut all = Scored::new(training, &start, FIRST)?;
+    let mut ingredients = Vec::new();
+    for ingredient in Ingredient::LARGER.into_iter().filter(allowed) {
+        let Some((larger, trial)) = enlarged(training, &all, ingredient) else { continue };
+        if trial.kept {
+            all = larger;
+        }
+        ingredients.push(trial);
+    }
+    let (chosen, pruned) = pruned(training, &all)?;
+    ingredients.extend(pruned);
+    let last = Scored::new(training, &chosen, LAST)?;
+    let summary = MotionFit {
+        ingredients,
+        held_out_all_n: all.rms(),
+        held_out_chosen_n: last.rms(),
+        held_out_paper_n: paper.rms(),
+        fitted_rms_n: last.fitted.rms[1],
+        iterations: last.fitted.iterations,
+        converged: last.fitted.converged,
+    };
+    Some(Chosen { fitted: last.fitted, summary })
+}
+
+/// The fit with one ingredient more; `None` where it cannot be added.
+fn enlarged(training: &Training, all: &Scored, ingredient: Ingredient) -> Option<(Scored, IngredientTrial)> {
+    if !ingredient.can_join(&all.fitted.best.layout) {
+        return None;
+    }
+    let start = best_of(training, &ingredient.starts(&all.fitted.best))?;
+    let larger = Scored::new(training, &start, NEXT)?;
+    let trial = IngredientTrial::new(ingredient, &larger, all);
+    Some((larger, trial))
+}
+
+/// The best of all ingredients without those that held-out cycles are predicted as well without, and their trials.
+fn pruned(training: &Training, all: &Scored) -> Option<(EmsTrial, Vec<IngredientTrial>)> {
+    let best = &all.fitted.best;
+    let mut chosen = best.clone();
+    let mut trials = Vec::new();
+    let present = |i: &Ingredient| i.is_in(&best.layout) && !Ingredient::LARGER.contains(i);
+    for ingredient in Ingredient::ALL.into_iter().filter(present) {
+        let smaller = Scored::new(training, &ingredient.remove(best)?, NEXT)?;
+        let trial = IngredientTrial::new(ingredient, all, &smaller);
+        if !trial.kept && ingredient.is_in(&chosen.layout) {
+            chosen = ingredient.remove(&chosen)?;
+        }
+        trials.push(trial);
+    }
+    Some((chosen, trials))
+}
+
+/// The start that a fit carries farthest: a short one of all, a longer one of the best two.
+pub(super) fn best_of(training: &Training, starts: &[EmsTrial]) -> Option<EmsTrial> {
+    if let [only] = starts {
+        return Some(only.clone());
+    }
+    let carried = |trials: Vec<EmsTrial>, stop| {
+        let mut fits: Vec<_> = trials.iter().filter_map(|trial| output_error::fit(training, trial, stop)).collect();
+        fits.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
+        fits.into_iter().map(|fitted| fitted.best).take(2).collect::<Vec<_>>()
+    };
+    let best_two = carried(starts.to_vec(), SHORT);
+    carried(best_two, NEXT).into_iter().next()
+}
