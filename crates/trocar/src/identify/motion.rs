@@ -15,8 +15,8 @@ use serde::Serialize;
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ASSUMED_WIDTH, plain_training};
-use super::output_error::Fitted;
 use super::conclude::acceleration_is_resolved;
+use super::output_error::Fitted;
 use super::refit::straight;
 use super::{Identification, IdentifyOptions, Parameter, Progress, Segments, Warning, acceleration};
 use crate::recording::Recording;

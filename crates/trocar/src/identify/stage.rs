@@ -130,8 +130,10 @@ impl Candidate {
     pub(super) fn divided(&self, width: f64, share_of_force: f64) -> Option<Candidate> {
         let straight = BranchShape::straight(SecondStage::DEGREES);
         let share = share_of_force / (1.0 - share_of_force);
-        let mut second = SecondStage { share, half_width: width * self.half_width, rising: straight.clone(), falling: straight };
-        let smaller = self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| self.first_upon_stroke(d, travel))?;
+        let mut second =
+            SecondStage { share, half_width: width * self.half_width, rising: straight.clone(), falling: straight };
+        let smaller =
+            self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| self.first_upon_stroke(d, travel))?;
         let pins = second.pins(&smaller);
         second.rising.join_force = 0.5 * (pins.low + pins.high);
         second.falling.join_force = second.rising.join_force;

@@ -28,7 +28,8 @@ impl ClassicalData {
     pub(crate) fn new(recordings: &[Recording], found: &Identification, options: &IdentifyOptions) -> Self {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
-        let training = plain_training(recordings, found, options, (half_width, found.stages.elements()), |r| vec![0.0; r.len()]);
+        let training =
+            plain_training(recordings, found, options, (half_width, found.stages.elements()), |r| vec![0.0; r.len()]);
         let scales = Scales {
             offset: found.model.offset,
             force: found.model.insertion.coulomb_force,

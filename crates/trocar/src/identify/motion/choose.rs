@@ -76,6 +76,7 @@ pub struct MotionFit {
 }
 
 /// A fit with its held-out squares by cluster.
+#[derive(Clone)]
 struct Scored {
     fitted: Fitted<EmsTrial>,
     held_out: Vec<f64>,
@@ -135,17 +136,25 @@ pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredie
     let allowed = |i: &Ingredient| !excluded.contains(i);
     let base = Ingredient::ALL.into_iter().filter(|i| allowed(i) && !Ingredient::LARGER.contains(i));
     let start = base.fold(paper.fitted.best.clone(), |trial, i| i.starts(&trial).pop().unwrap_or(trial));
-    let mut all = Scored::new(training, &start, FIRST)?;
+    // All at once, since some only pay together; one by one where that leads nowhere.
+    let together = Scored::new(training, &start, FIRST).filter(|all| all.total() < paper.total());
+    let one_by_one = together.is_none();
+    let mut all = together.unwrap_or(paper.clone());
     let mut ingredients = Vec::new();
-    for ingredient in Ingredient::LARGER.into_iter().filter(allowed) {
+    let on_top = Ingredient::ALL.into_iter().filter(|i| one_by_one || Ingredient::LARGER.contains(i));
+    for ingredient in on_top.filter(allowed) {
         let Some((larger, trial)) = enlarged(training, &all, ingredient) else { continue };
         if trial.kept {
             all = larger;
         }
         ingredients.push(trial);
     }
-    let (chosen, pruned) = pruned(training, &all)?;
-    ingredients.extend(pruned);
+    let mut chosen = all.fitted.best.clone();
+    if !one_by_one {
+        let (smaller, pruned) = pruned(training, &all)?;
+        chosen = smaller;
+        ingredients.extend(pruned);
+    }
     let last = Scored::new(training, &chosen, LAST)?;
     let summary = MotionFit {
         ingredients,

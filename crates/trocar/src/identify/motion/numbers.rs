@@ -37,8 +37,12 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
         all.push(("coulomb_force_n_negative", "N", ANY, false, |c| {
             c.stage_factor() * c.withdrawal.coulomb_force - c.offset
         }));
-        all.push(("viscous_damping_n_s_m_positive", "N s/m", 0.0, false, |c| c.stage_factor() * c.insertion.viscous_damping));
-        all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| c.stage_factor() * c.withdrawal.viscous_damping));
+        all.push(("viscous_damping_n_s_m_positive", "N s/m", 0.0, false, |c| {
+            c.stage_factor() * c.insertion.viscous_damping
+        }));
+        all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| {
+            c.stage_factor() * c.withdrawal.viscous_damping
+        }));
     }
     if layout.stribeck {
         all.push(("static_force_n", "N", 0.0, true, |c| whole(c, |s| s.static_force)));
