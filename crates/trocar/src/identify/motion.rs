@@ -51,15 +51,15 @@ pub(super) fn extend(
         return found;
     }
     progress("fitting all motion", 0.5);
-    let Some(choose::Chosen { fitted, summary }) = fitted(&found, recordings, options) else { return found };
+    let Some(choose::Chosen { fitted, summary }) = fitted(&found, recordings, segments, options) else { return found };
     let Ok(stages) = fitted.best.candidate.stages() else { return found };
     let residual_rms = super::conclude::residual_rms(recordings, &fitted.best.candidate, &stages);
     if summary.held_out_chosen_n >= found.residual_rms {
         return found;
     }
     let mut parameters = numbers::parameters(&fitted);
-    let steady_lines =
-        found.parameters.iter().filter(|p| p.name.ends_with("_positive") || p.name.ends_with("_negative"));
+    let of_steady_line = |p: &&Parameter| p.name.ends_with("_positive") || p.name.ends_with("_negative");
+    let steady_lines = found.parameters.iter().filter(|p| of_steady_line(p) && p.estimate.pinned);
     let known: Vec<Parameter> =
         steady_lines.filter(|p| !parameters.iter().any(|q| q.name == p.name)).cloned().collect();
     parameters.extend(known);
@@ -77,11 +77,13 @@ pub(super) fn extend(
 }
 
 /// The paper's element fitted from every start, and from the best of them on with the ingredients.
-fn fitted(found: &Identification, recordings: &[Recording], options: &IdentifyOptions) -> Option<choose::Chosen> {
+fn fitted(
+    found: &Identification,
+    recordings: &[Recording],
+    segments: &[Segments],
+    options: &IdentifyOptions,
+) -> Option<choose::Chosen> {
     let mut without = options.without.clone();
-    if !found.free_motion.is_some_and(|motion| motion.is_enough()) && !found.steady.means.is_empty() {
-        without.extend(Ingredient::OF_FREE_MOTION);
-    }
     if !(options.estimate_hidden_mass && acceleration_is_resolved(recordings)) {
         without.push(Ingredient::HiddenMass);
     }
@@ -93,6 +95,9 @@ fn fitted(found: &Identification, recordings: &[Recording], options: &IdentifyOp
     // The widest start forgets last.
     let widest = starts.iter().map(|t| &t.candidate).max_by(|a, b| a.half_width.total_cmp(&b.half_width))?;
     let best = choose::best_of(&training(widest)?, &starts)?;
+    if !FreeMotion::of(recordings, segments, best.candidate.half_width).is_enough() {
+        without.extend(Ingredient::OF_FREE_MOTION);
+    }
     choose::choose(&training(&best.candidate)?, &best, &without)
 }
 
@@ -126,7 +131,7 @@ fn starts(found: &Identification, recordings: &[Recording], options: &IdentifyOp
 /// Whether what a warning is about was fitted anew, and judged anew.
 fn fitted_anew(subject: &str, parameters: &[Parameter]) -> bool {
     let steady_line = subject.ends_with("_positive") || subject.ends_with("_negative");
-    subject == "yield_stiffness_n_m" || (!steady_line && parameters.iter().any(|p| p.name == subject))
+    subject == "yield_stiffness_n_m" || steady_line || parameters.iter().any(|p| p.name == subject)
 }
 
 fn warnings(fitted: &Fitted<EmsTrial>, parameters: &[Parameter], summary: &MotionFit) -> Vec<Warning> {

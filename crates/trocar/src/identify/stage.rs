@@ -22,7 +22,7 @@ pub struct SecondStage {
 }
 
 impl SecondStage {
-    /// Degrees of the joined polynomials.
+    /// Degrees of the joined polynomials at first.
     pub const DEGREES: [usize; 2] = [2, 2];
 
     fn sliding(&self, first: &SlidingFriction) -> SlidingFriction {
@@ -149,5 +149,16 @@ impl Candidate {
         let both = |d, travel| Some(self.first_upon_stroke(d, travel)? + self.second_upon_stroke(d, travel)?);
         let whole = self.rebuilt(self.stage_factor(), self.half_width.max(second.half_width), both)?;
         Some(Candidate { second: None, ..whole })
+    }
+
+    /// The same with the second stage's branches of the first's degrees; `None` without a second stage.
+    pub(super) fn with_finer_second(&self) -> Option<Candidate> {
+        let mut second = self.second.clone()?;
+        let [left, right] = self.rising.degrees();
+        for shape in [&mut second.rising, &mut second.falling] {
+            shape.left.resize(left - 1, 0.0);
+            shape.right.resize(right - 1, 0.0);
+        }
+        Some(Candidate { second: Some(second), ..self.clone() })
     }
 }

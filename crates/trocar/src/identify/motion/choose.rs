@@ -47,7 +47,7 @@ impl IngredientTrial {
         let numbers = |scored: &Scored| scored.fitted.best.free_numbers();
         Self {
             ingredient,
-            kept: growth > LEAST_GAIN && surety > LEAST_SURETY,
+            kept: is_better((growth, surety)),
             held_out_with_n: with.rms(),
             held_out_without_n: without.rms(),
             surety,
@@ -141,7 +141,8 @@ pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredie
     let one_by_one = together.is_none();
     let mut all = together.unwrap_or(paper.clone());
     let mut ingredients = Vec::new();
-    let on_top = Ingredient::ALL.into_iter().filter(|i| one_by_one || Ingredient::LARGER.contains(i));
+    let base = Ingredient::ALL.into_iter().filter(|i| one_by_one && !Ingredient::LARGER.contains(i));
+    let on_top = base.chain(Ingredient::LARGER);
     for ingredient in on_top.filter(allowed) {
         let Some((larger, trial)) = enlarged(training, &all, ingredient) else { continue };
         if trial.kept {
@@ -176,7 +177,22 @@ fn enlarged(training: &Training, all: &Scored, ingredient: Ingredient) -> Option
     let start = best_of(training, &ingredient.starts(&all.fitted.best))?;
     let larger = Scored::new(training, &start, NEXT)?;
     let trial = IngredientTrial::new(ingredient, &larger, all);
+    if trial.kept && ingredient == Ingredient::SecondStage {
+        return Some((finer(training, &larger).unwrap_or(larger), trial));
+    }
     Some((larger, trial))
+}
+
+/// With branches of the second stage as free as the first's, where held-out cycles ask for it.
+fn finer(training: &Training, coarse: &Scored) -> Option<Scored> {
+    let mut start = coarse.fitted.best.clone();
+    start.candidate = start.candidate.with_finer_second()?;
+    let finer = Scored::new(training, &start, NEXT)?;
+    is_better(coarse.growth(&finer)).then_some(finer)
+}
+
+fn is_better((growth, surety): (f64, f64)) -> bool {
+    growth > LEAST_GAIN && surety > LEAST_SURETY
 }
 
 /// The best of all ingredients without those that held-out cycles are predicted as well without, and their trials.

@@ -1,0 +1,122 @@
+//! Known truth in motion of any kind: what the fit finds of seals that creep, relax, stick and slip, differ between the
+//! directions or have two stages, and what it leaves out where there is nothing.
+
+use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
+use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Ingredient, identify};
+use trocar::recording::Recording;
+use trocar::validate::validate;
+use trocar_model::{Element, ElementParams, Relaxation, SealDamping};
+
+/// Noise of the bench's force sensor, N rms.
+const NOISE: f64 = 0.025;
+
+/// Seals without fluctuation, so that what is left is the sensor's noise.
+fn config(seconds: f64) -> BenchConfig {
+    let mut config = BenchConfig::default();
+    config.protocol.surgeon.duration_s = seconds;
+    (config.fluctuation.pass_fraction, config.fluctuation.ripple_fraction) = (0.0, 0.0);
+    config.rod.mass_kg = 0.0;
+    config
+}
+
+fn surgeon(seal: &[ElementParams], seconds: f64, seed: u64) -> Recording {
+    let elements: Vec<Element> = seal.iter().map(|p| Element::new(*p).expect("a model")).collect();
+    let done = run(&config(seconds), Protocol::Surgeon, &elements, seed).expect("the rig runs");
+    done.to_recording(format!("surgeon-{seed}")).expect("finite columns")
+}
+
+fn found(recordings: &[Recording]) -> Identification {
+    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    identify(recordings, &options, &|_, _| {}).expect("free motion is enough")
+}
+
+/// Error, N, on motion that the fit has not seen.
+fn error_elsewhere(found: &Identification, seal: &[ElementParams]) -> f64 {
+    validate(found.stages.elements(), &[surgeon(seal, 30.0, 99)], found.model.offset).rms_n
+}
+
+fn kept(found: &Identification, ingredient: Ingredient) -> bool {
+    let motion = found.motion.as_ref().expect("a fit to all motion");
+    motion.ingredients.iter().any(|trial| trial.ingredient == ingredient && trial.kept)
+}
+
+fn seals(half_width: f64) -> PlausibleSeals {
+    let friction = PlausibleSeals { friction_asymmetry: 0.0, coulomb_force: (1.0, 3.0), ..PlausibleSeals::default() };
+    PlausibleSeals { half_width: (half_width, half_width), ..friction }
+}
+
+/// Within `part` of the truth, and pinned.
+fn assert_near(found: &Identification, name: &str, truth: f64, part: f64) {
+    let estimate = found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter"));
+    assert!(estimate.pinned, "{name}: {estimate:?}");
+    assert!((estimate.value / truth - 1.0).abs() < part, "{name}: {} found, {truth} true", estimate.value);
+}
+
+#[test]
+fn creep_and_relaxation_are_recovered_from_free_motion_alone() {
+    let mut seal = random_seal(&seals(4e-3), 1);
+    seal.damping = SealDamping { coefficients: [2.0, 0.0, 0.0] };
+    seal.creep_velocity = 2e-4;
+    let stiffness = 0.2 * seal.insertion.coulomb_force / seal.deformation.half_width();
+    seal.relaxation = Relaxation::single(stiffness, 0.3);
+    let found = found(&[surgeon(&[seal], 40.0, 1)]);
+    assert!(found.steady.means.len() < 4, "no protocol: {} means", found.steady.means.len());
+    assert_near(&found, "coulomb_force_n", seal.insertion.coulomb_force, 0.01);
+    assert_near(&found, "viscous_damping_n_s_m", seal.insertion.viscous_damping, 0.02);
+    assert_near(&found, "half_width_m", seal.deformation.half_width(), 0.01);
+    assert_near(&found, "seal_damping_n_s_m", 2.0, 0.05);
+    assert_near(&found, "creep_velocity_m_s", seal.creep_velocity, 0.05);
+    assert_near(&found, "relaxation_stiffness_n_m", stiffness, 0.05);
+    assert_near(&found, "relaxation_time_s", 0.3, 0.05);
+    for absent in [Ingredient::SecondRelaxation, Ingredient::Asymmetry, Ingredient::SecondStage] {
+        assert!(!kept(&found, absent), "{absent:?}");
+    }
+    let error = error_elsewhere(&found, &[seal]);
+    assert!(error < 1.1 * NOISE, "{error} N");
+}
+
+#[test]
+fn a_seal_that_neither_creeps_nor_relaxes_gets_neither() {
+    let seal = random_seal(&seals(4e-3), 2);
+    let found = found(&[surgeon(&[seal], 40.0, 2)]);
+    for absent in [Ingredient::Creep, Ingredient::Relaxation, Ingredient::SecondStage, Ingredient::MinorLoops] {
+        assert!(!kept(&found, absent), "{absent:?}");
+    }
+    assert!(found.parameter("creep_velocity_m_s").is_none());
+    assert_near(&found, "half_width_m", seal.deformation.half_width(), 0.01);
+    let error = error_elsewhere(&found, &[seal]);
+    assert!(error < 1.1 * NOISE, "{error} N");
+}
+
+#[test]
+fn two_stages_are_told_apart_where_they_differ_in_width() {
+    let (wide, narrow) = (random_seal(&seals(5e-3), 3), random_seal(&seals(1.5e-3), 5));
+    let found = found(&[surgeon(&[wide, narrow], 40.0, 1)]);
+    assert!(kept(&found, Ingredient::SecondStage));
+    assert_near(&found, "half_width_m", 5e-3, 0.05);
+    assert_near(&found, "second_half_width_m", 1.5e-3, 0.05);
+    let total = wide.insertion.coulomb_force + narrow.insertion.coulomb_force;
+    assert_near(&found, "coulomb_force_n", total, 0.01);
+    let motion = found.motion.as_ref().expect("a fit to all motion");
+    let single = motion.ingredients.iter().find(|t| t.ingredient == Ingredient::SecondStage).expect("on trial");
+    assert!(single.held_out_with_n < 0.5 * single.held_out_without_n, "{single:?}");
+    assert_eq!(found.stages.elements().len(), 2);
+}
+
+#[test]
+fn full_strokes_at_constant_speed_ask_for_no_fit_to_all_motion() {
+    let seal = [Element::new(random_seal(&seals(3e-3), 4)).expect("a model")];
+    let done = run(&config(10.0), Protocol::Validation, &seal, 4).expect("the rig runs");
+    let found = found(&[done.to_recording("strokes").expect("finite columns")]);
+    assert!(found.motion.is_none());
+    assert!(found.free_motion.is_some_and(|motion| motion.partial_reversals == 0));
+}
+
+#[test]
+fn motion_that_takes_work_from_the_seal_is_refused() {
+    let seal = random_seal(&seals(4e-3), 2);
+    let mut recording = surgeon(&[seal], 20.0, 3);
+    recording.force.iter_mut().for_each(|f| *f = -*f);
+    let outcome = identify(&[recording], &IdentifyOptions::default(), &|_, _| {});
+    assert!(matches!(outcome, Err(IdentifyError::ForceSign { .. })), "{:?}", outcome.err());
+}
