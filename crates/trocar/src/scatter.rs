@@ -14,7 +14,8 @@
 //! While the seal slides, the place is the position. Behind a reversal the force depends on the travel since, and
 //! strokes turn at somewhat different positions; short of the next reversal the instrument slows down, and the place is
 //! the distance left. Over which lengths the reversals count is chosen so that the squares are least, among a few parts
-//! of the range; lengths of zero mean that the position alone is as repeatable.
+//! of the range; lengths of zero mean that the position alone is as repeatable. Within these lengths of a start or an end
+//! that is no reversal (of the recording, at a gap) nothing is compared.
 //!
 //! # What a model can reach
 //!
@@ -269,8 +270,8 @@ enum Place {
     ToReversal,
 }
 
-/// A sample with its distance behind the last reversal and before the next, m, infinite without one, and the
-/// comparison at each kind of place: about the mean and about a line.
+/// A sample with its distances from the start and to the end of its pass, m, and the comparison at each kind of place:
+/// about the mean and about a line.
 struct Candidate {
     sample: usize,
     distances: [f64; 2],
@@ -279,67 +280,112 @@ struct Candidate {
 
 impl Group {
     fn compare(&self, recording: &Recording) -> Compared {
-        let candidates: Vec<Candidate> = (0..self.tracks.len()).flat_map(|k| self.candidates(recording, k)).collect();
         let mut ranges: Vec<f64> = self.tracks.iter().map(|t| t.end - t.start).collect();
         ranges.sort_by(f64::total_cmp);
         let range = ranges[ranges.len() / 2];
+        let candidates = self.candidates(recording, [0.0; 2]);
         let lengths = [0, 1].map(|side| length(&candidates, side, range));
-        let reading = |c: &Candidate| {
-            let kind = if c.distances[0] < lengths[0] {
-                1
-            } else if c.distances[1] < lengths[1] {
-                2
-            } else {
-                0
-            };
-            let [square, steady_square] = c.by_place[kind].or(c.by_place[0])?;
-            Some(Reading { sample: c.sample, square, steady_square })
-        };
-        Compared { readings: candidates.iter().filter_map(reading).collect(), repeats: self.tracks.len(), lengths }
+        let readings = self.candidates(recording, lengths).iter().filter_map(|c| c.reading(lengths)).collect();
+        Compared { readings, repeats: self.tracks.len(), lengths }
     }
 
-    fn candidates<'a>(&'a self, recording: &'a Recording, own: usize) -> impl Iterator<Item = Candidate> + 'a {
-        let track = &self.tracks[own];
-        let longest = LENGTHS[LENGTHS.len() - 1] * (track.end - track.start);
-        (track.pass.start..track.pass.end).filter(|i| !recording.is_clipped(*i)).map(move |sample| {
-            let way = self.direction.sign() * recording.position[sample];
-            let behind = if track.pass.starts_at_reversal { way - track.start } else { f64::INFINITY };
-            let before = if track.ends_at_reversal { track.end - way } else { f64::INFINITY };
-            let at = |place| self.against_others(own, way, recording.force[sample], place);
-            let since = (behind <= longest).then(|| at(Place::SinceReversal)).flatten();
-            let to = (before <= longest).then(|| at(Place::ToReversal)).flatten();
-            Candidate { sample, distances: [behind, before], by_place: [at(Place::Position), since, to] }
-        })
+    /// All samples at each kind of place; by position only against what lies farther than `lengths` from either end.
+    fn candidates(&self, recording: &Recording, lengths: [f64; 2]) -> Vec<Candidate> {
+        let of_track = |own: usize| {
+            let track = &self.tracks[own];
+            let longest = LENGTHS[LENGTHS.len() - 1] * (track.end - track.start);
+            let samples = (track.pass.start..track.pass.end).filter(|i| !recording.is_clipped(*i));
+            samples.map(move |sample| {
+                let way = self.direction.sign() * recording.position[sample];
+                let distances = [way - track.start, track.end - way];
+                let at = |place| self.against_others(own, way, recording.force[sample], place, lengths);
+                let since = track.pass.starts_at_reversal && distances[0] <= longest;
+                let to = track.ends_at_reversal && distances[1] <= longest;
+                let by_place = [
+                    at(Place::Position),
+                    since.then(|| at(Place::SinceReversal)).flatten(),
+                    to.then(|| at(Place::ToReversal)).flatten(),
+                ];
+                Candidate { sample, distances, by_place }
+            })
+        };
+        (0..self.tracks.len()).flat_map(of_track).collect()
     }
 
     /// e²/(1 + leverage) about the mean of the others, and about a line over their order (NaN below three others).
-    fn against_others(&self, own: usize, way: f64, force: f64, place: Place) -> Option<[f64; 2]> {
+    fn against_others(
+        &self,
+        own: usize,
+        way: f64,
+        force: f64,
+        place: Place,
+        [behind, before]: [f64; 2],
+    ) -> Option<[f64; 2]> {
         let track = &self.tracks[own];
         let every = (self.tracks.len() - 1).div_ceil(MOST_OTHERS);
         let others = self.tracks.iter().enumerate().filter(|(k, _)| *k != own).map(|(_, t)| t).step_by(every);
-        let [mut n, mut mean, mut order, mut spread, mut joint] = [0.0; 5];
+        let mut sums = OverOrder::default();
         for other in others {
             let there = match place {
+                Place::Position if way - other.start < behind || other.end - way < before => continue,
                 Place::Position => way,
                 Place::SinceReversal if other.pass.starts_at_reversal => other.start + (way - track.start),
                 Place::ToReversal if other.ends_at_reversal => other.end - (track.end - way),
                 _ => continue,
             };
-            let Some(reading) = other.reading(there) else { continue };
-            n += 1.0;
-            let (by_order, by_force) = (other.order - order, reading - mean);
-            order += by_order / n;
-            mean += by_force / n;
-            spread += by_order * (other.order - order);
-            joint += by_order * (reading - mean);
+            if let Some(reading) = other.reading(there) {
+                sums.add(other.order, reading);
+            }
         }
-        if n == 0.0 {
+        sums.against(track.order, force)
+    }
+}
+
+impl Candidate {
+    /// The reading at the place that counts; `None` near a start or end of a pass that is no reversal.
+    fn reading(&self, lengths: [f64; 2]) -> Option<Reading> {
+        let kind = if self.distances[0] < lengths[0] {
+            1
+        } else if self.distances[1] < lengths[1] {
+            2
+        } else {
+            0
+        };
+        let [square, steady_square] = self.by_place[kind]?;
+        Some(Reading { sample: self.sample, square, steady_square })
+    }
+}
+
+/// Mean and line of readings over the order of their passes.
+#[derive(Default)]
+struct OverOrder {
+    count: f64,
+    order: f64,
+    mean: f64,
+    spread: f64,
+    joint: f64,
+}
+
+impl OverOrder {
+    fn add(&mut self, order: f64, reading: f64) {
+        self.count += 1.0;
+        let (by_order, by_reading) = (order - self.order, reading - self.mean);
+        self.order += by_order / self.count;
+        self.mean += by_reading / self.count;
+        self.spread += by_order * (order - self.order);
+        self.joint += by_order * (reading - self.mean);
+    }
+
+    /// Squares of what `reading` is off the mean and off the line, over 1 and the leverage.
+    fn against(&self, order: f64, reading: f64) -> Option<[f64; 2]> {
+        if self.count == 0.0 {
             return None;
         }
-        let away = track.order - order;
-        let line = if n < 3.0 { f64::NAN } else { mean + joint / spread * away };
-        let leverage = 1.0 / n + away * away / spread;
-        Some([(force - mean).powi(2) / (1.0 + 1.0 / n), (force - line).powi(2) / (1.0 + leverage)])
+        let away = order - self.order;
+        let line = if self.count < 3.0 { f64::NAN } else { self.mean + self.joint / self.spread * away };
+        let leverage = 1.0 / self.count + away * away / self.spread;
+        let about_mean = (reading - self.mean).powi(2) / (1.0 + 1.0 / self.count);
+        Some([about_mean, (reading - line).powi(2) / (1.0 + leverage)])
     }
 }
 

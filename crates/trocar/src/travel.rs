@@ -21,22 +21,29 @@
 //! ```text
 //! Φ = ∫_u^x level(s)·M(s − u) ds + ∫_w^x level(s)·κ·(s − w) ds
 //! ```
-//! the energy stored at varied level. Driving the seal by dx takes the work level·F·dx; integration by parts in u and w
-//! gives what of it is not stored:
+//! the energy stored at varied level. Driving the seal by dx takes the work level·F·dx, of which
 //!
 //! ```text
-//! level·F·dx − dΦ = level·σ·dz²/dt + [level(x)·M − ∫_u^x level'(s)·M(s − u) ds]·du
-//!                                  + [level(x)·q − ∫_w^x level'(s)·κ·(s − w) ds]·dw
+//! level·F·dx − dΦ = level·σ·dz²/dt + [level(x)·(F − M − q)]·du
+//!                 + [∫_u^x level(s)·M'(s − u) ds]·du + [∫_w^x level(s)·κ ds]·dw
 //! ```
-//! While the seal sticks, du = 0, and dw has the sign of q. While it slides at rest of z and q, du = dw has the sign of
-//! F = M + q. The integrals are at most max|level'|·∫|M|dz and max|level'|·q²/(2κ), so nothing is given off where
+//! is not stored. While the seal sticks, du = 0, and dw has the sign of q: nothing is given off. While it slides, du has
+//! the sign of F. So **where the mid curve rises, every positive level is dissipative**. Where it falls (a seal that
+//! turns over), integration by parts leaves, with du = dw,
+//!
+//! ```text
+//! [level(x)·F − ∫_u^x level'(s)·M(s − u) ds − ∫_w^x level'(s)·κ·(s − w) ds]·du
+//! ```
+//! The integrals are at most max|level'|·∫|M|dz and max|level'|·q²/(2κ), so nothing is given off where
 //!
 //! ```text
 //! max|dlevel/dx|·ℓ <= min level        ℓ = max (∫|M|dz + q²/(2κ))/|F| over sliding, and |q|/(2κ) over yielding
 //! ```
 //! ([`storage_length`], [`TravelProfile::is_passive`]). For a linear spring ℓ is c/2; for a mid curve that reaches F_s at
 //! once, nearly c, and nearly 2c where its rest lies at the other end: c alone is a bound for centred curves only. The
-//! condition is sufficient, and serves as well where the level is taken at the grip, x − z.
+//! condition is sufficient, not necessary. It is the one that counts where the level is taken at the grip, u, instead of
+//! x: then level·E is stored, the seal bends at one level and may let go at a higher one, and level'·E must stay below
+//! level·|F| for rising curves too.
 
 use serde::{Deserialize, Serialize};
 use trocar_model::Element;
@@ -237,34 +244,63 @@ fn place(from: f64, to: f64, knots: usize, x: f64) -> (usize, f64) {
 /// ℓ, m: the most energy that the seal stores over the least force with which it slides, up to `top_speed` (m/s).
 ///
 /// ```text
-/// ℓ = max (max ∫|M|dz + h²/(2κ))/min(F_c, F_s) + β·v/K,  h/(2κ)
+/// ℓ = max of (max ∫|M|dz + h²/(2κ))/min(F_c, F_s) + β·v/K and h/(2κ)
 /// ```
-/// with the integral from the deflection of least energy to either end of [-c, c], and β·v/K for sliding beyond the
-/// ends, where the energy over the force grows by at most the deflection beyond. The seal's damping only takes energy.
+/// with the integral from the deflection of least energy outward, and β·v/K for sliding beyond the ends, where the energy
+/// over the force grows by at most the deflection beyond. Deflections whose force exceeds F_s + β·v are left out: the
+/// seal slides before it gets there. Where they cut [-c, c] into parts, the part that stores most counts. The seal's
+/// damping only takes energy.
 pub fn storage_length(element: &Element, top_speed: f64) -> f64 {
     const CELLS: usize = 1000;
     let params = element.params();
     let deformation = &params.deformation;
+    let sides = [&params.insertion, &params.withdrawal];
+    let sliding =
+        |of: fn(f64, f64) -> f64, from: f64| sides.iter().map(|s| of(s.coulomb_force, s.static_force)).fold(from, of);
+    let (least_force, most_force) = (sliding(f64::min, f64::INFINITY), sliding(f64::max, 0.0));
+    let lag_force = sides.iter().map(|s| s.viscous_damping).fold(0.0, f64::max) * top_speed.abs();
     let c = deformation.half_width();
     let step = 2.0 * c / CELLS as f64;
-    // Energy from the lower end, and the same without cancelling.
-    let (mut energy, mut all) = (0.0, 0.0_f64);
-    let (mut least, mut below) = (0.0, 0.0);
-    let mut gap = deformation.half_gap(-c);
+    let (mut part, mut stored, mut widest_gap) = (Stored::default(), 0.0_f64, 0.0_f64);
     for cell in 0..CELLS {
         let z = -c + step * (cell as f64 + 0.5);
-        energy += deformation.mid(z) * step;
-        all += deformation.mid(z).abs() * step;
-        if energy < least {
-            (least, below) = (energy, all);
+        let (mid, gap) = (deformation.mid(z), deformation.half_gap(z));
+        if mid.abs() > most_force + lag_force + gap {
+            part = Stored::default();
+            continue;
         }
-        gap = gap.max(deformation.half_gap(z));
+        part.add(mid * step);
+        stored = stored.max(part.most());
+        // |M + q| stays below the sliding force, whatever the gap.
+        widest_gap = widest_gap.max(gap.min(most_force + lag_force + mid.abs()));
     }
-    let yielded = gap / (2.0 * deformation.yield_stiffness()).max(f64::MIN_POSITIVE);
-    let stored = below.max(all - below) + gap * yielded;
-    let sides = [&params.insertion, &params.withdrawal];
-    let force = sides.iter().map(|s| s.coulomb_force.min(s.static_force)).fold(f64::INFINITY, f64::min);
-    let damping = sides.iter().map(|s| s.viscous_damping).fold(0.0, f64::max);
+    let yielded = if widest_gap > 0.0 { 0.5 * widest_gap / deformation.yield_stiffness() } else { 0.0 };
     let (low, high) = deformation.end_stiffness();
-    yielded.max(stored / force + damping * top_speed.abs() / low.min(high))
+    yielded.max((stored + widest_gap * yielded) / least_force + lag_force / low.min(high))
+}
+
+/// Energy along a part of the deflections, J.
+#[derive(Default)]
+struct Stored {
+    /// ∫M dz and ∫|M| dz from the part's lower end.
+    energy: f64,
+    path: f64,
+    /// The same where the energy is least.
+    least: f64,
+    path_to_least: f64,
+}
+
+impl Stored {
+    fn add(&mut self, energy: f64) {
+        self.energy += energy;
+        self.path += energy.abs();
+        if self.energy < self.least {
+            (self.least, self.path_to_least) = (self.energy, self.path);
+        }
+    }
+
+    /// ∫|M| dz from the least energy to the farther end.
+    fn most(&self) -> f64 {
+        self.path_to_least.max(self.path - self.path_to_least)
+    }
 }

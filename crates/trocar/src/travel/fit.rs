@@ -17,7 +17,7 @@ const INTERVALS: [usize; 8] = [4, 8, 16, 32, 48, 64, 96, 128];
 /// Weights of the squared second differences tried, in units of the readings a knot.
 const ROUGHNESS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 /// The same of the squared departures from constants: decides only what the readings leave open.
-const RIDGE: f64 = 1e-6;
+const RIDGE: f64 = 1e-3;
 /// Fewest readings a knot.
 const FEWEST_PER_KNOT: usize = 8;
 /// Fewest and most parts into which the strokes are divided for leaving out.

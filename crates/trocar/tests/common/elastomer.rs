@@ -5,11 +5,11 @@ use trocar::identify::IdentifyOptions;
 use trocar::recording::Recording;
 use trocar::scatter::StrokeScatter;
 use trocar::segment::{passes, reversal_threshold, travel};
-use trocar::travel::{TravelSample, fit, storage_length, strokes};
+use trocar::travel::{NoProfile, TravelProfile, TravelSample, fit, storage_length, strokes};
 use trocar_model::Element;
 
 /// The recordings.
-pub const NAMES: [&str; 7] =
+pub(crate) const NAMES: [&str; 7] =
     ["kdn_1bar", "napn_1bar", "o_ring257_1bar", "o_ring257_1bar_rerun", "o_ring_1bar", "pk_1bar", "x_ring257_1bar"];
 
 /// Travel behind a reversal from which the seal slides for certain, m.
@@ -21,25 +21,27 @@ const GLITCH: f64 = 1.5e-4;
 
 /// Errors, N: over all, from 3 mm behind reversals on, and before.
 #[derive(Clone, Copy)]
-pub struct Errors {
-    pub all: f64,
-    pub far: f64,
-    pub near: f64,
+pub(crate) struct Errors {
+    pub(crate) all: f64,
+    pub(crate) far: f64,
+    pub(crate) near: f64,
 }
 
 /// What one recording gives.
-pub struct Row {
-    pub floor: Errors,
-    pub without_drift: Option<f64>,
-    pub element: Errors,
+pub(crate) struct Row {
+    pub(crate) floor: Errors,
+    pub(crate) without_drift: Option<f64>,
+    pub(crate) element: Errors,
     /// `None` when a half gave no profile.
-    pub profile: Option<Errors>,
-    pub knots: Vec<usize>,
-    pub reversal_lengths: [f64; 2],
+    pub(crate) profile: Option<Errors>,
+    /// The same with the element fitted once more, to the readings less the profile.
+    pub(crate) refitted: Option<Errors>,
+    pub(crate) knots: Vec<usize>,
+    pub(crate) reversal_lengths: [f64; 2],
 }
 
 /// The positions without what a single reading jumps and comes back from; and how many they were.
-pub fn without_glitches(recording: &Recording) -> (Recording, usize) {
+pub(crate) fn without_glitches(recording: &Recording) -> (Recording, usize) {
     let (x, t) = (&recording.position, &recording.time);
     let mut clean = x.clone();
     let mut count = 0;
@@ -64,7 +66,7 @@ pub fn without_glitches(recording: &Recording) -> (Recording, usize) {
 }
 
 /// The recording with each force beside the position read `delay` seconds later.
-pub fn with_delay(recording: &Recording, delay: f64) -> Recording {
+pub(crate) fn with_delay(recording: &Recording, delay: f64) -> Recording {
     let t = &recording.time;
     let at = |time: &f64| {
         let k = t.partition_point(|u| *u <= time + delay).clamp(1, t.len() - 1);
@@ -79,19 +81,59 @@ fn rebuilt(recording: &Recording, position: Vec<f64>) -> Recording {
         .expect("columns of a recording")
 }
 
-/// The element fitted to the whole recording by its output error, with its offset, N.
-fn element(recording: &Recording) -> (Element, f64) {
+/// An element fitted by its output error to the whole recording, with its offset, N.
+type Fitted = (Element, f64);
+
+/// `None` when no start of the fit gives a model that runs.
+fn element(recording: &Recording) -> Option<Fitted> {
     let options = CompareOptions {
         models: vec![Choice::EmsOutputError],
         identify: IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() },
         timing: false,
     };
     let whole = std::slice::from_ref(recording);
-    let comparison = compare(whole, whole, &options, &|_, _| {}).expect("ten strokes at constant speed");
-    match comparison.entries[0].model {
-        Compared::Ems(element) => (element, comparison.entries[0].offset),
-        Compared::Classical(_) => unreachable!("not asked for"),
+    let entry = compare(whole, whole, &options, &|_, _| {}).ok()?.entries.pop()?;
+    match entry.model {
+        Compared::Ems(element) => Some((element, entry.offset)),
+        Compared::Classical(_) => None,
     }
+}
+
+/// The readings as they would be with the mean level and offset throughout.
+fn levelled(recording: &Recording, profile: &TravelProfile) -> Recording {
+    let mean = profile.mean_offset();
+    let places = recording.position.iter().zip(&recording.force);
+    let force = places.map(|(x, f)| mean + (f - profile.offset(*x)) / profile.level(*x)).collect();
+    Recording::from_columns(recording.name.clone(), recording.time.clone(), recording.position.clone(), force)
+        .expect("columns of a recording")
+}
+
+/// A profile from the strokes that `trained` lets through, and what it says of all samples; with `again`, after the
+/// element was fitted once more to the levelled readings.
+fn half(
+    recording: &Recording,
+    (element, offset): Fitted,
+    stroke: &[usize],
+    trained: &dyn Fn(usize) -> bool,
+    again: bool,
+) -> Result<(TravelProfile, Vec<f64>), NoProfile> {
+    let forces = Compared::Ems(element).forces(recording, offset);
+    let sample = |i: usize| TravelSample {
+        position: recording.position[i],
+        seal_force: forces[i],
+        reading: recording.force[i],
+        stroke: stroke[i],
+    };
+    let training: Vec<TravelSample> = (0..recording.len()).filter(|i| trained(stroke[*i])).map(sample).collect();
+    let profile = fit(&training, storage_length(&element, TOP_SPEED))?.profile;
+    let refitted = if again { self::element(&levelled(recording, &profile)) } else { None };
+    if let Some(fitted) = refitted
+        && let Ok(better) = half(recording, fitted, stroke, trained, false)
+    {
+        return Ok(better);
+    }
+    let says = (0..recording.len()).map(|i| profile.apply(recording.position[i], forces[i])).collect();
+    Ok((profile, says))
 }
 
 /// Root mean square over the samples with `errors` that the floor covers.
@@ -106,7 +148,7 @@ fn rms(squares: &[f64], chosen: &dyn Fn(usize) -> bool) -> f64 {
 }
 
 /// Trains on every other stroke and scores on the others, both ways.
-pub fn row(recording: &Recording) -> Row {
+pub(crate) fn row(recording: &Recording) -> Row {
     let found = passes(recording, reversal_threshold(recording));
     let scatter = StrokeScatter::of_passes(recording, &found).expect("ten like strokes");
     let mut far = vec![false; recording.len()];
@@ -114,57 +156,58 @@ pub fn row(recording: &Recording) -> Row {
         (pass.start..pass.end).for_each(|i| far[i] = travel(recording, pass, i) > FAR);
     }
     let stroke = strokes(recording, &found);
-    let (element, offset) = element(recording);
+    let fitted = element(recording).expect("ten strokes at constant speed");
+    let (element, offset) = fitted;
     let forces = Compared::Ems(element).forces(recording, offset);
-    let sample = |i: usize| TravelSample {
-        position: recording.position[i],
-        seal_force: forces[i],
-        reading: recording.force[i],
-        stroke: stroke[i],
-    };
     let square = |i: usize, says: f64| if scatter.covers(i) { (recording.force[i] - says).powi(2) } else { f64::NAN };
     let alone: Vec<f64> = (0..recording.len()).map(|i| square(i, offset + forces[i])).collect();
-    let mut with = vec![f64::NAN; recording.len()];
-    let mut knots = Vec::new();
-    for half in 0..2 {
-        let training: Vec<TravelSample> = (0..recording.len()).filter(|i| stroke[*i] % 2 == half).map(sample).collect();
-        match fit(&training, storage_length(&element, TOP_SPEED)) {
-            Ok(fit) => {
-                knots.push(fit.profile.levels().len());
-                let held_back = (0..recording.len()).filter(|i| stroke[*i] % 2 != half);
-                held_back.for_each(|i| with[i] = square(i, fit.profile.apply(recording.position[i], forces[i])));
+    let (mut with, mut knots) = ([vec![f64::NAN; recording.len()], vec![f64::NAN; recording.len()]], Vec::new());
+    for (again, squares) in with.iter_mut().enumerate() {
+        for part in 0..2 {
+            match half(recording, fitted, &stroke, &|number| number % 2 == part, again == 1) {
+                Ok((profile, says)) => {
+                    knots.push(profile.levels().len());
+                    let held_back = (0..recording.len()).filter(|i| stroke[*i] % 2 != part);
+                    held_back.for_each(|i| squares[i] = square(i, says[i]));
+                }
+                Err(why) => println!("{}: {why}", recording.name),
             }
-            Err(why) => println!("{}: {why}", recording.name),
         }
     }
+    let of = |squares: &Vec<f64>| (knots.len() == 4).then(|| errors(|chosen| rms(squares, chosen), &far));
     Row {
         floor: errors(|chosen| scatter.over(chosen).expect("repeats everywhere"), &far),
         without_drift: scatter.without_drift_n,
         element: errors(|chosen| rms(&alone, chosen), &far),
-        profile: (knots.len() == 2).then(|| errors(|chosen| rms(&with, chosen), &far)),
+        profile: of(&with[0]),
+        refitted: of(&with[1]),
         knots,
         reversal_lengths: [scatter.behind_reversals_m, scatter.before_reversals_m],
     }
 }
 
 /// Prints the table of all recordings as prepared by `prepare`.
-pub fn table(recordings: &[Recording], title: &str, prepare: impl Fn(&Recording) -> Recording) -> Vec<Row> {
+pub(crate) fn table(recordings: &[Recording], title: &str, prepare: impl Fn(&Recording) -> Recording) -> Vec<Row> {
     println!("\n{title}; N, over all / from 3 mm behind reversals on / before");
     let print = |recording: &Recording| {
         let row = row(&prepare(recording));
         let three = |e: Errors| format!("{:.3}/{:.3}/{:.3}", e.all, e.far, e.near);
         let drift = row.without_drift.map_or("-".to_owned(), |s| format!("{s:.3}"));
-        let (profile, ratio) = row.profile.map_or(("none".to_owned(), "-".to_owned()), |e| {
-            let by = Errors { all: e.all / row.floor.all, far: e.far / row.floor.far, near: e.near / row.floor.near };
-            (three(e), three(by))
-        });
+        let with = |e: Option<Errors>| {
+            let floor = row.floor;
+            let ratio =
+                |e: Errors| Errors { all: e.all / floor.all, far: e.far / floor.far, near: e.near / floor.near };
+            e.map_or("none".to_owned(), |e| format!("{} ratio {}", three(e), three(ratio(e))))
+        };
         let [behind, before] = row.reversal_lengths.map(|m| 1e3 * m);
         println!(
-            "{:26} floor {} (drift out {drift}; reversals {behind:.1} {before:.1} mm) element {} profile {profile} ratio {ratio} knots {:?}",
+            "{:26} floor {} (drift out {drift}; reversals {behind:.1} {before:.1} mm)\n    element {}\n    profile {} knots {:?}\n    refitted {}",
             recording.name,
             three(row.floor),
             three(row.element),
-            row.knots
+            with(row.profile),
+            row.knots,
+            with(row.refitted)
         );
         row
     };
