@@ -8,15 +8,15 @@
 //!
 //! # Gauge
 //!
-//! A factor could move from the level into the seal's own force, and a constant from F_0 into the sensor's offset. Here
-//! the mean of the level along the way is 1, so that the seal's parameters keep their meaning, and the mean of F_0 is the
-//! sensor's offset ([`TravelProfile::mean_offset`]).
+//! A factor could move from the level into the seal's own force, and a constant from F_0 into the sensor's offset. The
+//! mean of the level along the way is 1, so that the seal's parameters keep their meaning; a fitted F_0 has the mean 0
+//! along the way, and the sensor's offset stands beside it ([`TravelFit::offset_n`]).
 //!
 //! # No energy out of nothing
 //!
-//! F_0(x) is the slope of a potential: over a closed motion it does no work. For the rest let z count from the deflection
-//! of least energy, u = x − z be the place where the seal grips, M its mid curve and q its yield force, q = κ·(x − w)
-//! (see `trocar_model::elastic`), and
+//! F_0(x) is the slope of a potential: over a closed motion it does no work. For the rest let z count from a deflection
+//! at which the mid curve M is zero, u = x − z be the place where the seal grips, q its yield force, q = κ·(x − w) (see
+//! `trocar_model::elastic`), and
 //!
 //! ```text
 //! Φ = ∫_u^x level(s)·M(s − u) ds + ∫_w^x level(s)·κ·(s − w) ds
@@ -28,25 +28,18 @@
 //!                 + [∫_u^x level(s)·M'(s − u) ds]·du + [∫_w^x level(s)·κ ds]·dw
 //! ```
 //! is not stored. While the seal sticks, du = 0, and dw has the sign of q: nothing is given off. While it slides, du has
-//! the sign of F. So **where the mid curve rises, every positive level is dissipative**. Where it falls (a seal that
-//! turns over), integration by parts leaves, with du = dw,
+//! the sign of F. So **where the mid curve rises, every positive level is dissipative**; relaxing arms are springs of the
+//! same kind, whose end follows their force. Where the mid curve falls by D on its way to z (a seal that turns over) and
+//! rises by R, R − D + |q| ≥ F_min while the seal slides, the smallest sliding force; with the least and the most level
+//! over the way, nothing is given off if least·(R + |q|) ≥ most·D, and so if most/least ≤ 1 + F_min/D:
 //!
 //! ```text
-//! [level(x)·F − ∫_u^x level'(s)·M(s − u) ds − ∫_w^x level'(s)·κ·(s − w) ds]·du
+//! max|dlevel/dx|·ℓ <= min level        ℓ = D·max(|z| at the end of the curve/F_min, 1/K)      K stiffness beyond the end
 //! ```
-//! The integrals are at most max|level'|·∫|M|dz and max|level'|·q²/(2κ), so nothing is given off where
-//!
-//! ```text
-//! max|dlevel/dx|·ℓ <= min level        ℓ = max (∫|M|dz + q²/(2κ))/|F| over sliding, and |q|/(2κ) over yielding
-//! ```
-//! ([`storage_length`], [`TravelProfile::is_passive`]). For a linear spring ℓ is c/2; for a mid curve that reaches F_s at
-//! once, nearly c, and nearly 2c where its rest lies at the other end: c alone is a bound for centred curves only. The
-//! condition is sufficient, not necessary. It is the one that counts where the level is taken at the grip, u, instead of
-//! x: then level·E is stored, the seal bends at one level and may let go at a higher one, and level'·E must stay below
-//! level·|F| for rising curves too.
+//! ([`storage_length`], [`TravelProfile::is_passive`]): sufficient, not necessary.
 
 use serde::{Deserialize, Serialize};
-use trocar_model::Element;
+use trocar_model::{Element, SlidingFriction};
 
 pub use fit::{NoProfile, TravelFit, TravelSample, fit, strokes};
 
@@ -194,19 +187,14 @@ impl TravelProfile {
         self.at(&self.level, x)
     }
 
-    /// F_0 at position `x` (m), N: the sensor's offset included.
+    /// F_0 at position `x` (m), N.
     pub fn offset(&self, x: f64) -> f64 {
         self.at(&self.offset_n, x)
     }
 
-    /// Reading, N, at position `x` (m) where the seal alone has `seal_force` (N).
+    /// Force, N, at position `x` (m) where the seal alone has `seal_force` (N).
     pub fn apply(&self, x: f64, seal_force: f64) -> f64 {
         self.offset(x) + self.level(x) * seal_force
-    }
-
-    /// Mean of F_0 along the way, N: the sensor's offset.
-    pub fn mean_offset(&self) -> f64 {
-        mean_along(&self.offset_n)
     }
 
     /// Free numbers: one offset and one level a knot, less the mean level and the sensor's offset, which is counted
@@ -227,6 +215,11 @@ impl TravelProfile {
         self.steepness() * storage_length <= 1.0
     }
 
+    /// The seal's own force, N, behind `force` (N) at position `x` (m).
+    pub fn without(&self, x: f64, force: f64) -> f64 {
+        (force - self.offset(x)) / self.level(x)
+    }
+
     fn at(&self, values: &[f64], x: f64) -> f64 {
         let (knot, part) = place(self.from_m, self.to_m, values.len(), x);
         values[knot] + part * (values[knot + 1] - values[knot])
@@ -241,66 +234,32 @@ fn place(from: f64, to: f64, knots: usize, x: f64) -> (usize, f64) {
     (knot, along - knot as f64)
 }
 
-/// ℓ, m: the most energy that the seal stores over the least force with which it slides, up to `top_speed` (m/s).
+/// ℓ, m: how far the seal's mid curve falls, over the least force with which it slides, times its half width; 0 for a
+/// curve that rises throughout.
 ///
 /// ```text
-/// ℓ = max of (max ∫|M|dz + h²/(2κ))/min(F_c, F_s) + β·v/K and h/(2κ)
+/// ℓ = max over both sides of D·max(|z|/min(F_c, F_s), 1/K)
 /// ```
-/// with the integral from the deflection of least energy outward, and β·v/K for sliding beyond the ends, where the energy
-/// over the force grows by at most the deflection beyond. Deflections whose force exceeds F_s + β·v are left out: the
-/// seal slides before it gets there. Where they cut [-c, c] into parts, the part that stores most counts. The seal's
-/// damping only takes energy.
-pub fn storage_length(element: &Element, top_speed: f64) -> f64 {
-    const CELLS: usize = 1000;
+/// with D the sum of all falls between the deflection without force and the end at z, and K the stiffness beyond it.
+pub fn storage_length(element: &Element) -> f64 {
+    const CELLS: usize = 2000;
     let params = element.params();
     let deformation = &params.deformation;
-    let sides = [&params.insertion, &params.withdrawal];
-    let sliding =
-        |of: fn(f64, f64) -> f64, from: f64| sides.iter().map(|s| of(s.coulomb_force, s.static_force)).fold(from, of);
-    let (least_force, most_force) = (sliding(f64::min, f64::INFINITY), sliding(f64::max, 0.0));
-    let lag_force = sides.iter().map(|s| s.viscous_damping).fold(0.0, f64::max) * top_speed.abs();
+    let least = |s: &SlidingFriction| s.coulomb_force.min(s.static_force);
+    let least_force = least(&params.insertion).min(least(&params.withdrawal));
     let c = deformation.half_width();
-    let step = 2.0 * c / CELLS as f64;
-    let (mut part, mut stored, mut widest_gap) = (Stored::default(), 0.0_f64, 0.0_f64);
-    for cell in 0..CELLS {
-        let z = -c + step * (cell as f64 + 0.5);
-        let (mid, gap) = (deformation.mid(z), deformation.half_gap(z));
-        if mid.abs() > most_force + lag_force + gap {
-            part = Stored::default();
-            continue;
-        }
-        part.add(mid * step);
-        stored = stored.max(part.most());
-        // |M + q| stays below the sliding force, whatever the gap.
-        widest_gap = widest_gap.max(gap.min(most_force + lag_force + mid.abs()));
-    }
-    let yielded = if widest_gap > 0.0 { 0.5 * widest_gap / deformation.yield_stiffness() } else { 0.0 };
+    let points: Vec<(f64, f64)> =
+        (0..=CELLS).map(|k| c * (2.0 * k as f64 / CELLS as f64 - 1.0)).map(|z| (z, deformation.mid(z))).collect();
+    let rest = points.partition_point(|(_, mid)| *mid <= 0.0).clamp(1, CELLS);
+    let fall = |part: &[(f64, f64)]| part.windows(2).map(|pair| (pair[0].1 - pair[1].1).max(0.0)).sum::<f64>();
     let (low, high) = deformation.end_stiffness();
-    yielded.max((stored + widest_gap * yielded) / least_force + lag_force / low.min(high))
-}
-
-/// Energy along a part of the deflections, J.
-#[derive(Default)]
-struct Stored {
-    /// ∫M dz and ∫|M| dz from the part's lower end.
-    energy: f64,
-    path: f64,
-    /// The same where the energy is least.
-    least: f64,
-    path_to_least: f64,
-}
-
-impl Stored {
-    fn add(&mut self, energy: f64) {
-        self.energy += energy;
-        self.path += energy.abs();
-        if self.energy < self.least {
-            (self.least, self.path_to_least) = (self.energy, self.path);
-        }
-    }
-
-    /// ∫|M| dz from the least energy to the farther end.
-    fn most(&self) -> f64 {
-        self.path_to_least.max(self.path - self.path_to_least)
-    }
+    let side = |part: &[(f64, f64)], end: f64, stiffness: f64| {
+        let fall = fall(part);
+        // What the samples of a rising curve round.
+        let fall = if fall > 1e-9 * least_force { fall } else { 0.0 };
+        let reach =
+            ((end - points[rest].0).abs() / least_force).max(if stiffness > 0.0 { 1.0 / stiffness } else { 0.0 });
+        fall * reach
+    };
+    side(&points[..=rest], -c, low).max(side(&points[rest..], c, high))
 }

@@ -11,8 +11,9 @@
 use serde::Serialize;
 use trocar_model::{Element, Relaxation, SlidingFriction};
 
-use crate::recording::{Recording, local_acceleration};
+use crate::recording::{Recording, RecordingError, local_acceleration};
 use crate::segment::{Pass, SegmentOptions, Stretch, behind_start, passes, reversal_threshold, stretches};
+use crate::travel::{TravelFit, TravelProfile};
 
 pub use candidate::Candidate;
 use deformation::Sensors;
@@ -23,9 +24,12 @@ pub use refit::EmsRefit;
 pub(crate) use refit::refit;
 pub use shape::{BranchShape, Pins};
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
+pub use timing::{PositionLag, position_lag};
 
+mod along;
 mod candidate;
 pub mod classical;
+mod coarse;
 mod conclude;
 mod deformation;
 mod estimate;
@@ -39,6 +43,7 @@ mod shape;
 mod spread;
 mod steady;
 mod stribeck;
+mod timing;
 mod training;
 
 /// How to identify.
@@ -184,6 +189,12 @@ pub struct Identification {
     pub free_motion: Option<FreeMotion>,
     /// The fit to all motion, which then is the model; `None` when it was not asked for or there was nothing to fit.
     pub motion: Option<MotionFit>,
+    /// The delay of the positions that was found and taken out; `None` when none shows.
+    pub position_lag: Option<PositionLag>,
+    /// How the force depends on the position beside the element; `None` where strokes left out are predicted no better.
+    pub travel: Option<TravelFit>,
+    /// Why strokes that repeat gave no `travel`.
+    pub travel_missing: Option<String>,
     /// Numbers of the model that the recordings gave, without the sensor's offset and an undeclared mass.
     pub free_parameters: usize,
     /// Root mean square error, N, of the model over the recordings it was identified from.
@@ -196,6 +207,20 @@ impl Identification {
     /// The named parameter.
     pub fn parameter(&self, name: &str) -> Option<&Estimate> {
         self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
+    }
+
+    /// The profile along the way.
+    pub fn profile(&self) -> Option<&TravelProfile> {
+        self.travel.as_ref().map(|fit| &fit.profile)
+    }
+
+    /// The recordings as the model is to be compared with them: without the delay of the positions.
+    ///
+    /// # Errors
+    /// As for [`Recording::with_position_lag`].
+    pub fn in_step(&self, recordings: Vec<Recording>) -> Result<Vec<Recording>, RecordingError> {
+        let Some(PositionLag { lag_s, .. }) = self.position_lag else { return Ok(recordings) };
+        recordings.iter().map(|recording| recording.with_position_lag(lag_s)).collect()
     }
 
     /// A remark for the model file where the deformation was not identified.
@@ -241,7 +266,24 @@ pub fn identify(
             return Err(IdentifyError::SameRecording { first: first.name.clone(), second: second.name.clone() });
         }
     }
-    progress("segmenting", 0.0);
+    progress("timing", 0.0);
+    let again = |recordings: &[Recording]| element(recordings, options, progress);
+    let in_step = |lag: &PositionLag| recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect();
+    let lag = position_lag(recordings);
+    let Some(Ok(in_step)): Option<Result<Vec<Recording>, _>> = lag.as_ref().map(in_step) else {
+        return Ok(along::extend(again(recordings)?, recordings, again));
+    };
+    let found = along::extend(again(&in_step)?, &in_step, again);
+    Ok(Identification { position_lag: lag, ..found })
+}
+
+/// The element alone, from positions in step with the forces.
+fn element(
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    progress: Progress,
+) -> Result<Identification, IdentifyError> {
+    progress("segmenting", 0.02);
     let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
     progress("steady state", 0.1);
     let (steady, deformation) = two_steps(recordings, &segments, options)?;
@@ -251,6 +293,7 @@ pub fn identify(
         options,
         progress,
     )?;
+    let found = coarse::refit(found, recordings, options);
     Ok(motion::extend(found, recordings, &segments, options, progress))
 }
 

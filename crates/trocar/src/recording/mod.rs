@@ -24,6 +24,7 @@ pub(crate) mod columns;
 mod format;
 pub(crate) mod line;
 mod motion;
+mod position;
 mod quality;
 pub(crate) mod rows;
 mod screen;

@@ -51,6 +51,8 @@ pub struct TravelSample {
 pub struct TravelFit {
     /// The profile.
     pub profile: TravelProfile,
+    /// Sensor offset beside it, N.
+    pub offset_n: f64,
     /// Root mean square error, N, over the readings it was fitted to.
     pub rms_n: f64,
     /// The same over strokes left out.
@@ -137,11 +139,12 @@ pub fn fit(samples: &[TravelSample], storage_length: f64) -> Result<TravelFit, N
     let data = Data::new(samples)?;
     let mut weights = huber(&data.residuals(|s| data.level_force(s)));
     let mut best = data.choose(&weights, storage_length)?;
-    weights = huber(&data.residuals(|s| best.profile.apply(s.position, s.seal_force)));
+    weights = huber(&data.residuals(|s| best.reading(s)));
     best = data.choose(&weights, storage_length)?;
     let [profile, constant] = data.judge(&best, &weights)?;
     Ok(TravelFit {
-        rms_n: rms(data.residuals(|s| best.profile.apply(s.position, s.seal_force)).iter().copied()),
+        rms_n: rms(data.residuals(|s| best.reading(s)).iter().copied()),
+        offset_n: best.offset,
         held_out_rms_n: profile,
         constant_held_out_rms_n: constant,
         folds: data.folds,
@@ -182,12 +185,21 @@ struct Data<'a> {
 /// A profile under trial.
 struct Candidate {
     profile: TravelProfile,
+    /// Sensor offset beside it, N.
+    offset: f64,
     roughness: f64,
     /// Weighted mean squared errors over strokes left out, N².
     held_out: f64,
     constant: f64,
     better_folds: usize,
     effective_parameters: f64,
+}
+
+impl Candidate {
+    /// What it says of the sample, N.
+    fn reading(&self, sample: &TravelSample) -> f64 {
+        self.offset + self.profile.apply(sample.position, sample.seal_force)
+    }
 }
 
 /// Weighted sums over some samples: Σw·φ·φᵀ, Σw·φ·F and Σw·F² with φ the hats and the hats times the seal's force.
@@ -316,11 +328,20 @@ impl<'a> Data<'a> {
         }
         let solved = Solved::new(all, &penalty, knots, self.force)?;
         let (offset, level) = solved.values.as_slice().split_at(knots);
-        let offset = offset.iter().map(|o| o + self.offset).collect();
+        let mean = mean_along(offset);
+        let offset = offset.iter().map(|o| o - mean).collect();
         let level: Vec<f64> = level.iter().map(|l| l / self.force).collect();
         let profile = TravelProfile::new(self.from, self.to, offset, level).ok()?;
         let effective_parameters = solved.effective_parameters(all, knots);
-        Some(Candidate { profile, roughness, held_out, constant, better_folds, effective_parameters })
+        Some(Candidate {
+            profile,
+            offset: self.offset + mean,
+            roughness,
+            held_out,
+            constant,
+            better_folds,
+            effective_parameters,
+        })
     }
 
     /// Held-out errors, N, without weights, of the candidate and of the constant.

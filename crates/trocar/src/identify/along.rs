@@ -1,0 +1,75 @@
+//! The force along the way beside the element: F_0(x) + level(x)·F ([`crate::travel`]).
+//!
+//! Fitted where strokes repeat, and kept where it predicts strokes left out. Readings levelled by it then give the
+//! element once more, from the beginning, as long as that predicts better still.
+
+use super::{Identification, IdentifyError, acceleration};
+use crate::recording::Recording;
+use crate::replay::replay;
+use crate::scatter::StrokeScatter;
+use crate::segment::{passes, reversal_threshold};
+use crate::travel::{self, NoProfile, TravelFit, TravelProfile, TravelSample};
+
+/// Most times that the element is identified anew.
+const ROUNDS: usize = 3;
+/// Least part by which the error on strokes left out falls each time.
+const LEAST_GAIN: f64 = 0.005;
+
+/// The identification with a profile, if one predicts strokes left out better; `again` identifies from levelled
+/// readings.
+pub(super) fn extend(
+    mut found: Identification,
+    recordings: &[Recording],
+    again: impl Fn(&[Recording]) -> Result<Identification, IdentifyError>,
+) -> Identification {
+    if !recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok()) {
+        return found;
+    }
+    let mut best = match profile(&found, recordings) {
+        Ok(fit) => fit,
+        Err(why) => {
+            found.travel_missing = Some(why.to_string());
+            return found;
+        }
+    };
+    for _ in 0..ROUNDS {
+        let levelled: Vec<Recording> = recordings.iter().map(|r| levelled(r, &best.profile)).collect();
+        let Ok(refitted) = again(&levelled) else { break };
+        let Ok(fit) = profile(&refitted, recordings) else { break };
+        if fit.held_out_rms_n > (1.0 - LEAST_GAIN) * best.held_out_rms_n {
+            break;
+        }
+        (found, best) = (refitted, fit);
+    }
+    found.model.offset = best.offset_n;
+    found.residual_rms = best.rms_n;
+    found.travel = Some(best);
+    found
+}
+
+/// The readings as they would be with the mean level and offset throughout.
+fn levelled(recording: &Recording, profile: &TravelProfile) -> Recording {
+    let mut levelled = recording.clone();
+    for (force, x) in levelled.force.iter_mut().zip(&recording.position) {
+        *force = profile.without(*x, *force);
+    }
+    levelled
+}
+
+fn profile(found: &Identification, recordings: &[Recording]) -> Result<TravelFit, NoProfile> {
+    let elements = std::slice::from_ref(&found.element);
+    let (mut samples, mut strokes) = (Vec::new(), 0);
+    for recording in recordings {
+        let run = replay(elements, recording, found.model.offset);
+        let inertia = acceleration(recording);
+        let stroke = travel::strokes(recording, &passes(recording, reversal_threshold(recording)));
+        samples.extend(run.known.into_iter().flatten().map(|i| TravelSample {
+            position: recording.position[i],
+            seal_force: run.force[i],
+            reading: recording.force[i] - found.model.hidden_mass * inertia[i],
+            stroke: strokes + stroke[i],
+        }));
+        strokes += stroke.iter().max().map_or(0, |last| last + 1);
+    }
+    travel::fit(&samples, elements.iter().map(travel::storage_length).fold(0.0, f64::max))
+}
