@@ -34,7 +34,7 @@ fn complete() -> ModelFile {
     origin.note = Some("a \"quoted\" note, µ and \n".to_owned());
     origin.recordings = vec![RecordingInfo { name: "steady.csv".to_owned(), sha256: "0123456789abcdef".repeat(4) }];
     let mut model = ModelFile::new(elements.map(|e| Element::new(e).unwrap()).to_vec(), origin);
-    model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04 });
+    model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_lag_s: 0.0 });
     for (name, high) in [("coulomb_force_n", Some(3.1)), ("stribeck_velocity_m_s", None)] {
         let interval = Interval { value: 3.0, ci95: [Some(2.9), high] };
         model.intervals.insert(name.to_owned(), interval);

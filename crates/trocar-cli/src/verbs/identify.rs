@@ -8,7 +8,7 @@ use trocar::recording::Recording;
 use trocar::report::{self, identification::IdentificationReport};
 use trocar::summary::{MovingMass, Outcome};
 use trocar::survey::Survey;
-use trocar::validate::{Validation, validate};
+use trocar::validate::{Validation, validate_along};
 use trocar_model::{Element, MAX_DEGREE};
 
 use crate::Done;
@@ -122,12 +122,14 @@ impl Job {
         let progress = Progress::new(console);
         let identification = identify(&self.recordings, &self.options, &|stage, part| progress.report(stage, part))?;
         drop(progress);
+        self.recordings = identification.in_step(self.recordings)?;
         let hidden = identification.model.hidden_mass;
         let held_back = std::mem::take(&mut self.held_back).into_iter().map(|r| without(r, taken_out, hidden));
-        self.held_back = held_back.collect::<anyhow::Result<_>>()?;
+        self.held_back = identification.in_step(held_back.collect::<anyhow::Result<_>>()?)?;
         let elements = std::slice::from_ref(&identification.element);
         let offset = identification.model.offset;
-        let validation = (!self.held_back.is_empty()).then(|| validate(elements, &self.held_back, offset));
+        let validation = (!self.held_back.is_empty())
+            .then(|| validate_along(elements, identification.profile(), &self.held_back, offset));
         let found = Found { job: self, identification, validation };
         found.say_warnings(console);
         Ok(found)

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use trocar::model_file::{Model, ModelFile, SensorInfo};
 use trocar::recording::Recording;
 use trocar::summary::MovingMass;
-use trocar::validate::{Part, Phases, Validation, validate};
+use trocar::validate::{Part, Phases, Validation, validate, validate_along};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -40,7 +40,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let model = ModelFile::read(&args.model)?;
-    let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0 });
+    let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_lag_s: 0.0 });
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
     let recordings = args.reading.recordings(console, &args.recordings)?;
@@ -53,9 +53,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     // The weight of the mass is part of the offset.
     let recordings: Result<Vec<Recording>, _> =
         recordings.into_iter().map(|recording| without(recording, MovingMass { mass, gravity: 0.0 }, 0.0)).collect();
-    let recordings = recordings?;
+    let recordings =
+        recordings?.iter().map(|r| r.with_position_lag(sensor.position_lag_s)).collect::<Result<Vec<_>, _>>()?;
     let mut validation = match &model.model {
-        Model::Ems(elements) => validate(elements.as_slice(), &recordings, offset),
+        Model::Ems(elements) => validate_along(elements.as_slice(), model.travel.as_ref(), &recordings, offset),
         Model::Classical(classical) => validate(classical, &recordings, offset),
     };
     for (result, path) in validation.recordings.iter_mut().zip(&args.recordings) {

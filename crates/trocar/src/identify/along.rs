@@ -3,7 +3,7 @@
 //! Fitted where strokes repeat, and kept where it predicts strokes left out. Readings levelled by it then give the
 //! element once more, from the beginning, as long as that predicts better still.
 
-use super::{Identification, IdentifyError, acceleration};
+use super::{Identification, IdentifyError, IdentifyOptions, acceleration};
 use crate::recording::Recording;
 use crate::replay::replay;
 use crate::scatter::StrokeScatter;
@@ -20,9 +20,10 @@ const LEAST_GAIN: f64 = 0.005;
 pub(super) fn extend(
     mut found: Identification,
     recordings: &[Recording],
+    options: &IdentifyOptions,
     again: impl Fn(&[Recording]) -> Result<Identification, IdentifyError>,
 ) -> Identification {
-    if !recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok()) {
+    if !options.along || !recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok()) {
         return found;
     }
     let mut best = match profile(&found, recordings) {

@@ -59,6 +59,8 @@ pub struct IdentifyOptions {
     pub refine: bool,
     /// Whether to fit the element to all motion, with creep, relaxation and minor loops, where the recordings hold any.
     pub free_motion: bool,
+    /// Whether to fit how the force depends on the position, where strokes repeat.
+    pub along: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_hidden_mass: bool,
     /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
@@ -76,6 +78,7 @@ impl Default for IdentifyOptions {
             degrees: [4, 4],
             refine: true,
             free_motion: true,
+            along: true,
             estimate_hidden_mass: true,
             inertia_removed: false,
             segment: SegmentOptions::default(),
@@ -271,9 +274,9 @@ pub fn identify(
     let in_step = |lag: &PositionLag| recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect();
     let lag = position_lag(recordings);
     let Some(Ok(in_step)): Option<Result<Vec<Recording>, _>> = lag.as_ref().map(in_step) else {
-        return Ok(along::extend(again(recordings)?, recordings, again));
+        return Ok(along::extend(again(recordings)?, recordings, options, again));
     };
-    let found = along::extend(again(&in_step)?, &in_step, again);
+    let found = along::extend(again(&in_step)?, &in_step, options, again);
     Ok(Identification { position_lag: lag, ..found })
 }
 

@@ -45,12 +45,17 @@ impl Recording {
     /// # Errors
     /// [`RecordingError::TooFewSamples`] when too little is left, and for a lag that is no number ≥ 0.
     pub fn with_position_lag(&self, lag: f64) -> Result<Self, RecordingError> {
+        if lag == 0.0 {
+            return Ok(self.clone());
+        }
         let mut all = Self { quality: self.quality.clone(), name: self.name.clone(), ..Self::empty(&self.sha256) };
         let quality = &mut all.quality;
         quality.breaks.clear();
         for range in self.unbroken() {
             let (t, x) = (&self.time[range.clone()], &self.position[range.clone()]);
             let from = all.time.len();
+            quality.gaps.iter_mut().filter(|gap| gap.index == range.start).for_each(|gap| gap.index = from);
+            quality.resets.iter_mut().filter(|reset| reset.index == range.start).for_each(|reset| reset.index = from);
             let mut k = 0;
             for i in 0..t.len() {
                 let later = t[i] + lag;

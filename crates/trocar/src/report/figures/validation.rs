@@ -9,11 +9,11 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::{Drawn, MM, p_in_words, thinned, without_hidden_mass};
 use crate::identify::Identification;
 use crate::recording::Recording;
-use crate::replay::{Replay, replay};
+use crate::replay::{Replay, replay_along};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::{fixed, significant};
 use crate::segment::{SegmentOptions, passes, reversal_threshold, stretches, travel};
-use crate::validate::{Validation, validate};
+use crate::validate::{Validation, validate_along};
 
 /// Most recordings whose residual is drawn.
 const MOST_RECORDINGS: usize = 4;
@@ -47,11 +47,12 @@ pub(in super::super) fn scored<'a>(
         Some((recordings, scores)) => (Cow::Borrowed(recordings), Cow::Borrowed(scores), true),
         None => {
             let recordings = without_hidden_mass(training, &found.model);
-            let scores = Cow::Owned(validate(elements, &recordings, offset));
+            let scores = Cow::Owned(validate_along(elements, found.profile(), &recordings, offset));
             (recordings, scores, false)
         }
     };
-    let runs = recordings.par_iter().map(|recording| replay(elements, recording, offset)).collect();
+    let runs =
+        recordings.par_iter().map(|recording| replay_along(elements, found.profile(), recording, offset)).collect();
     Scored { recordings, validation: scores, held_out, runs, offset }
 }
 
