@@ -240,7 +240,8 @@ fn place(from: f64, to: f64, knots: usize, x: f64) -> (usize, f64) {
 /// ```text
 /// ℓ = max over both sides of D·max(|z|/min(F_c, F_s), 1/K)
 /// ```
-/// with D the sum of all falls between the deflection without force and the end at z, and K the stiffness beyond it.
+/// with D the sum of all falls between the deflection without force and the end at z, or where the seal slides for
+/// certain before it, and K the stiffness beyond it.
 pub fn storage_length(element: &Element) -> f64 {
     const CELLS: usize = 2000;
     let params = element.params();
@@ -250,7 +251,12 @@ pub fn storage_length(element: &Element) -> f64 {
     let c = deformation.half_width();
     let points: Vec<(f64, f64)> =
         (0..=CELLS).map(|k| c * (2.0 * k as f64 / CELLS as f64 - 1.0)).map(|z| (z, deformation.mid(z))).collect();
+    let most_force = params.insertion.static_force.max(params.withdrawal.static_force);
+    let is_reached = |z: f64, mid: f64| mid.abs() <= most_force + deformation.half_gap(z);
     let rest = points.partition_point(|(_, mid)| *mid <= 0.0).clamp(1, CELLS);
+    let reached = |&&(z, mid): &&(f64, f64)| is_reached(z, mid);
+    let last = rest + points[rest..].iter().take_while(reached).count().saturating_sub(1);
+    let first = rest - points[..rest].iter().rev().take_while(reached).count();
     let fall = |part: &[(f64, f64)]| part.windows(2).map(|pair| (pair[0].1 - pair[1].1).max(0.0)).sum::<f64>();
     let (low, high) = deformation.end_stiffness();
     let side = |part: &[(f64, f64)], end: f64, stiffness: f64| {
@@ -261,5 +267,5 @@ pub fn storage_length(element: &Element) -> f64 {
             ((end - points[rest].0).abs() / least_force).max(if stiffness > 0.0 { 1.0 / stiffness } else { 0.0 });
         fall * reach
     };
-    side(&points[..=rest], -c, low).max(side(&points[rest..], c, high))
+    side(&points[first..=rest], -c, low).max(side(&points[rest..=last], c, high))
 }

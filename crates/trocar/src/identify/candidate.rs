@@ -156,12 +156,14 @@ impl Layout {
             }
         }
         let width = candidate.half_width;
+        // Forces far beyond those of sliding are never reached: no reading would hold them.
+        let wildest = 10.0 * candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
         on(&mut candidate.half_width, 1e-4 * width, 0.3 * width, 3.0 * width);
         for shape in [&mut candidate.rising, &mut candidate.falling] {
             on(&mut shape.join, 1e-3, -BranchShape::JOIN_RANGE, BranchShape::JOIN_RANGE);
-            on(&mut shape.join_force, force, -free, free);
+            on(&mut shape.join_force, force, -wildest, wildest);
             for value in shape.left.iter_mut().chain(&mut shape.right) {
-                on(value, force, -free, free);
+                on(value, force, -wildest, wildest);
             }
         }
         if self.damping {
