@@ -3,9 +3,9 @@
 //! Fitted where strokes repeat, and kept where it predicts strokes left out. Readings levelled by it then give the
 //! element once more, from the beginning, as long as that predicts better still.
 
-use super::{Identification, IdentifyError, IdentifyOptions, acceleration};
+use super::{Identification, IdentifyError, IdentifyOptions, acceleration, timing};
 use crate::recording::Recording;
-use crate::replay::replay;
+use crate::replay::{replay, replay_along};
 use crate::scatter::StrokeScatter;
 use crate::segment::{passes, reversal_threshold};
 use crate::travel::{self, NoProfile, TravelFit, TravelProfile, TravelSample};
@@ -23,7 +23,7 @@ pub(super) fn extend(
     options: &IdentifyOptions,
     again: impl Fn(&[Recording]) -> Result<Identification, IdentifyError>,
 ) -> Identification {
-    if !options.along || !recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok()) {
+    if !options.along || !repeats(recordings) {
         return found;
     }
     let mut best = match profile(&found, recordings) {
@@ -46,6 +46,31 @@ pub(super) fn extend(
     found.residual_rms = best.rms_n;
     found.travel = Some(best);
     found
+}
+
+/// Whether any of the recordings holds strokes that repeat each other.
+pub(super) fn repeats(recordings: &[Recording]) -> bool {
+    recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok())
+}
+
+/// Root mean square error, N, with the best profile there is, over the samples that are common to all delays of the
+/// positions; `lag`, s, is the one taken out.
+pub(super) fn error(found: &Identification, recordings: &[Recording], lag: f64) -> Option<f64> {
+    let fit = profile(found, recordings).ok();
+    let elements = std::slice::from_ref(&found.element);
+    let offset = fit.as_ref().map_or(found.model.offset, |fit| fit.offset_n);
+    let (mut squares, mut samples) = (0.0, 0.0);
+    for recording in recordings {
+        let run = replay_along(elements, fit.as_ref().map(|fit| &fit.profile), recording, offset);
+        for known in run.known {
+            let last = recording.time[known.end - 1];
+            for i in known.filter(|i| timing::is_common(recording.time[*i], last, lag)) {
+                squares += (recording.force[i] - offset - run.force[i]).powi(2);
+                samples += 1.0;
+            }
+        }
+    }
+    (samples > 0.0).then(|| (squares / samples).sqrt())
 }
 
 /// The readings as they would be with the mean level and offset throughout.

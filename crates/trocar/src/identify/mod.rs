@@ -271,13 +271,19 @@ pub fn identify(
     }
     progress("timing", 0.0);
     let again = |recordings: &[Recording]| element(recordings, options, progress);
-    let in_step = |lag: &PositionLag| recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect();
-    let lag = position_lag(recordings);
-    let Some(Ok(in_step)): Option<Result<Vec<Recording>, _>> = lag.as_ref().map(in_step) else {
+    let Some(lag) = position_lag(recordings) else {
         return Ok(along::extend(again(recordings)?, recordings, options, again));
     };
-    let found = along::extend(again(&in_step)?, &in_step, options, again);
-    Ok(Identification { position_lag: lag, ..found })
+    let in_step = |lag: f64| recordings.iter().map(|r| r.with_position_lag(lag)).collect::<Result<Vec<_>, _>>();
+    let error = |lag: f64| {
+        let recordings = in_step(lag).ok()?;
+        along::error(&again(&recordings).ok()?, &recordings, lag)
+    };
+    let lag = if along::repeats(recordings) { timing::settle(lag, error) } else { lag };
+    // Long enough for every delay tried.
+    let recordings = in_step(lag.lag_s).unwrap_or_else(|_| recordings.to_vec());
+    let found = along::extend(again(&recordings)?, &recordings, options, again);
+    Ok(Identification { position_lag: Some(lag).filter(|lag| lag.lag_s > 0.0), ..found })
 }
 
 /// The element alone, from positions in step with the forces.

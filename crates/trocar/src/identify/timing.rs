@@ -17,6 +17,8 @@ use crate::recording::{Recording, local_acceleration, local_velocity};
 /// Longest delay tried, s, and step between delays, s, or the sampling interval if that is longer.
 const LONGEST: f64 = 0.12;
 const STEP: f64 = 0.01;
+/// Step between the delays tried with a full model, s.
+const SETTLE_STEP: f64 = 0.02;
 /// Least part by which the error falls with the delay: less may be friction that the linear model does not know.
 const LEAST_GAIN: f64 = 0.02;
 /// Delays whose error is within this part of the least are as good: the shortest is taken.
@@ -61,11 +63,35 @@ pub fn position_lag(recordings: &[Recording]) -> Option<PositionLag> {
     (rms_n < (1.0 - LEAST_GAIN) * without.1).then_some(PositionLag { lag_s, rms_n, rms_without_n: without.1 })
 }
 
+/// The delay near `found` with which a full model errs least: `error` gives its error (N) for a delay (s), over samples
+/// that [`is_common`] to all delays.
+pub(super) fn settle(found: PositionLag, error: impl Fn(f64) -> Option<f64>) -> PositionLag {
+    let steps = (LONGEST / SETTLE_STEP).round() as usize;
+    let start = ((found.lag_s / SETTLE_STEP).round() as usize).min(steps);
+    let mut errors: Vec<Option<f64>> = vec![None; steps + 1];
+    let mut at = |k: usize| *errors[k].get_or_insert_with(|| error(k as f64 * SETTLE_STEP).unwrap_or(f64::INFINITY));
+    let mut best = start;
+    loop {
+        let next =
+            [best.saturating_sub(1), best, (best + 1).min(steps)].into_iter().min_by(|a, b| at(*a).total_cmp(&at(*b)));
+        match next {
+            Some(next) if next != best => best = next,
+            _ => break,
+        }
+    }
+    PositionLag { lag_s: best as f64 * SETTLE_STEP, ..found }
+}
+
+/// Whether sample `i` of a stretch that ends at `last` (s), the delay `lag` taken out, is there for every delay tried.
+pub(super) fn is_common(time: f64, last: f64, lag: f64) -> bool {
+    time <= last - (LONGEST - lag)
+}
+
 /// Root mean square error, N, over all recordings, each with numbers of its own.
 fn rms(recordings: &[Recording], lag: f64) -> Option<f64> {
     let (mut squares, mut samples) = (0.0, 0.0);
     for recording in recordings {
-        let sums = Sums::of(&recording.with_position_lag(lag).ok()?);
+        let sums = Sums::of(&recording.with_position_lag(lag).ok()?, lag);
         squares += sums.least_squares()?;
         samples += sums.samples;
     }
@@ -81,7 +107,8 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(recording: &Recording) -> Self {
+    /// Of a recording whose delay `lag`, s, is taken out.
+    fn of(recording: &Recording, lag: f64) -> Self {
         let (x, f) = (&recording.position, &recording.force);
         let (velocity, acceleration) = (local_velocity(recording, WINDOW), local_acceleration(recording, WINDOW));
         let size = |values: &[f64]| values.iter().fold(0.0_f64, |most, v| most.max(v.abs())).max(f64::MIN_POSITIVE);
@@ -99,13 +126,14 @@ impl Sums {
             samples: 0.0,
         };
         for range in recording.unbroken() {
+            let last = recording.time[range.end - 1];
             let (mut plays, mut has_slid) = ([0.0; PLAYS], false);
             for i in range.start + 1..range.end {
                 for (z, w) in plays.iter_mut().zip(&widths) {
                     *z = (*z + (x[i] - x[i - 1]) / w).clamp(-1.0, 1.0);
                 }
                 has_slid |= plays[PLAYS - 1].abs() >= 1.0;
-                if has_slid && i % stride == 0 {
+                if has_slid && i % stride == 0 && is_common(recording.time[i], last, lag) {
                     let rates = [velocity[i] / top, acceleration[i] / steepest];
                     sums.add(&plays, rates, (x[i] - low) / stroke, f[i] - mean);
                 }
