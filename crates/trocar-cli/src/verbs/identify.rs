@@ -240,6 +240,7 @@ impl Found {
             "\nerror over the recordings identified from: {} N rms\n",
             number(self.identification.residual_rms)
         ));
+        text.push_str(&along_in_words(&self.identification));
         for r in self.validation.iter().flat_map(|validation| &validation.recordings) {
             text.push_str(&format!(
                 "validation on {}: {} N rms, fit {:.2} %\n",
@@ -247,9 +248,28 @@ impl Found {
                 number(r.rms_n),
                 r.fit_percent
             ));
+            if let Some(strokes) = &r.strokes {
+                text.push_str(&format!("  {}\n", strokes.words()));
+            }
         }
         text
     }
+}
+
+/// Delay of the positions and force along the way, where strokes repeat.
+fn along_in_words(found: &Identification) -> String {
+    let lag = found.position_lag.map(|lag| format!("the positions come {:.0} ms late: taken out\n", 1e3 * lag.lag_s));
+    let along = match (&found.travel, &found.travel_missing) {
+        (Some(fit), _) => Some(format!(
+            "the force depends on the position: {} N on strokes left out with a profile of {} knots, {} N without\n",
+            number(fit.held_out_rms_n),
+            fit.profile.levels().len(),
+            number(fit.constant_held_out_rms_n)
+        )),
+        (None, Some(why)) => Some(format!("no profile along the way: {why}\n")),
+        (None, None) => None,
+    };
+    lag.into_iter().chain(along).collect()
 }
 
 /// One line of the table.

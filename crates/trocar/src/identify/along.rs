@@ -53,24 +53,24 @@ pub(super) fn repeats(recordings: &[Recording]) -> bool {
     recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok())
 }
 
-/// Root mean square error, N, with the best profile there is, over the samples that are common to all delays of the
+/// Root mean square error, N, with the best profile there is, and number of the samples: those that are common to all delays of the
 /// positions; `lag`, s, is the one taken out.
-pub(super) fn error(found: &Identification, recordings: &[Recording], lag: f64) -> Option<f64> {
+pub(super) fn error(found: &Identification, recordings: &[Recording], lag: f64) -> Option<(f64, usize)> {
     let fit = profile(found, recordings).ok();
     let elements = std::slice::from_ref(&found.element);
     let offset = fit.as_ref().map_or(found.model.offset, |fit| fit.offset_n);
-    let (mut squares, mut samples) = (0.0, 0.0);
+    let (mut squares, mut samples) = (0.0, 0);
     for recording in recordings {
         let run = replay_along(elements, fit.as_ref().map(|fit| &fit.profile), recording, offset);
         for known in run.known {
             let last = recording.time[known.end - 1];
             for i in known.filter(|i| timing::is_common(recording.time[*i], last, lag)) {
                 squares += (recording.force[i] - offset - run.force[i]).powi(2);
-                samples += 1.0;
+                samples += 1;
             }
         }
     }
-    (samples > 0.0).then(|| (squares / samples).sqrt())
+    (samples > 0).then(|| ((squares / samples as f64).sqrt(), samples))
 }
 
 /// The readings as they would be with the mean level and offset throughout.

@@ -10,6 +10,7 @@
 //! square. A force that comes *late* is not looked for: it may be the seal's own (damping, relaxation).
 
 use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::recording::{Recording, local_acceleration, local_velocity};
@@ -63,23 +64,20 @@ pub fn position_lag(recordings: &[Recording]) -> Option<PositionLag> {
     (rms_n < (1.0 - LEAST_GAIN) * without.1).then_some(PositionLag { lag_s, rms_n, rms_without_n: without.1 })
 }
 
-/// The delay near `found` with which a full model errs least: `error` gives its error (N) for a delay (s), over samples
-/// that [`is_common`] to all delays.
-pub(super) fn settle(found: PositionLag, error: impl Fn(f64) -> Option<f64>) -> PositionLag {
-    let steps = (LONGEST / SETTLE_STEP).round() as usize;
-    let start = ((found.lag_s / SETTLE_STEP).round() as usize).min(steps);
-    let mut errors: Vec<Option<f64>> = vec![None; steps + 1];
-    let mut at = |k: usize| *errors[k].get_or_insert_with(|| error(k as f64 * SETTLE_STEP).unwrap_or(f64::INFINITY));
-    let mut best = start;
-    loop {
-        let next =
-            [best.saturating_sub(1), best, (best + 1).min(steps)].into_iter().min_by(|a, b| at(*a).total_cmp(&at(*b)));
-        match next {
-            Some(next) if next != best => best = next,
-            _ => break,
-        }
-    }
-    PositionLag { lag_s: best as f64 * SETTLE_STEP, ..found }
+/// The delay with which a full model errs least, `found` without any: `error` gives its error (N) for a delay (s),
+/// and the number of samples, those that are common to all delays ([`is_common`]).
+pub(super) fn settle(found: PositionLag, error: impl Fn(f64) -> Option<(f64, usize)> + Sync) -> PositionLag {
+    let delays: Vec<f64> = (0..=(LONGEST / SETTLE_STEP).round() as usize).map(|k| k as f64 * SETTLE_STEP).collect();
+    let found_at: Vec<Option<(f64, usize)>> = delays.par_iter().map(|delay| error(*delay)).collect();
+    // A model that never slides is scored on next to nothing.
+    let most = found_at.iter().flatten().map(|(_, samples)| *samples).max().unwrap_or(0);
+    let errors: Vec<f64> = found_at
+        .iter()
+        .map(|found| found.filter(|(_, samples)| 10 * samples >= 9 * most).map_or(f64::INFINITY, |(rms, _)| rms))
+        .collect();
+    let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
+    let first = errors.iter().position(|error| *error <= (1.0 + AS_GOOD) * least);
+    PositionLag { lag_s: first.map_or(found.lag_s, |k| delays[k]), ..found }
 }
 
 /// Whether sample `i` of a stretch that ends at `last` (s), the delay `lag` taken out, is there for every delay tried.

@@ -225,9 +225,11 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
         x.push(f64::NAN);
         y.push(f64::NAN);
     }
-    let rms = scored.validation.recordings.get(index).map_or(f64::NAN, |v| v.rms_n);
+    let scores = scored.validation.recordings.get(index);
+    let rms = scores.map_or(f64::NAN, |v| v.rms_n);
+    let floor = scores.and_then(|v| v.strokes).map_or_else(String::new, |strokes| format!(", {}", strokes.words()));
     Panel::new(Axis::new("time", "s"), Axis::new("residual", "N").with_zero())
-        .title(format!("{}: {} N rms", recording.name, significant(rms, 3)))
+        .title(format!("{}: {} N rms{floor}", recording.name, significant(rms, 3)))
         .series(Series::line("measured minus model", Role::Residual, x, y))
         .aspect(0.3)
 }
