@@ -1,6 +1,7 @@
 //! `model.json`: a seal as a file, with units in its keys and its origin inside.
 //!
-//! A file holds either `elements`, those of the EMS model, or `friction`, one classical model. The form is described by
+//! A file holds either `elements`, those of the EMS model, with `travel` where their force depends on the position, or
+//! `friction`, one classical model. The form is described by
 //! `schema/model.schema.json` (JSON Schema, draft 2020-12). The schema says which keys and kinds of values a file has;
 //! reading also checks what a schema cannot say, such as continuous branches.
 

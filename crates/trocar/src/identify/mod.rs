@@ -5,6 +5,9 @@
 //!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs
 //!            -> all against simulated force, the steady state held, intervals  candidate.rs, training.rs, output_error.rs
 //! ```
+//! Before, late positions are put in step (timing.rs); after, the force along the way is fitted where strokes repeat
+//! (along.rs).
+//!
 //! Every recording is searched for what it can give. What the data do not pin is part of the result: an infinite
 //! interval, the reason, and a warning.
 

@@ -4,7 +4,7 @@
 //! comes late (averaging, a slow line). How late is the delay at which a linear model of rate-independent friction,
 //!
 //! ```text
-//! F = Σ_k a_k·z_k(x) + b·v + m·dv/dt + F_0(x) + level(x)·z_K(x)      z_k play operators of widths w_k (MAXWELL-SLIP)
+//! F = Σ_k a_k·z_k(x) + b·v + m·dv/dt + F_0(x) + level(x)·z_K(x)      z_k play operators of widths w_k (Maxwell-Slip)
 //! ```
 //! with F_0 and level straight between knots, is off least. It is linear in all its numbers, so every delay has one least
 //! square. A force that comes *late* is not looked for: it may be the seal's own (damping, relaxation).
