@@ -278,9 +278,11 @@ pub fn identify(
         return Ok(along::extend(again(recordings)?, recordings, options, again));
     };
     let in_step = |lag: f64| recordings.iter().map(|r| r.with_position_lag(lag)).collect::<Result<Vec<_>, _>>();
+    // Intervals are not asked for.
+    let quick = IdentifyOptions { bootstrap: 0, ..options.clone() };
     let error = |lag: f64| {
         let recordings = in_step(lag).ok()?;
-        along::error(&again(&recordings).ok()?, &recordings, lag)
+        along::error(&element(&recordings, &quick, progress).ok()?, &recordings, lag)
     };
     let lag = if along::repeats(recordings) { timing::settle(lag, error) } else { lag };
     // Long enough for every delay tried.
