@@ -35,7 +35,7 @@ impl Reading {
         let mut left = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
         let mut recordings = Vec::with_capacity(paths.len());
         for path in paths {
-            let recording = read(path, &self.options(left)).map_err(with_the_peak)?;
+            let recording = read(path, &self.options(left)).map_err(with_the_peak)?.without_glitches();
             left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
             let file = path.display();
             for warning in &recording.quality.warnings {

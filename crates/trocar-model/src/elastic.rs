@@ -450,7 +450,7 @@ impl DeformationForce {
             lowest_force: self.end_force[0],
             least_slope: self.end_stiffness[0].min(self.end_stiffness[1]),
         };
-        self.sample(|local| {
+        self.sample(0.0, |local| {
             extremes.highest_force = extremes.highest_force.max(local.mid + local.gap);
             extremes.lowest_force = extremes.lowest_force.min(local.mid - local.gap);
             extremes.least_slope = extremes.least_slope.min(local.mid_slope - local.gap_slope.abs());
@@ -459,20 +459,28 @@ impl DeformationForce {
     }
 
     fn checked_yield_stiffness(&self, given: Option<f64>) -> Result<f64, ParamError> {
-        let mut steepest = 0.0_f64;
-        self.sample(|local| steepest = steepest.max(local.gap_slope.abs()));
+        // At the ends h is 0 up to rounding, which must not decide whether its slope there counts: it does for κ, and does
+        // not against a given one.
+        let [low, high] = self.end_force;
+        let rounding = END_TOLERANCE * low.abs().max(high.abs());
+        let steepest_above = |least_gap: f64| {
+            let mut steepest = 0.0_f64;
+            self.sample(least_gap, |local| steepest = steepest.max(local.gap_slope.abs()));
+            steepest
+        };
         let Some(given) = given else {
-            return Ok(YIELD_STIFFNESS_MARGIN * steepest);
+            return Ok(YIELD_STIFFNESS_MARGIN * steepest_above(-rounding));
         };
         finite("yield_stiffness", given)?;
+        let steepest = steepest_above(rounding);
         if given < steepest {
             return Err(ParamError::YieldStiffnessTooLow { given, minimum: steepest });
         }
         Ok(given)
     }
 
-    /// Calls `see` on a grid over each stretch, its two ends included.
-    fn sample(&self, mut see: impl FnMut(Local)) {
+    /// Calls `see` on a grid over each stretch, its two ends included; the slope of h is 0 where h is not above `least_gap`.
+    fn sample(&self, least_gap: f64, mut see: impl FnMut(Local)) {
         let bounds = [-self.half_width, self.joins[0], self.joins[1], self.half_width];
         for ((stretch, &from), &to) in self.stretches.iter().zip(&bounds).zip(bounds.iter().skip(1)) {
             if to <= from {
@@ -482,7 +490,7 @@ impl DeformationForce {
                 let t = -1.0 + 2.0 * k as f64 / SAMPLES as f64;
                 let [mid, gap] = estrin(&stretch.force, t);
                 let [mid_slope, gap_slope] = estrin(&stretch.slope, t);
-                let gap_slope = if gap > 0.0 { gap_slope } else { 0.0 };
+                let gap_slope = if gap > least_gap { gap_slope } else { 0.0 };
                 see(Local { mid, gap: gap.max(0.0), mid_slope, gap_slope });
             }
         }

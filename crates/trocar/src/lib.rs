@@ -11,10 +11,12 @@ pub mod output;
 pub mod recording;
 pub mod replay;
 pub mod report;
+pub mod scatter;
 pub mod segment;
 pub mod simulate;
 pub mod summary;
 pub mod survey;
+pub mod travel;
 pub mod validate;
 
 /// Compiles and runs the README's Rust code.

@@ -1,6 +1,7 @@
 //! `model.json`: a seal as a file, with units in its keys and its origin inside.
 //!
-//! A file holds either `elements`, those of the EMS model, or `friction`, one classical model. The form is described by
+//! A file holds either `elements`, those of the EMS model, with `travel` where their force depends on the position, or
+//! `friction`, one classical model. The form is described by
 //! `schema/model.schema.json` (JSON Schema, draft 2020-12). The schema says which keys and kinds of values a file has;
 //! reading also checks what a schema cannot say, such as continuous branches.
 
@@ -19,6 +20,7 @@ use trocar_model::{
 
 use crate::classical::Classical;
 use crate::recording::Recording;
+use crate::travel::TravelProfile;
 
 use friction::{DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText};
 
@@ -26,8 +28,10 @@ mod friction;
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Newest version read: with creep and relaxation of the elements.
-pub const VERSION: u32 = 3;
+/// Newest version read: with a force that depends on the position, and late positions.
+pub const VERSION: u32 = 4;
+/// Version with creep and relaxation of the elements.
+const SLOW_VERSION: u32 = 3;
 /// Version with classical models.
 const CLASSICAL_VERSION: u32 = 2;
 /// First version: EMS elements. Each model is written in the oldest version that can hold it, so that older programs
@@ -66,6 +70,8 @@ pub struct ModelFile {
     pub model: Model,
     /// What made the model.
     pub origin: Origin,
+    /// How the force of the EMS elements depends on the position; none for a classical model.
+    pub travel: Option<TravelProfile>,
     /// The sensor of the recordings behind the model; not part of the seal's force.
     pub sensor: Option<SensorInfo>,
     /// Intervals of identified parameters by name with unit, such as `coulomb_force_n`; may be empty.
@@ -141,6 +147,9 @@ pub struct SensorInfo {
     pub offset_n: f64,
     /// Mass between sensor and seal, kg, ≥ 0.
     pub moving_mass_kg: f64,
+    /// Time by which the positions were read later than the forces, s, ≥ 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub position_lag_s: f64,
 }
 
 /// An estimate with its 95 % interval, in the unit of the parameter's name.
@@ -240,7 +249,7 @@ impl ModelFileError {
 impl ModelFile {
     /// A model, EMS elements or a classical one, without sensor and intervals.
     pub fn new(model: impl Into<Model>, origin: Origin) -> Self {
-        Self { model: model.into(), origin, sensor: None, intervals: BTreeMap::new() }
+        Self { model: model.into(), origin, travel: None, sensor: None, intervals: BTreeMap::new() }
     }
 
     /// The EMS elements.
@@ -319,8 +328,9 @@ impl ModelFile {
 
     fn text<F: Serialize>(&self, elements: Option<Vec<ElementText>>, friction: Option<F>) -> String {
         let version = match &elements {
+            _ if self.travel.is_some() || self.sensor.is_some_and(|s| s.position_lag_s != 0.0) => VERSION,
             None => CLASSICAL_VERSION,
-            Some(elements) if elements.iter().any(ElementText::is_slow) => VERSION,
+            Some(elements) if elements.iter().any(ElementText::is_slow) => SLOW_VERSION,
             Some(_) => ELEMENTS_VERSION,
         };
         let document = Document {
@@ -328,6 +338,7 @@ impl ModelFile {
             version,
             origin: self.origin.clone(),
             sensor: self.sensor,
+            travel: self.travel.clone(),
             elements,
             friction,
             intervals: self.intervals.clone(),
@@ -382,6 +393,8 @@ struct Document<F> {
     origin: Origin,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sensor: Option<SensorInfo>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    travel: Option<TravelProfile>,
     #[serde(skip_serializing_if = "Option::is_none")]
     elements: Option<Vec<ElementText>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -460,9 +473,10 @@ struct SlidingText {
 
 impl<F: FrictionText> Document<F> {
     fn into_file(self) -> Result<ModelFile, ModelFileError> {
+        self.check_newest()?;
         let model = match (self.elements, self.friction) {
-            (Some(elements), None) if self.version < VERSION && elements.iter().any(ElementText::is_slow) => {
-                let what = format!("creep and relaxation need version {VERSION}, got version {}", self.version);
+            (Some(elements), None) if self.version < SLOW_VERSION && elements.iter().any(ElementText::is_slow) => {
+                let what = format!("creep and relaxation need version {SLOW_VERSION}, got version {}", self.version);
                 return Err(impossible("elements", &what));
             }
             (Some(elements), None) => Model::Ems(read_elements(&elements)?),
@@ -486,7 +500,25 @@ impl<F: FrictionText> Document<F> {
         for (name, interval) in &self.intervals {
             check_interval(name, interval)?;
         }
-        Ok(ModelFile { model, origin: self.origin, sensor: self.sensor, intervals: self.intervals })
+        let Self { origin, travel, sensor, intervals, .. } = self;
+        Ok(ModelFile { model, origin, travel, sensor, intervals })
+    }
+
+    /// What only the newest version holds.
+    fn check_newest(&self) -> Result<(), ModelFileError> {
+        let lag = self.sensor.map_or(0.0, |sensor| sensor.position_lag_s);
+        if lag < 0.0 {
+            return Err(impossible("sensor.position_lag_s", &format!("must not be negative, got {lag} s")));
+        }
+        if self.travel.is_some() && self.friction.is_some() {
+            return Err(impossible("travel", "is for elements, got a classical model"));
+        }
+        for (place, is_used) in [("travel", self.travel.is_some()), ("sensor.position_lag_s", lag != 0.0)] {
+            if is_used && self.version < VERSION {
+                return Err(impossible(place, &format!("needs version {VERSION}, got version {}", self.version)));
+            }
+        }
+        Ok(())
     }
 }
 

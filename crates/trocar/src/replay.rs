@@ -10,6 +10,7 @@ use trocar_model::{Element, Friction, Mode, State, rest_states};
 
 use crate::classical::{Classical, ClassicalState};
 use crate::recording::Recording;
+use crate::travel::TravelProfile;
 
 /// Unknown starts count as forgotten when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;
@@ -149,6 +150,16 @@ pub struct Replay {
 ///
 /// Gaps and resets start anew.
 pub fn replay<M: Replayable + ?Sized>(model: &M, recording: &Recording, offset: f64) -> Replay {
+    replay_along(model, None, recording, offset)
+}
+
+/// The same with a force that depends on the position: `travel` turns the model's force into that of [`Replay::force`].
+pub fn replay_along<M: Replayable + ?Sized>(
+    model: &M,
+    travel: Option<&TravelProfile>,
+    recording: &Recording,
+    offset: f64,
+) -> Replay {
     let mut out = Replay::default();
     for range in recording.unbroken() {
         let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
@@ -156,12 +167,16 @@ pub fn replay<M: Replayable + ?Sized>(model: &M, recording: &Recording, offset: 
         if let Some(after) = forgotten_after(model, increments()) {
             out.known.push(range.start + after + 1..range.end);
         }
-        let mut state = model.at_rest(recording.force[range.start] - offset);
+        let first = recording.force[range.start] - offset;
+        let mut state = model.at_rest(travel.map_or(first, |profile| profile.without(x[0], first)));
         out.push::<M>(&state);
         for (displacement, duration) in increments() {
             model.step(&mut state, displacement, duration);
             out.push::<M>(&state);
         }
+    }
+    if let Some(profile) = travel {
+        out.force.iter_mut().zip(&recording.position).for_each(|(force, x)| *force = profile.apply(*x, *force));
     }
     out
 }

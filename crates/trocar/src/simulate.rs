@@ -30,6 +30,10 @@ const REPORT_EVERY: u64 = 1 << 16;
 pub trait Drive {
     /// Told once, before the first step: the force reading (N) of the first row, where the motion has one.
     fn start(&mut self, _reading: Option<f64>) {}
+    /// The same with the position (m) of the first row, for a drive whose force depends on it.
+    fn start_at(&mut self, _position: f64, reading: Option<f64>) {
+        self.start(reading);
+    }
     /// Advances by `displacement` (m) within `duration` (s, positive); returns the force (N) at the end.
     fn step(&mut self, displacement: f64, duration: f64) -> f64;
     /// Force after the last step, N.
@@ -119,6 +123,10 @@ impl<D: Drive> Drive for Guarded<'_, D> {
         self.drive.start(reading);
     }
 
+    fn start_at(&mut self, position: f64, reading: Option<f64>) {
+        self.drive.start_at(position, reading);
+    }
+
     fn step(&mut self, displacement: f64, duration: f64) -> f64 {
         self.travelled += displacement;
         let displacement = self.guard.displacement(&mut self.state, self.travelled);
@@ -194,7 +202,7 @@ pub fn simulate(
     let mut count = 0;
     while let Some(step) = rows.advance()? {
         if count == 0 {
-            drive.start(step.reading);
+            drive.start_at(step.position, step.reading);
         }
         let force = if step.duration > 0.0 { drive.step(step.displacement, step.duration) } else { drive.force() };
         line.number(step.time).number(step.position).number(force);

@@ -8,10 +8,11 @@ use serde::Serialize;
 
 use crate::identify::{
     DampingTest, DeformationFit, Estimate, FreeMotion, Identification, IdentifyOptions, MotionFit, Parameter,
-    Refinement, SteadyFit, Warning,
+    PositionLag, Refinement, SteadyFit, Warning,
 };
 use crate::model_file::{Interval, ModelFile, Origin, SensorInfo};
 use crate::recording::{Quality, Recording};
+use crate::travel::TravelFit;
 use crate::validate::Validation;
 
 /// Value of the key `program`.
@@ -34,7 +35,11 @@ impl MovingMass {
     ///
     /// Its offset is the reading at rest without any force of the seal, weight of the declared mass included.
     pub(crate) fn sensor(self, offset: f64, hidden: f64) -> SensorInfo {
-        SensorInfo { offset_n: offset + self.mass * self.gravity, moving_mass_kg: self.mass + hidden.max(0.0) }
+        SensorInfo {
+            offset_n: offset + self.mass * self.gravity,
+            moving_mass_kg: self.mass + hidden.max(0.0),
+            position_lag_s: 0.0,
+        }
     }
 }
 
@@ -123,6 +128,12 @@ pub struct Summary<'a> {
     pub free_motion: Option<FreeMotion>,
     /// The fit to all motion, ingredient by ingredient; `None` when it was not made.
     pub motion: Option<&'a MotionFit>,
+    /// The delay of the positions that was taken out; `None` when none shows.
+    pub position_lag: Option<PositionLag>,
+    /// How the force depends on the position, beside the element; `None` when it does not, or no strokes repeat.
+    pub travel: Option<&'a TravelFit>,
+    /// Why strokes that repeat gave no `travel`.
+    pub travel_missing: Option<&'a str>,
     /// Validation on the recordings held back; `None` without any.
     pub validation: Option<&'a Validation>,
     /// Steady-state step with its data.
@@ -157,6 +168,9 @@ impl<'a> Outcome<'a> {
             refinement: found.refinement.as_ref(),
             free_motion: found.free_motion,
             motion: found.motion.as_ref(),
+            position_lag: found.position_lag,
+            travel: found.travel.as_ref(),
+            travel_missing: found.travel_missing.as_deref(),
             validation: self.validation,
             steady: &found.steady,
             deformation: deformation.ok().map(deformation_summary),
@@ -181,7 +195,10 @@ impl<'a> Outcome<'a> {
         let mut origin = Origin::identified(self.options.seed, self.recordings);
         origin.note = found.deformation_note();
         let mut model = ModelFile::new(found.stages.elements().to_vec(), origin);
-        model.sensor = Some(self.moving_mass.sensor(found.model.offset, found.model.hidden_mass));
+        let sensor = self.moving_mass.sensor(found.model.offset, found.model.hidden_mass);
+        let position_lag_s = found.position_lag.map_or(0.0, |lag| lag.lag_s);
+        model.sensor = Some(SensorInfo { position_lag_s, ..sensor });
+        model.travel = found.profile().cloned();
         model.intervals = intervals(&found.parameters);
         model
     }

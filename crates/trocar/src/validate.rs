@@ -12,8 +12,10 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::recording::{Recording, local_velocity};
-use crate::replay::{Replay, Replayable, replay};
+use crate::replay::{Replay, Replayable, replay_along};
+use crate::scatter::StrokeScatter;
 use crate::segment::{passes, reversal_threshold};
+use crate::travel::TravelProfile;
 
 /// Speed below which the instrument counts as held, m/s.
 const HOLD_SPEED: f64 = 1e-3;
@@ -67,6 +69,47 @@ pub struct Whiteness {
     pub ljung_box_p_value: f64,
 }
 
+/// The error beside the scatter between strokes that repeat each other: what no model of the motion can undercut, for the
+/// motion was the same.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AgainstStrokes {
+    /// Strokes (passes from reversal to reversal) that have a repeat.
+    pub strokes: usize,
+    /// Scatter between them, N: standard deviation of a reading about the mean of endless repeats, where scored.
+    pub stroke_scatter_n: f64,
+    /// Scatter with a drift over the strokes taken out, N; `None` for fewer than four repeats.
+    pub without_drift_n: Option<f64>,
+    /// Root mean square error, N, over the same samples.
+    pub rms_n: f64,
+    /// `rms_n` over `stroke_scatter_n`: 1 at best; the mean of n strokes learnt without any error gives √(1 + 1/n).
+    pub rms_over_scatter: f64,
+}
+
+impl AgainstStrokes {
+    fn of(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Self> {
+        let scatter = StrokeScatter::of(recording).ok()?;
+        let mut is_scored = vec![false; recording.len()];
+        scored.iter().for_each(|i| is_scored[*i] = true);
+        let stroke_scatter_n = scatter.over(|i| is_scored[i])?;
+        let rms_n = Sums::of(scored.iter().filter(|i| scatter.covers(**i)).map(|i| (error[*i], 0.0))).rms();
+        Some(Self {
+            strokes: scatter.passes,
+            stroke_scatter_n,
+            without_drift_n: scatter.without_drift_n,
+            rms_n,
+            rms_over_scatter: rms_n / stroke_scatter_n,
+        })
+    }
+
+    /// In words.
+    pub fn words(&self) -> String {
+        format!(
+            "{:.2} times the scatter of {:.3} N between {} strokes that repeat each other, the floor of any model",
+            self.rms_over_scatter, self.stroke_scatter_n, self.strokes
+        )
+    }
+}
+
 /// Validation on one recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordingValidation {
@@ -92,6 +135,9 @@ pub struct RecordingValidation {
     pub by_phase: Phases,
     /// Whiteness of the residuals; `None` when too short.
     pub whiteness: Option<Whiteness>,
+    /// The error beside the scatter between strokes; `None` where no strokes repeat.
+    #[serde(default)]
+    pub strokes: Option<AgainstStrokes>,
     /// What limits the figures.
     pub warnings: Vec<String>,
 }
@@ -152,7 +198,17 @@ impl Sums {
 
 /// Replays EMS elements or a classical model over `recordings`, whose readings hold the sensor offset `offset`, N.
 pub fn validate<M: Replayable + ?Sized>(model: &M, recordings: &[Recording], offset: f64) -> Validation {
-    let results: Vec<_> = recordings.iter().map(|r| validate_one(model, r, offset)).collect();
+    validate_along(model, None, recordings, offset)
+}
+
+/// The same for a model whose force depends on the position.
+pub fn validate_along<M: Replayable + ?Sized>(
+    model: &M,
+    travel: Option<&TravelProfile>,
+    recordings: &[Recording],
+    offset: f64,
+) -> Validation {
+    let results: Vec<_> = recordings.iter().map(|r| validate_one(model, travel, r, offset)).collect();
     let all = results.iter().fold(Sums::default(), |s, (_, sums)| s.plus(*sums));
     Validation {
         rms_n: all.rms(),
@@ -161,8 +217,13 @@ pub fn validate<M: Replayable + ?Sized>(model: &M, recordings: &[Recording], off
     }
 }
 
-fn validate_one<M: Replayable + ?Sized>(model: &M, recording: &Recording, offset: f64) -> (RecordingValidation, Sums) {
-    let run = replay(model, recording, offset);
+fn validate_one<M: Replayable + ?Sized>(
+    model: &M,
+    travel: Option<&TravelProfile>,
+    recording: &Recording,
+    offset: f64,
+) -> (RecordingValidation, Sums) {
+    let run = replay_along(model, travel, recording, offset);
     let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let mut warnings = Vec::new();
     let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
@@ -191,6 +252,7 @@ fn validate_one<M: Replayable + ?Sized>(model: &M, recording: &Recording, offset
         by_speed: by_speed(recording, &error, &scored),
         by_phase: Phases::of(phases_of(recording, &run, &scored).into_iter().zip(scored.iter().map(|i| error[*i]))),
         whiteness: whiteness(recording, &error, &scored),
+        strokes: AgainstStrokes::of(recording, &error, &scored),
         warnings,
     };
     (result, sums)

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
 use trocar::classical::Classical;
 use trocar::model_file::{Interval, Model, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo};
+use trocar::travel::TravelProfile;
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS,
     MaxwellSlip, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction,
@@ -34,7 +35,7 @@ fn complete() -> ModelFile {
     origin.note = Some("a \"quoted\" note, µ and \n".to_owned());
     origin.recordings = vec![RecordingInfo { name: "steady.csv".to_owned(), sha256: "0123456789abcdef".repeat(4) }];
     let mut model = ModelFile::new(elements.map(|e| Element::new(e).unwrap()).to_vec(), origin);
-    model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04 });
+    model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_lag_s: 0.0 });
     for (name, high) in [("coulomb_force_n", Some(3.1)), ("stribeck_velocity_m_s", None)] {
         let interval = Interval { value: 3.0, ci95: [Some(2.9), high] };
         model.intervals.insert(name.to_owned(), interval);
@@ -51,6 +52,39 @@ fn slow() -> ModelFile {
     let one = ElementParams { relaxation: Relaxation::single(120.0, 0.2), ..plausible };
     let elements = [both, one, plausible].map(|params| Element::new(params).unwrap());
     ModelFile { model: Model::Ems(elements.to_vec()), ..complete() }
+}
+
+/// A model whose force depends on the position, of a bench whose positions come late.
+fn along() -> ModelFile {
+    let mut file = complete();
+    file.travel = TravelProfile::new(-0.01, 0.1, vec![0.1, -0.1 / 3.0, 0.1], vec![0.8, 1.2, 0.8]).ok();
+    assert!(file.travel.is_some());
+    file.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_lag_s: 0.05 });
+    file
+}
+
+#[test]
+fn profiles_that_make_no_seal_are_refused() {
+    let version = "travel: needs version 4, got version 3";
+    let cases = [
+        ("/version", json!(3), version),
+        ("/travel/level/1", json!(-1.0), "level[1] is -1, expected above 0"),
+        ("/travel/level", json!([1.0, 1.0]), "offset_n has 3 values and level 2"),
+        ("/travel/to_m", json!(-1.0), "no interval"),
+        ("/travel/knots", json!(3), "unknown field `knots`"),
+        ("/sensor/position_lag_s", json!(-0.1), "sensor.position_lag_s: must not be negative, got -0.1 s"),
+    ];
+    for (pointer, replacement, expected) in cases {
+        let document = broken(&along(), pointer, Some(replacement));
+        let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{pointer}: {error}");
+    }
+    assert_eq!(value(&along().to_json())["version"], 4, "an older program says that it is too old");
+    let mut classical = ModelFile::new(classical_models().pop().unwrap(), Origin::new(OriginKind::HandMade));
+    classical.travel = along().travel;
+    assert!(!schema().is_valid(&value(&classical.to_json())));
+    let error = ModelFile::from_json(&classical.to_json()).unwrap_err().to_string();
+    assert!(error.starts_with("travel: is for elements"), "{error}");
 }
 
 /// Numbers that are not short in decimals.
@@ -136,7 +170,7 @@ fn elements_of_a_classical_model_are_refused_with_its_kind() {
 #[test]
 fn written_models_conform_and_come_back_to_the_bit() {
     let schema = schema();
-    let mut models = vec![complete(), slow(), ModelFile::plausible_10_5_mm().unwrap()];
+    let mut models = vec![complete(), slow(), along(), ModelFile::plausible_10_5_mm().unwrap()];
     models.extend(classical_files());
     for seed in 0..200 {
         let element = Element::new(random_plausible_seal(seed)).unwrap();
@@ -182,7 +216,7 @@ fn plausible_model_says_so() {
 fn every_number_says_its_unit() {
     fn walk(key: &str, value: &Value) {
         let units = ["_n", "_m", "_s", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg"];
-        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95"];
+        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95", "level"];
         match value {
             Value::Object(inner) => inner.iter().for_each(|(key, value)| walk(key, value)),
             Value::Array(inner) => inner.iter().for_each(|value| walk(key, value)),
@@ -194,6 +228,7 @@ fn every_number_says_its_unit() {
     }
     walk("", &value(&complete().to_json()));
     walk("", &value(&slow().to_json()));
+    walk("", &value(&along().to_json()));
     classical_files().iter().for_each(|file| walk("", &value(&file.to_json())));
 }
 
@@ -222,10 +257,10 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(4)), "written by a newer trocar: model version 4, this one reads 3"),
-        ("/version", Some(json!(0)), "\"version\" must be 1 to 3, got 0"),
-        ("/version", Some(json!("1")), "\"version\" must be 1 to 3, got \"1\""),
-        ("/version", None, "\"version\" must be 1 to 3, got nothing"),
+        ("/version", Some(json!(5)), "written by a newer trocar: model version 5, this one reads 4"),
+        ("/version", Some(json!(0)), "\"version\" must be 1 to 4, got 0"),
+        ("/version", Some(json!("1")), "\"version\" must be 1 to 4, got \"1\""),
+        ("/version", None, "\"version\" must be 1 to 4, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, RandomCycles, Sense, SteadyState, analyze};
 use trocar::model_file::ModelFile;
+use trocar::travel::storage_length;
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -34,10 +35,21 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let analysis = analyze(elements, args.seed);
     let text = if args.json { serde_json::to_string_pretty(&analysis)? + "\n" } else { text(&analysis) };
     console::print(&text)?;
+    let given_off = model.travel.as_ref().is_some_and(|travel| {
+        let length = elements.iter().map(storage_length).fold(0.0, f64::max);
+        let passive = travel.is_passive(length);
+        let (verdict, limit) = if passive { ("keeps", "at most") } else { ("may not keep", "above") };
+        let steepness = number(travel.steepness() * length);
+        console.remark(&format!(
+            "profile along the way: {verdict} the model passive (relative slope of the level times storage length: {steepness}, \
+             {limit} 1)"
+        ));
+        !passive
+    });
     if is_doubtful(&analysis) {
         console.warn("the model gives work over a closed motion: it is not passive, and its forces are doubtful");
     }
-    Ok(Done::doubtful_if(is_doubtful(&analysis)))
+    Ok(Done::doubtful_if(is_doubtful(&analysis) || given_off))
 }
 
 fn text(analysis: &Analysis) -> String {

@@ -8,7 +8,7 @@ use trocar::recording::Recording;
 use trocar::report::{self, identification::IdentificationReport};
 use trocar::summary::{MovingMass, Outcome};
 use trocar::survey::Survey;
-use trocar::validate::{Validation, validate};
+use trocar::validate::{Validation, validate_along};
 use trocar_model::{Element, MAX_DEGREE};
 
 use crate::Done;
@@ -137,12 +137,14 @@ impl Job {
         let progress = Progress::new(console);
         let identification = identify(&self.recordings, &self.options, &|stage, part| progress.report(stage, part))?;
         drop(progress);
+        self.recordings = identification.in_step(self.recordings)?;
         let hidden = identification.model.hidden_mass;
         let held_back = std::mem::take(&mut self.held_back).into_iter().map(|r| without(r, taken_out, hidden));
-        self.held_back = held_back.collect::<anyhow::Result<_>>()?;
+        self.held_back = identification.in_step(held_back.collect::<anyhow::Result<_>>()?)?;
         let elements = identification.stages.elements();
         let offset = identification.model.offset;
-        let validation = (!self.held_back.is_empty()).then(|| validate(elements, &self.held_back, offset));
+        let validation = (!self.held_back.is_empty())
+            .then(|| validate_along(elements, identification.profile(), &self.held_back, offset));
         let found = Found { job: self, identification, validation };
         found.say_warnings(console);
         Ok(found)
@@ -253,6 +255,7 @@ impl Found {
             "\nerror over the recordings identified from: {} N rms\n",
             number(self.identification.residual_rms)
         ));
+        text.push_str(&along_in_words(&self.identification));
         for r in self.validation.iter().flat_map(|validation| &validation.recordings) {
             text.push_str(&format!(
                 "validation on {}: {} N rms, fit {:.2} %\n",
@@ -260,9 +263,28 @@ impl Found {
                 number(r.rms_n),
                 r.fit_percent
             ));
+            if let Some(strokes) = &r.strokes {
+                text.push_str(&format!("  {}\n", strokes.words()));
+            }
         }
         text
     }
+}
+
+/// Delay of the positions and force along the way, where strokes repeat.
+fn along_in_words(found: &Identification) -> String {
+    let lag = found.position_lag.map(|lag| format!("the positions come {:.0} ms late: taken out\n", 1e3 * lag.lag_s));
+    let along = match (&found.travel, &found.travel_missing) {
+        (Some(fit), _) => Some(format!(
+            "the force depends on the position: {} N on strokes left out with a profile of {} knots, {} N without\n",
+            number(fit.held_out_rms_n),
+            fit.profile.levels().len(),
+            number(fit.constant_held_out_rms_n)
+        )),
+        (None, Some(why)) => Some(format!("no profile along the way: {why}\n")),
+        (None, None) => None,
+    };
+    lag.into_iter().chain(along).collect()
 }
 
 /// One line of the table.

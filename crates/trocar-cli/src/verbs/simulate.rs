@@ -7,6 +7,7 @@ use trocar::model_file::{Model, ModelFile};
 use trocar::recording::position_resolution;
 use trocar::replay::{Deformation, start_states};
 use trocar::simulate::{Drive, Guarded, Single, simulate_file};
+use trocar::travel::TravelProfile;
 use trocar_model::{Element, LiteralState, Mode, PaperLiteral, PlayGuard, State, step_parallel};
 
 use crate::Done;
@@ -19,7 +20,7 @@ use crate::table::number;
 ///
 /// Writes the columns time_s, position_m, force_n, deflection_m and mode, one row per input row; for a classical model
 /// (Coulomb to GMS) without the last two, since it knows no deflection. The force is the seal's alone, without the
-/// sensor's offset, positive on insertion. Rows are streamed: a file may be of any size. With several elements the
+/// sensor's offset, positive on insertion; where the model holds a profile along the way, it depends on the position. Rows are streamed: a file may be of any size. With several elements the
 /// deflection is their mean.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -77,13 +78,16 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
             return Ok(Done::Clean);
         }
     };
+    if model.travel.is_some() && args.literal {
+        console.remark("note: --literal leaves out how the force depends on the position");
+    }
     let start = Start { deflection: args.initial_deflection_mm.map(|mm| 1e-3 * mm), offset, console };
     if args.literal {
         let literal: Result<Vec<PaperLiteral>, _> =
             elements.iter().map(|element| PaperLiteral::new(*element.params())).collect();
         stream(console, args, &mut Literal::new(literal?, start, elements))?;
     } else {
-        stream(console, args, &mut Natural::new(elements, start))?;
+        stream(console, args, &mut Natural::new(elements, model.travel.as_ref(), start))?;
     }
     Ok(Done::Clean)
 }
@@ -178,27 +182,36 @@ impl Start<'_> {
 /// The elements with the contact as an inclusion.
 struct Natural<'a> {
     elements: &'a [Element],
+    travel: Option<&'a TravelProfile>,
+    /// Where the instrument is, m.
+    position: f64,
     states: Vec<State>,
     start: Start<'a>,
 }
 
 impl<'a> Natural<'a> {
-    fn new(elements: &'a [Element], start: Start<'a>) -> Self {
-        Self { elements, states: Vec::new(), start }
+    fn new(elements: &'a [Element], travel: Option<&'a TravelProfile>, start: Start<'a>) -> Self {
+        Self { elements, travel, position: 0.0, states: Vec::new(), start }
     }
 }
 
 impl Drive for Natural<'_> {
-    fn start(&mut self, reading: Option<f64>) {
-        self.states = self.start.states(self.elements, reading);
+    fn start_at(&mut self, position: f64, reading: Option<f64>) {
+        self.position = position;
+        let offset = self.start.offset;
+        let level = |reading: f64| self.travel.map_or(reading, |t| offset + t.without(position, reading - offset));
+        self.states = self.start.states(self.elements, reading.map(level));
     }
 
     fn step(&mut self, displacement: f64, duration: f64) -> f64 {
-        step_parallel(self.elements, &mut self.states, displacement, duration)
+        self.position += displacement;
+        step_parallel(self.elements, &mut self.states, displacement, duration);
+        self.force()
     }
 
     fn force(&self) -> f64 {
-        self.states.iter().map(State::force).sum()
+        let force = self.states.iter().map(State::force).sum();
+        self.travel.map_or(force, |travel| travel.apply(self.position, force))
     }
 
     fn deformation(&self) -> Option<Deformation> {

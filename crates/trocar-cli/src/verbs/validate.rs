@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use trocar::model_file::{Model, ModelFile, SensorInfo};
 use trocar::recording::Recording;
 use trocar::summary::MovingMass;
-use trocar::validate::{Part, Phases, Validation, validate};
+use trocar::validate::{Part, Phases, Validation, validate, validate_along};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -17,7 +17,8 @@ use crate::table::{Table, number};
 /// Runs the model along each recording's positions and prints the error of its force: root mean square in N, and the
 /// fit 100 (1 - rms(error) / rms(force - mean force)) in percent. Scored are the samples at which the state of the seal
 /// is known, that is after it has slid once in each recording. A classical model does not tell deforming from sliding:
-/// its table has one column for the motion.
+/// its table has one column for the motion. Where strokes repeat each other, the floor is their scatter, which no model of
+/// the motion can undercut.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json, or one of those that compare writes)
@@ -40,7 +41,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let model = ModelFile::read(&args.model)?;
-    let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0 });
+    let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_lag_s: 0.0 });
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
     let recordings = args.reading.recordings(console, &args.recordings)?;
@@ -53,15 +54,21 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     // The weight of the mass is part of the offset.
     let recordings: Result<Vec<Recording>, _> =
         recordings.into_iter().map(|recording| without(recording, MovingMass { mass, gravity: 0.0 }, 0.0)).collect();
-    let recordings = recordings?;
+    let recordings =
+        recordings?.iter().map(|r| r.with_position_lag(sensor.position_lag_s)).collect::<Result<Vec<_>, _>>()?;
     let mut validation = match &model.model {
-        Model::Ems(elements) => validate(elements.as_slice(), &recordings, offset),
+        Model::Ems(elements) => validate_along(elements.as_slice(), model.travel.as_ref(), &recordings, offset),
         Model::Classical(classical) => validate(classical, &recordings, offset),
     };
     for (result, path) in validation.recordings.iter_mut().zip(&args.recordings) {
         result.path = path.display().to_string();
         for warning in &result.warnings {
             console.warn(&format!("{}: {warning}", result.path));
+        }
+    }
+    for result in &validation.recordings {
+        if let Some(strokes) = &result.strokes {
+            console.remark(&format!("{}: {}", result.path, strokes.words()));
         }
     }
     let text = if args.json { serde_json::to_string_pretty(&validation)? + "\n" } else { table(&validation) };
@@ -74,13 +81,17 @@ pub(crate) fn table(validation: &Validation) -> String {
     let classical = validation.recordings.iter().any(|r| r.by_phase.moving.is_some());
     let phases = if classical { vec!["moving N", "hold N"] } else { vec!["deforming N", "sliding N", "hold N"] };
     let common = ["recording", "rms N", "fit %", "bias N", "worst N"];
-    let mut table = Table::headed(common.into_iter().chain(phases).chain(["samples"]));
+    let repeats = validation.recordings.iter().any(|r| r.strokes.is_some());
+    let floor = if repeats { vec!["floor N", "rms/floor"] } else { Vec::new() };
+    let mut table = Table::headed(common.into_iter().chain(phases).chain(["samples"]).chain(floor));
     for r in &validation.recordings {
         let Phases { deformation, sliding, moving, hold } = r.by_phase;
         let parts = if classical { vec![moving, Some(hold)] } else { [deformation, sliding, hold].map(Some).to_vec() };
         let numbers = [number(r.rms_n), format!("{:.2}", r.fit_percent), number(r.bias_n), number(r.worst_n)];
+        let strokes = r.strokes.map(|s| [number(s.stroke_scatter_n), format!("{:.2}", s.rms_over_scatter)]);
+        let strokes = strokes.into_iter().flatten();
         let common = [r.path.clone()].into_iter().chain(numbers);
-        table.row(common.chain(parts.into_iter().map(phase)).chain([r.samples.to_string()]));
+        table.row(common.chain(parts.into_iter().map(phase)).chain([r.samples.to_string()]).chain(strokes));
     }
     table.row(["all".to_owned(), number(validation.rms_n), format!("{:.2}", validation.fit_percent)]);
     table.to_text()

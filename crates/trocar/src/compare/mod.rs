@@ -233,11 +233,14 @@ pub fn compare(
         return Err(CompareError::NoValidation);
     }
     let clock = Instant::now();
-    let ems = identify(training, &options.identify, &|stage, part| progress(stage, 0.03 * part))?;
+    // The seal alone is compared.
+    let alone = IdentifyOptions { along: false, ..options.identify.clone() };
+    let ems = identify(training, &alone, &|stage, part| progress(stage, 0.03 * part))?;
     let ems_s = clock.elapsed().as_secs_f64();
     let without_hidden_mass = |r: &Recording| r.clone().without_moving_mass(ems.model.hidden_mass, 0.0);
-    let training: Vec<Recording> = training.iter().map(without_hidden_mass).collect::<Result<_, _>>()?;
-    let validation: Vec<Recording> = validation.iter().map(without_hidden_mass).collect::<Result<_, _>>()?;
+    let prepared =
+        |recordings: &[Recording]| ems.in_step(recordings.iter().map(without_hidden_mass).collect::<Result<_, _>>()?);
+    let (training, validation) = (prepared(training)?, prepared(validation)?);
     let data = ClassicalData::new(&training, &ems, &options.identify);
     let fits = fit_all(&options.models, &data, progress)?;
     progress("scoring", 0.97);

@@ -173,9 +173,11 @@ impl Layout {
             }
         }
         let width = candidate.half_width;
+        // Forces far beyond those of sliding are never reached: no reading would hold them.
+        let wildest = 10.0 * candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
         on(&mut candidate.half_width, 1e-4 * width, 0.3 * width, 3.0 * width);
         for shape in [&mut candidate.rising, &mut candidate.falling] {
-            shape.visit(force, &mut on);
+            shape.visit(force, wildest, &mut on);
         }
         if self.damping {
             on(&mut candidate.seal_damping, 10.0 * force, 0.0, free);
@@ -199,7 +201,7 @@ impl Layout {
             on_log(&mut second.share, SHARE_RANGE, &mut on);
             on_log(&mut second.half_width, [0.02 * width, 5.0 * width], &mut on);
             for shape in [&mut second.rising, &mut second.falling] {
-                shape.visit(force, &mut on);
+                shape.visit(force, wildest, &mut on);
             }
         }
     }

@@ -5,14 +5,18 @@
 //!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs
 //!            -> all against simulated force, the steady state held, intervals  candidate.rs, training.rs, output_error.rs
 //! ```
+//! Before, late positions are put in step (timing.rs); after, the force along the way is fitted where strokes repeat
+//! (along.rs).
+//!
 //! Every recording is searched for what it can give. What the data do not pin is part of the result: an infinite
 //! interval, the reason, and a warning.
 
 use serde::Serialize;
 use trocar_model::{Element, Relaxation, SlidingFriction, Stages};
 
-use crate::recording::{Recording, local_acceleration};
+use crate::recording::{Recording, RecordingError, local_acceleration};
 use crate::segment::{Pass, SegmentOptions, Stretch, behind_start, passes, reversal_threshold, stretches};
+use crate::travel::{TravelFit, TravelProfile};
 
 pub use candidate::Candidate;
 use deformation::Sensors;
@@ -24,9 +28,12 @@ pub(crate) use refit::refit;
 pub use shape::{BranchShape, Pins};
 pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
+pub use timing::{PositionLag, position_lag};
 
+mod along;
 mod candidate;
 pub mod classical;
+mod coarse;
 mod conclude;
 mod deformation;
 mod estimate;
@@ -41,6 +48,7 @@ mod spread;
 mod stage;
 mod steady;
 mod stribeck;
+mod timing;
 mod training;
 
 /// How to identify.
@@ -58,6 +66,8 @@ pub struct IdentifyOptions {
     pub free_motion: bool,
     /// Ingredients that this fit does not try.
     pub without: Vec<Ingredient>,
+    /// Whether to fit how the force depends on the position, where strokes repeat.
+    pub along: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_hidden_mass: bool,
     /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
@@ -76,6 +86,7 @@ impl Default for IdentifyOptions {
             refine: true,
             free_motion: true,
             without: Vec::new(),
+            along: true,
             estimate_hidden_mass: true,
             inertia_removed: false,
             segment: SegmentOptions::default(),
@@ -190,6 +201,12 @@ pub struct Identification {
     pub free_motion: Option<FreeMotion>,
     /// The fit to all motion, which then is the model; `None` when it was not asked for or there was nothing to fit.
     pub motion: Option<MotionFit>,
+    /// The delay of the positions that was found and taken out; `None` when none shows.
+    pub position_lag: Option<PositionLag>,
+    /// How the force depends on the position beside the element; `None` where strokes left out are predicted no better.
+    pub travel: Option<TravelFit>,
+    /// Why strokes that repeat gave no `travel`.
+    pub travel_missing: Option<String>,
     /// Numbers of the model that the recordings gave, without the sensor's offset and an undeclared mass.
     pub free_parameters: usize,
     /// Root mean square error, N, of the model over the recordings it was identified from.
@@ -207,6 +224,20 @@ impl Identification {
     /// The named parameter.
     pub fn parameter(&self, name: &str) -> Option<&Estimate> {
         self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
+    }
+
+    /// The profile along the way.
+    pub fn profile(&self) -> Option<&TravelProfile> {
+        self.travel.as_ref().map(|fit| &fit.profile)
+    }
+
+    /// The recordings as the model is to be compared with them: without the delay of the positions.
+    ///
+    /// # Errors
+    /// As for [`Recording::with_position_lag`].
+    pub fn in_step(&self, recordings: Vec<Recording>) -> Result<Vec<Recording>, RecordingError> {
+        let Some(PositionLag { lag_s, .. }) = self.position_lag else { return Ok(recordings) };
+        recordings.iter().map(|recording| recording.with_position_lag(lag_s)).collect()
     }
 
     /// A remark for the model file where the deformation was not identified.
@@ -253,7 +284,32 @@ pub fn identify(
             return Err(IdentifyError::SameRecording { first: first.name.clone(), second: second.name.clone() });
         }
     }
-    progress("segmenting", 0.0);
+    progress("timing", 0.0);
+    let again = |recordings: &[Recording]| element(recordings, options, progress);
+    let Some(lag) = position_lag(recordings) else {
+        return Ok(along::extend(again(recordings)?, recordings, options, again));
+    };
+    let in_step = |lag: f64| recordings.iter().map(|r| r.with_position_lag(lag)).collect::<Result<Vec<_>, _>>();
+    // Intervals are not asked for.
+    let quick = IdentifyOptions { bootstrap: 0, ..options.clone() };
+    let error = |lag: f64| {
+        let recordings = in_step(lag).ok()?;
+        along::error(&element(&recordings, &quick, progress).ok()?, &recordings, lag)
+    };
+    let lag = if along::repeats(recordings) { timing::settle(lag, error) } else { lag };
+    // Long enough for every delay tried.
+    let recordings = in_step(lag.lag_s).unwrap_or_else(|_| recordings.to_vec());
+    let found = along::extend(again(&recordings)?, &recordings, options, again);
+    Ok(Identification { position_lag: Some(lag).filter(|lag| lag.lag_s > 0.0), ..found })
+}
+
+/// The element alone, from positions in step with the forces.
+fn element(
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    progress: Progress,
+) -> Result<Identification, IdentifyError> {
+    progress("segmenting", 0.02);
     let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
     progress("steady state", 0.1);
     let (steady, deformation) = two_steps(recordings, &segments, options)?;
@@ -264,6 +320,7 @@ pub fn identify(
         options,
         progress,
     )?;
+    let found = coarse::refit(found, recordings, options);
     let found = motion::extend(found, recordings, &segments, options, progress);
     if no_steady_sliding && found.motion.is_none() {
         return Err(IdentifyError::NoSteadySliding {

@@ -18,7 +18,7 @@ use super::classical::{ASSUMED_WIDTH, plain_training};
 use super::conclude::acceleration_is_resolved;
 use super::output_error::Fitted;
 use super::refit::straight;
-use super::{Identification, IdentifyOptions, Parameter, Progress, Segments, Warning, acceleration};
+use super::{Identification, IdentifyOptions, Parameter, Progress, Segments, Warning, acceleration, along};
 use crate::recording::Recording;
 use crate::segment::Pass;
 
@@ -45,8 +45,10 @@ pub(super) fn extend(
 ) -> Identification {
     let motion = FreeMotion::of(recordings, segments, found.model.half_width);
     found.free_motion = Some(motion);
+    // Strokes that repeat are left to the two steps: they tell of nothing else.
     let unresolved = options.refine && !options.inertia_removed && found.refinement.is_none();
-    let asked_for = motion.is_enough() || (unresolved && motion.reversals >= FEWEST_REVERSALS);
+    let free = unresolved && motion.reversals >= FEWEST_REVERSALS && !along::repeats(recordings);
+    let asked_for = motion.is_enough() || free;
     if !(options.free_motion && asked_for) {
         return found;
     }

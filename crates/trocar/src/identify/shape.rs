@@ -68,13 +68,13 @@ impl BranchShape {
         [self.left.len() + 1, self.right.len() + 1]
     }
 
-    /// Visits every free number with the step of its difference quotient (`force`, N, for forces) and its range.
-    pub(super) fn visit(&mut self, force: f64, on: &mut impl FnMut(&mut f64, f64, f64, f64)) {
-        let free = f64::INFINITY;
+    /// Visits every free number with the step of its difference quotient (`force`, N, for forces) and its range (up to
+    /// `wildest`, N).
+    pub(super) fn visit(&mut self, force: f64, wildest: f64, on: &mut impl FnMut(&mut f64, f64, f64, f64)) {
         on(&mut self.join, 1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE);
-        on(&mut self.join_force, force, -free, free);
+        on(&mut self.join_force, force, -wildest, wildest);
         for value in self.left.iter_mut().chain(&mut self.right) {
-            on(value, force, -free, free);
+            on(value, force, -wildest, wildest);
         }
     }
 

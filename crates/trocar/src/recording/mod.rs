@@ -1,7 +1,7 @@
 //! Recordings of an instrument moving through a seal: time, position and force, read from and written to CSV.
 //!
 //! The only place that knows file columns and units. Everything behind it is SI: s, m, m/s, N; velocity and force
-//! are positive on insertion. What a file lacks is reported in [`Quality`], never repaired.
+//! are positive on insertion. What a file lacks is reported in [`Quality`], never repaired on reading.
 
 use std::fmt;
 use std::fs::File;
@@ -24,6 +24,7 @@ pub(crate) mod columns;
 mod format;
 pub(crate) mod line;
 mod motion;
+mod position;
 mod quality;
 pub(crate) mod rows;
 mod screen;

@@ -10,9 +10,9 @@ use super::ingredient::Ingredient;
 /// Parts in which clusters are held out.
 const FOLDS: usize = 4;
 /// An ingredient is kept if the squares held out grow without it by this part at least...
-const LEAST_GAIN: f64 = 0.01;
-/// ...and by this many standard errors of the growth over clusters (one-sided, 5 %).
-const LEAST_SURETY: f64 = 1.645;
+const LEAST_GAIN: f64 = 0.02;
+/// ...and by this many standard errors of the growth over clusters.
+const LEAST_SURETY: f64 = 2.0;
 
 /// Held-out squares over fitted ones beyond which the first order is not believed, and the fold is fitted in full.
 const FAR_OFF: f64 = 2.0;

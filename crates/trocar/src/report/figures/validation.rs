@@ -9,11 +9,11 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::{Drawn, MM, p_in_words, thinned, without_hidden_mass};
 use crate::identify::Identification;
 use crate::recording::Recording;
-use crate::replay::{Replay, replay};
+use crate::replay::{Replay, replay_along};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::{fixed, significant};
 use crate::segment::{SegmentOptions, passes, reversal_threshold, stretches, travel};
-use crate::validate::{Validation, validate};
+use crate::validate::{Validation, validate_along};
 
 /// Most recordings whose residual is drawn.
 const MOST_RECORDINGS: usize = 4;
@@ -47,11 +47,12 @@ pub(in super::super) fn scored<'a>(
         Some((recordings, scores)) => (Cow::Borrowed(recordings), Cow::Borrowed(scores), true),
         None => {
             let recordings = without_hidden_mass(training, &found.model);
-            let scores = Cow::Owned(validate(elements, &recordings, offset));
+            let scores = Cow::Owned(validate_along(elements, found.profile(), &recordings, offset));
             (recordings, scores, false)
         }
     };
-    let runs = recordings.par_iter().map(|recording| replay(elements, recording, offset)).collect();
+    let runs =
+        recordings.par_iter().map(|recording| replay_along(elements, found.profile(), recording, offset)).collect();
     Scored { recordings, validation: scores, held_out, runs, offset }
 }
 
@@ -224,9 +225,11 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
         x.push(f64::NAN);
         y.push(f64::NAN);
     }
-    let rms = scored.validation.recordings.get(index).map_or(f64::NAN, |v| v.rms_n);
+    let scores = scored.validation.recordings.get(index);
+    let rms = scores.map_or(f64::NAN, |v| v.rms_n);
+    let floor = scores.and_then(|v| v.strokes).map_or_else(String::new, |strokes| format!(", {}", strokes.words()));
     Panel::new(Axis::new("time", "s"), Axis::new("residual", "N").with_zero())
-        .title(format!("{}: {} N rms", recording.name, significant(rms, 3)))
+        .title(format!("{}: {} N rms{floor}", recording.name, significant(rms, 3)))
         .series(Series::line("measured minus model", Role::Residual, x, y))
         .aspect(0.3)
 }

@@ -1,0 +1,437 @@
+//! The profile from readings and the force that a model gives for them.
+//!
+//! Linear least squares with a penalty on second differences. Number of knots and weight of the penalty are those with
+//! the least error on strokes left out; a profile is only given when it predicts left-out strokes better than a
+//! constant does. Readings far off the model (behind a reversal, where a millisecond decides) count less: Huber's
+//! weights, with the median absolute residual as scale.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use serde::Serialize;
+
+use super::{ProfileError, TravelProfile, mean_along, place};
+use crate::recording::Recording;
+use crate::segment::Pass;
+
+/// Numbers of intervals between knots tried.
+const INTERVALS: [usize; 8] = [4, 8, 16, 32, 48, 64, 96, 128];
+/// Weights of the squared second differences tried, in units of the readings a knot.
+const ROUGHNESS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+/// The same of the squared departures from constants: decides only what the readings leave open.
+const RIDGE: f64 = 1e-3;
+/// Fewest readings a knot.
+const FEWEST_PER_KNOT: usize = 8;
+/// Fewest and most parts into which the strokes are divided for leaving out.
+const FOLDS: [usize; 2] = [3, 10];
+/// Least relative fall of the held-out error.
+const LEAST_GAIN: f64 = 0.03;
+/// Least part of the folds in which the profile is better.
+const LEAST_FOLDS: f64 = 0.75;
+/// Held-out errors within this of the least are equal: the stiffer profile is taken.
+const AS_GOOD: f64 = 1.005;
+/// Residuals beyond this many robust standard deviations count less.
+const HUBER: f64 = 2.5;
+/// Part of the readings that may lie beyond the last knots at either end.
+const BEYOND: f64 = 1e-3;
+
+/// One reading beside what a model says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TravelSample {
+    /// Position, m.
+    pub position: f64,
+    /// Simulated force of the seal, N, without the sensor's offset.
+    pub seal_force: f64,
+    /// Reading, N.
+    pub reading: f64,
+    /// Number of the stroke: what is left out together.
+    pub stroke: usize,
+}
+
+/// A profile with what speaks for it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TravelFit {
+    /// The profile.
+    pub profile: TravelProfile,
+    /// Sensor offset beside it, N.
+    pub offset_n: f64,
+    /// Root mean square error, N, over the readings it was fitted to.
+    pub rms_n: f64,
+    /// The same over strokes left out.
+    pub held_out_rms_n: f64,
+    /// The same of a constant offset, level 1.
+    pub constant_held_out_rms_n: f64,
+    /// Parts into which the strokes were divided for leaving out.
+    pub folds: usize,
+    /// Parts in which the profile is better than the constant.
+    pub better_folds: usize,
+    /// Weight of the penalty chosen, in units of the readings a knot.
+    pub roughness: f64,
+    /// Numbers that the readings decide (trace of the smoother), the sensor's offset among them.
+    pub effective_parameters: f64,
+}
+
+/// Why there is no profile.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoProfile {
+    /// A number that is not finite.
+    #[error("sample {0} holds a value that is not finite")]
+    NotFinite(usize),
+    /// Too few strokes to leave some out.
+    #[error("{strokes} strokes, expected at least {}: a profile is only believed when strokes left out agree", FOLDS[0])]
+    TooFewStrokes {
+        /// Strokes found.
+        strokes: usize,
+    },
+    /// Too few readings, or all at one place.
+    #[error("{samples} readings from {from} m to {to} m are too few for a profile")]
+    TooFewReadings {
+        /// Readings.
+        samples: usize,
+        /// Lowest position, m.
+        from: f64,
+        /// Highest position, m.
+        to: f64,
+    },
+    /// Strokes left out are not predicted better.
+    #[error(
+        "strokes left out are off by {profile:.4} N with a profile and by {constant:.4} N without, better in \
+         {better_folds} of {folds} parts: no dependence on the position that repeats"
+    )]
+    NotBetter {
+        /// Held-out error with the best profile, N, with Huber's weights.
+        profile: f64,
+        /// Held-out error of the constant, N, likewise.
+        constant: f64,
+        /// Parts in which the profile is better.
+        better_folds: usize,
+        /// Parts.
+        folds: usize,
+    },
+    /// No fit keeps the level positive and slow enough.
+    #[error(
+        "every profile found would let the seal give off more energy than it takes (storage length {storage_length} m)"
+    )]
+    NotDissipative {
+        /// ℓ, m.
+        storage_length: f64,
+    },
+    /// The numbers found are no profile.
+    #[error(transparent)]
+    Profile(#[from] ProfileError),
+}
+
+/// Number of the back-and-forth stroke (two motions) of every sample.
+pub fn strokes(recording: &Recording, passes: &[Pass]) -> Vec<usize> {
+    let mut numbers = vec![0; recording.len()];
+    for (k, pass) in passes.iter().enumerate() {
+        let until = passes.get(k + 1).map_or(recording.len(), |next| next.start);
+        numbers[pass.start..until].fill(pass.motion / 2);
+    }
+    numbers
+}
+
+/// Fits a profile; the level is held so that a seal with `storage_length` (m, see [`super::storage_length`]) stays
+/// dissipative.
+///
+/// # Errors
+/// [`NoProfile`] with the reason; [`NoProfile::NotBetter`] when the force does not depend on the position.
+pub fn fit(samples: &[TravelSample], storage_length: f64) -> Result<TravelFit, NoProfile> {
+    let data = Data::new(samples)?;
+    let mut weights = huber(&data.residuals(|s| data.level_force(s)));
+    let mut best = data.choose(&weights, storage_length)?;
+    weights = huber(&data.residuals(|s| best.reading(s)));
+    best = data.choose(&weights, storage_length)?;
+    let [profile, constant] = data.judge(&best, &weights)?;
+    Ok(TravelFit {
+        rms_n: rms(data.residuals(|s| best.reading(s)).iter().copied()),
+        offset_n: best.offset,
+        held_out_rms_n: profile,
+        constant_held_out_rms_n: constant,
+        folds: data.folds,
+        better_folds: best.better_folds,
+        roughness: best.roughness,
+        effective_parameters: best.effective_parameters,
+        profile: best.profile,
+    })
+}
+
+fn rms(errors: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = errors.fold((0.0, 0usize), |(sum, n), e| (sum + e * e, n + 1));
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// Huber's weights; all 1 where the median residual is 0.
+fn huber(residuals: &[f64]) -> Vec<f64> {
+    let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let limit = HUBER * 1.4826 * sizes[sizes.len() / 2];
+    residuals.iter().map(|e| if e.abs() <= limit || limit == 0.0 { 1.0 } else { limit / e.abs() }).collect()
+}
+
+/// What is fitted to.
+struct Data<'a> {
+    samples: &'a [TravelSample],
+    /// Part of each sample.
+    fold: Vec<usize>,
+    folds: usize,
+    from: f64,
+    to: f64,
+    /// Root mean square of the seal's force, N: makes levels and offsets alike.
+    force: f64,
+    /// Mean difference between reading and seal force, N.
+    offset: f64,
+}
+
+/// A profile under trial.
+struct Candidate {
+    profile: TravelProfile,
+    /// Sensor offset beside it, N.
+    offset: f64,
+    roughness: f64,
+    /// Weighted mean squared errors over strokes left out, N².
+    held_out: f64,
+    constant: f64,
+    better_folds: usize,
+    effective_parameters: f64,
+}
+
+impl Candidate {
+    /// What it says of the sample, N.
+    fn reading(&self, sample: &TravelSample) -> f64 {
+        self.offset + self.profile.apply(sample.position, sample.seal_force)
+    }
+}
+
+/// Weighted sums over some samples: Σw·φ·φᵀ, Σw·φ·F and Σw·F² with φ the hats and the hats times the seal's force.
+#[derive(Clone)]
+struct Sums {
+    matrix: DMatrix<f64>,
+    vector: DVector<f64>,
+    power: f64,
+    weight: f64,
+}
+
+impl Sums {
+    fn zero(knots: usize) -> Self {
+        Self {
+            matrix: DMatrix::zeros(2 * knots, 2 * knots),
+            vector: DVector::zeros(2 * knots),
+            power: 0.0,
+            weight: 0.0,
+        }
+    }
+
+    fn combine(&self, other: &Self, sign: f64) -> Self {
+        Self {
+            matrix: &self.matrix + sign * &other.matrix,
+            vector: &self.vector + sign * &other.vector,
+            power: self.power + sign * other.power,
+            weight: self.weight + sign * other.weight,
+        }
+    }
+
+    /// Weighted sum of squared errors of the values `x`.
+    fn squares(&self, x: &DVector<f64>) -> f64 {
+        (self.power - 2.0 * self.vector.dot(x) + x.dot(&(&self.matrix * x))).max(0.0)
+    }
+}
+
+impl<'a> Data<'a> {
+    fn new(samples: &'a [TravelSample]) -> Result<Self, NoProfile> {
+        let finite = |s: &TravelSample| s.position.is_finite() && s.seal_force.is_finite() && s.reading.is_finite();
+        if let Some(bad) = samples.iter().position(|s| !finite(s)) {
+            return Err(NoProfile::NotFinite(bad));
+        }
+        let mut numbers: Vec<usize> = samples.iter().map(|s| s.stroke).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        if numbers.len() < FOLDS[0] {
+            return Err(NoProfile::TooFewStrokes { strokes: numbers.len() });
+        }
+        let folds = numbers.len().min(FOLDS[1]);
+        let fold = samples.iter().map(|s| numbers.partition_point(|n| *n < s.stroke) % folds).collect();
+        let mut positions: Vec<f64> = samples.iter().map(|s| s.position).collect();
+        positions.sort_by(f64::total_cmp);
+        let beyond = (BEYOND * samples.len() as f64) as usize;
+        let (from, to) = (positions[beyond], positions[samples.len() - 1 - beyond]);
+        if to <= from || samples.len() < FEWEST_PER_KNOT * (INTERVALS[0] + 1) {
+            return Err(NoProfile::TooFewReadings { samples: samples.len(), from, to });
+        }
+        let count = samples.len() as f64;
+        let force = rms(samples.iter().map(|s| s.seal_force)).max(f64::MIN_POSITIVE);
+        let offset = samples.iter().map(|s| s.reading - s.seal_force).sum::<f64>() / count;
+        Ok(Self { samples, fold, folds, from, to, force, offset })
+    }
+
+    /// What the model says without a profile, N.
+    fn level_force(&self, sample: &TravelSample) -> f64 {
+        self.offset + sample.seal_force
+    }
+
+    fn residuals(&self, says: impl Fn(&TravelSample) -> f64) -> Vec<f64> {
+        self.samples.iter().map(|s| s.reading - says(s)).collect()
+    }
+
+    /// Sums of each part, with offsets about the mean one and levels in units of the seal's force.
+    fn sums(&self, knots: usize, weights: &[f64]) -> Vec<Sums> {
+        let mut all = vec![Sums::zero(knots); self.folds];
+        for ((sample, fold), w) in self.samples.iter().zip(&self.fold).zip(weights) {
+            let (knot, part) = place(self.from, self.to, knots, sample.position);
+            let force = sample.seal_force / self.force;
+            let row = [
+                (knot, 1.0 - part),
+                (knot + 1, part),
+                (knots + knot, (1.0 - part) * force),
+                (knots + knot + 1, part * force),
+            ];
+            let reading = sample.reading - self.offset;
+            let sums = &mut all[*fold];
+            for (i, a) in row {
+                row.iter().for_each(|(j, b)| sums.matrix[(i, *j)] += w * a * b);
+                sums.vector[i] += w * a * reading;
+            }
+            sums.power += w * reading * reading;
+            sums.weight += w;
+        }
+        all
+    }
+
+    /// The candidate that predicts left-out strokes best, or as well with fewer numbers.
+    fn choose(&self, weights: &[f64], storage_length: f64) -> Result<Candidate, NoProfile> {
+        let most = self.samples.len() / FEWEST_PER_KNOT;
+        let mut candidates = Vec::new();
+        for knots in INTERVALS.iter().map(|n| n + 1).filter(|knots| *knots <= most) {
+            let parts = self.sums(knots, weights);
+            let all = parts[1..].iter().fold(parts[0].clone(), |sum, part| sum.combine(part, 1.0));
+            let tried = ROUGHNESS.iter().filter_map(|roughness| self.candidate(&parts, &all, knots, *roughness));
+            candidates.extend(tried);
+        }
+        candidates.retain(|c: &Candidate| c.profile.is_passive(storage_length));
+        let least = candidates.iter().map(|c| c.held_out).fold(f64::INFINITY, f64::min);
+        let as_good = candidates.into_iter().filter(|c| c.held_out <= AS_GOOD * AS_GOOD * least);
+        let stiffest = as_good.min_by(|a, b| a.effective_parameters.total_cmp(&b.effective_parameters));
+        stiffest.ok_or(NoProfile::NotDissipative { storage_length })
+    }
+
+    fn candidate(&self, parts: &[Sums], all: &Sums, knots: usize, roughness: f64) -> Option<Candidate> {
+        let unit = self.samples.len() as f64 / knots as f64;
+        let penalty = penalty(knots, roughness * unit, RIDGE * unit);
+        let (mut held_out, mut constant, mut better_folds) = (0.0, 0.0, 0);
+        for part in parts {
+            let others = all.combine(part, -1.0);
+            let solved = Solved::new(&others, &penalty, knots, self.force)?;
+            let with = part.squares(&solved.values);
+            let without = part.squares(&constant_values(&others, knots, self.force));
+            held_out += with / all.weight;
+            constant += without / all.weight;
+            better_folds += usize::from(with < without);
+        }
+        let solved = Solved::new(all, &penalty, knots, self.force)?;
+        let (offset, level) = solved.values.as_slice().split_at(knots);
+        let mean = mean_along(offset);
+        let offset = offset.iter().map(|o| o - mean).collect();
+        let level: Vec<f64> = level.iter().map(|l| l / self.force).collect();
+        let profile = TravelProfile::new(self.from, self.to, offset, level).ok()?;
+        let effective_parameters = solved.effective_parameters(all, knots);
+        Some(Candidate {
+            profile,
+            offset: self.offset + mean,
+            roughness,
+            held_out,
+            constant,
+            better_folds,
+            effective_parameters,
+        })
+    }
+
+    /// Held-out errors, N, without weights, of the candidate and of the constant.
+    ///
+    /// # Errors
+    /// [`NoProfile::NotBetter`] when the weighted error does not fall enough, in too few parts, or the plain one rises.
+    fn judge(&self, best: &Candidate, weights: &[f64]) -> Result<[f64; 2], NoProfile> {
+        let (profile, constant) = (best.held_out.sqrt(), best.constant.sqrt());
+        let refuse = |[profile, constant]: [f64; 2]| NoProfile::NotBetter {
+            profile,
+            constant,
+            better_folds: best.better_folds,
+            folds: self.folds,
+        };
+        let enough = best.better_folds as f64 >= LEAST_FOLDS * self.folds as f64;
+        if profile > (1.0 - LEAST_GAIN) * constant || !enough {
+            return Err(refuse([profile, constant]));
+        }
+        let knots = best.profile.levels().len();
+        let unit = self.samples.len() as f64 / knots as f64;
+        let penalty = penalty(knots, best.roughness * unit, RIDGE * unit);
+        let weighted = self.sums(knots, weights);
+        let plain = self.sums(knots, &vec![1.0; self.samples.len()]);
+        let all = weighted[1..].iter().fold(weighted[0].clone(), |sum, part| sum.combine(part, 1.0));
+        let mut squares = [0.0; 2];
+        for (part, scored) in weighted.iter().zip(&plain) {
+            let others = all.combine(part, -1.0);
+            let solved =
+                Solved::new(&others, &penalty, knots, self.force).ok_or_else(|| refuse([profile, constant]))?;
+            squares[0] += scored.squares(&solved.values);
+            squares[1] += scored.squares(&constant_values(&others, knots, self.force));
+        }
+        let errors = squares.map(|sum| (sum / self.samples.len() as f64).sqrt());
+        if errors[0] >= errors[1] { Err(refuse(errors)) } else { Ok(errors) }
+    }
+}
+
+/// Squared second differences of offsets and of levels, and a ridge on their first differences.
+fn penalty(knots: usize, roughness: f64, ridge: f64) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(2 * knots, 2 * knots);
+    let mut add = |at: usize, row: &[f64], weight: f64| {
+        for (i, a) in row.iter().enumerate() {
+            row.iter().enumerate().for_each(|(j, b)| matrix[(at + i, at + j)] += weight * a * b);
+        }
+    };
+    for start in [0, knots] {
+        (start..start + knots - 2).for_each(|at| add(at, &[1.0, -2.0, 1.0], roughness));
+        (start..start + knots - 1).for_each(|at| add(at, &[1.0, -1.0], ridge));
+        add(start, &[1.0], 1e-3 * ridge);
+    }
+    matrix
+}
+
+/// Offset alone by least squares, level 1.
+fn constant_values(sums: &Sums, knots: usize, force: f64) -> DVector<f64> {
+    let level = DVector::from_fn(2 * knots, |i, _| if i < knots { 0.0 } else { force });
+    let ones = DVector::from_fn(2 * knots, |i, _| if i < knots { 1.0 } else { 0.0 });
+    let with_ones = &sums.matrix * &ones;
+    let offset = (sums.vector.dot(&ones) - with_ones.dot(&level)) / with_ones.dot(&ones);
+    level + offset * ones
+}
+
+/// The penalised least-squares values under the gauge: mean level 1.
+struct Solved {
+    values: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
+    gauge: DVector<f64>,
+    /// S⁻¹·gauge.
+    along: DVector<f64>,
+}
+
+impl Solved {
+    /// `None` for sums that decide nothing.
+    fn new(sums: &Sums, penalty: &DMatrix<f64>, knots: usize, force: f64) -> Option<Self> {
+        let factor = Cholesky::new(&sums.matrix + penalty)?;
+        let share = |i: usize| {
+            let mut unit = vec![0.0; knots];
+            unit[i] = 1.0;
+            mean_along(&unit)
+        };
+        let gauge = DVector::from_fn(2 * knots, |i, _| if i < knots { 0.0 } else { share(i - knots) });
+        let free = factor.solve(&sums.vector);
+        let along = factor.solve(&gauge);
+        let missing = (force - gauge.dot(&free)) / gauge.dot(&along);
+        Some(Self { values: free + missing * &along, factor, gauge, along })
+    }
+
+    /// Trace of the smoother under the gauge.
+    fn effective_parameters(&self, sums: &Sums, knots: usize) -> f64 {
+        let free: f64 = (0..2 * knots).map(|i| self.factor.solve(&sums.matrix.column(i))[i]).sum();
+        free - self.along.dot(&(&sums.matrix * &self.along)) / self.gauge.dot(&self.along)
+    }
+}

@@ -1,0 +1,278 @@
+//! The force along the way: what is found of a known profile, what is refused, and that no motion yields work.
+
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use trocar::identify::{IdentifyOptions, identify};
+use trocar::recording::{ReadOptions, Recording, read};
+use trocar::segment::{passes, reversal_threshold};
+use trocar::travel::{NoProfile, ProfileError, TravelProfile, TravelSample, fit, storage_length, strokes};
+use trocar::validate::validate_along;
+use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece};
+
+/// Half width of the uniform noise of the made readings, N: standard deviation 0.058 N.
+const NOISE: f64 = 0.1;
+/// Ends of the made strokes, m.
+const ENDS: [f64; 2] = [0.01, 0.09];
+/// Strokes, steps each way and their duration, s.
+const STROKES: usize = 8;
+const STEPS: usize = 1500;
+const STEP: f64 = 2e-3;
+/// Error allowed of the found level and of the found offset (N) on the way that both directions slide: a third of the
+/// noise of one reading, relative to 4 N of force for the level.
+const LEVEL_TOLERANCE: f64 = 0.015;
+const OFFSET_TOLERANCE: f64 = 0.04;
+/// Energy by which a step's trapezoid may be off, J: 1e-9 of what the seal stores.
+const ENERGY_TOLERANCE: f64 = 1e-12;
+
+fn element() -> Element {
+    Element::new(ElementParams::plausible_10_5_mm().expect("plausible")).expect("plausible")
+}
+
+/// Readings of strokes over a way with this offset (N) and level, and what the element alone gives.
+fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -> Vec<TravelSample> {
+    let (element, mut rng) = (element(), ChaCha8Rng::seed_from_u64(seed));
+    let mut state = element.rest_state(0.0);
+    let (mut samples, mut position) = (Vec::new(), ENDS[0]);
+    for stroke in 0..STROKES {
+        for side in [1.0, -1.0] {
+            for _ in 0..STEPS {
+                let step = side * (ENDS[1] - ENDS[0]) / STEPS as f64;
+                position += step;
+                let seal_force = element.step(&mut state, step, STEP);
+                let noise = NOISE * (2.0 * rng.random::<f64>() - 1.0);
+                let reading = offset(position) + level(position) * seal_force + noise;
+                samples.push(TravelSample { position, seal_force, reading, stroke });
+            }
+        }
+    }
+    samples
+}
+
+fn wave(x: f64) -> f64 {
+    (x * std::f64::consts::TAU / 0.02).sin()
+}
+
+/// Positions at which both directions slide: off the ends by the deformation.
+fn inside() -> impl Iterator<Item = f64> {
+    (0..=100).map(|k| ENDS[0] + 0.018 + 0.44e-3 * f64::from(k))
+}
+
+#[test]
+fn a_known_profile_is_found() {
+    let samples = samples(|x| 0.7 + 0.2 * wave(x + 0.004), |x| 1.0 + 0.1 * wave(x), 1);
+    let found = fit(&samples, storage_length(&element())).expect("a clear profile");
+    let scale =
+        inside().map(|x| found.profile.level(x)).sum::<f64>() / inside().map(|x| 1.0 + 0.1 * wave(x)).sum::<f64>();
+    for x in inside() {
+        let level = found.profile.level(x) / scale - (1.0 + 0.1 * wave(x));
+        assert!(level.abs() < LEVEL_TOLERANCE, "level at {x} m off by {level}");
+        let offset = found.offset_n + found.profile.offset(x) - (0.7 + 0.2 * wave(x + 0.004));
+        assert!(offset.abs() < OFFSET_TOLERANCE, "offset at {x} m off by {offset} N");
+    }
+    // Uniform noise of ±a has the standard deviation a/√3; what is learnt from seven strokes adds little.
+    let floor = NOISE / 3f64.sqrt();
+    assert!(found.held_out_rms_n < 1.05 * floor, "{} N over a floor of {floor} N", found.held_out_rms_n);
+    assert!(found.constant_held_out_rms_n > 3.0 * floor);
+    assert_eq!(found.better_folds, found.folds);
+    assert!(found.effective_parameters <= (found.profile.free_parameters() + 1) as f64);
+}
+
+#[test]
+fn no_profile_is_seen_where_there_is_none() {
+    for seed in 0..20 {
+        let refused = fit(&samples(|_| 0.7, |_| 1.0, seed), storage_length(&element()));
+        assert!(matches!(refused, Err(NoProfile::NotBetter { .. })), "seed {seed}: {refused:?}");
+    }
+}
+
+#[test]
+fn a_profile_of_one_stroke_is_not_believed() {
+    // Each stroke has bumps of its own: they fit, but do not repeat.
+    let mut samples = samples(|_| 0.7, |_| 1.0, 1);
+    for s in &mut samples {
+        s.reading += 0.3 * wave(s.position + 0.0025 * s.stroke as f64);
+    }
+    let refused = fit(&samples, storage_length(&element()));
+    assert!(matches!(refused, Err(NoProfile::NotBetter { .. })), "{refused:?}");
+    samples.retain(|s| s.stroke < 2);
+    assert_eq!(fit(&samples, 0.0).unwrap_err(), NoProfile::TooFewStrokes { strokes: 2 });
+}
+
+#[test]
+fn the_gauge_is_kept() {
+    let profile = fit(&samples(|x| 0.7 + 3.0 * x, |x| 1.2 + x, 2), 0.01).expect("a slope").profile;
+    let n = 20_000;
+    let along = |k: i32| profile.from() + (profile.to() - profile.from()) * (f64::from(k) + 0.5) / f64::from(n);
+    let mean = |of: &dyn Fn(f64) -> f64| (0..n).map(|k| of(along(k))).sum::<f64>() / f64::from(n);
+    assert!((mean(&|x| profile.level(x)) - 1.0).abs() < 1e-6);
+    assert!(mean(&|x| profile.offset(x)).abs() < 1e-6);
+    assert_eq!(profile.level(profile.from() - 1.0), profile.levels()[0]);
+    assert_eq!(profile.offset(profile.to() + 1.0), *profile.offsets().last().expect("knots"));
+}
+
+#[test]
+fn a_level_too_steep_for_the_seal_is_refused() {
+    let samples = samples(|_| 0.7, |x| 1.0 + 0.2 * wave(x), 3);
+    // 0.2·2π/0.02 = 63 a metre at its steepest, over a level of 0.8.
+    assert!(fit(&samples, 0.01).is_ok());
+    let refused = fit(&samples, 1.0);
+    assert!(!matches!(&refused, Ok(found) if !found.profile.is_passive(1.0)));
+    assert!(refused.is_err(), "{refused:?}");
+}
+
+#[test]
+fn values_read_are_checked() {
+    let read = |text: &str| serde_json::from_str::<TravelProfile>(text).map_err(|e| e.to_string());
+    let good = r#"{"from_m":0.0,"to_m":0.1,"offset_n":[0.5,0.6,0.5],"level":[1.1,0.9,1.1]}"#;
+    let profile = read(good).expect("a profile");
+    assert_eq!(serde_json::to_string(&profile).expect("finite"), good);
+    for (from, to, says) in [
+        ("0.1,\"off", "0.0,\"off", "no interval"),
+        ("0.6,", "", "offset_n has 2 values and level 3"),
+        ("0.9", "-0.9", "level[1] is -0.9, expected above 0"),
+        ("0.9", "1.9", "the mean of level along the way is 1.5"),
+        ("from_m", "from", "unknown field `from`"),
+    ] {
+        let error = read(&good.replace(from, to)).expect_err(says);
+        assert!(error.contains(says), "{error}");
+    }
+    let nan = TravelProfile::new(0.0, 1.0, vec![0.0, f64::NAN], vec![1.0, 1.0]);
+    assert!(matches!(nan, Err(ProfileError::NotFinite { name: "offset_n", knot: 1, .. })));
+}
+
+/// Least work, J, that a driver has done at any time of a motion of `moves` (end position in m, speed in m/s) from rest;
+/// the offset is left out, whose work is that of a potential.
+fn least_work(profile: &TravelProfile, element: &Element, moves: &[(f64, f64)]) -> f64 {
+    const FINE: f64 = 2e-5;
+    let mut state = element.rest_at_force(0.0);
+    let (mut x, mut force, mut work, mut least) = (moves[0].0, 0.0, 0.0, 0.0_f64);
+    for (end, speed) in moves {
+        let steps = ((end - x).abs() / FINE).ceil().max(1.0);
+        let step = (end - x) / steps;
+        for _ in 0..steps as usize {
+            let seal_force = element.step(&mut state, step, step.abs().max(1e-12) / speed);
+            x += step;
+            let next = profile.level(x) * seal_force;
+            work += 0.5 * (force + next) * step;
+            force = next;
+            least = least.min(work);
+        }
+    }
+    least
+}
+
+/// Levels as steep as the bound allows.
+fn steepest(seed: u64, storage_length: f64) -> TravelProfile {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let raw: Vec<f64> = (0..21).map(|_| rng.random::<f64>() - 0.5).collect();
+    let mean = raw.windows(2).map(|p| 0.5 * (p[0] + p[1])).sum::<f64>() / 20.0;
+    let with = |size: f64| {
+        let level = raw.iter().map(|r| 1.0 + size * (r - mean)).collect();
+        TravelProfile::new(0.0, 0.1, vec![0.0; 21], level).expect("positive")
+    };
+    let (mut low, mut high) = (0.0, 1.5);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if with(middle).is_passive(storage_length) { low = middle } else { high = middle }
+    }
+    with(low)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_motion_yields_work(
+        seed in 0..1000u64,
+        moves in prop::collection::vec((0.0..0.1f64, 0.001..0.1f64), 2..30),
+        near in prop::collection::vec((-0.02..0.02f64, 0.001..0.1f64), 2..30),
+    ) {
+        let element = element();
+        let profile = steepest(seed, storage_length(&element));
+        let about: Vec<(f64, f64)> = near.iter().map(|(d, v)| (moves[0].0 + d, *v)).collect();
+        let all: Vec<(f64, f64)> = moves.iter().chain(&about).chain(&moves).copied().collect();
+        let least = least_work(&profile, &element, &all);
+        prop_assert!(least > -ENERGY_TOLERANCE, "{} J given off", -least);
+    }
+}
+
+/// A seal that turns over: the force rises to 1.2 times the sliding force at -c/2, falls to -0.4 of it at c/2, and rises.
+fn turns_over() -> Element {
+    let plausible = *element().params();
+    let (c, f) = (8e-3, plausible.insertion.static_force);
+    let bend = |from: f64, to: f64, low: f64, high: f64, bent: f64| {
+        Piece::new(from, to, &[0.5 * (low + high) - bent, 0.5 * (high - low), bent]).expect("a piece")
+    };
+    let branch = Branch::new(bend(-c, 0.0, -f, 0.4 * f, -0.6 * f), bend(0.0, c, 0.4 * f, f, 0.6 * f)).expect("joined");
+    let deformation = DeformationForce::new(branch, branch, None).expect("a seal");
+    Element::new(ElementParams { deformation, ..plausible }).expect("a seal")
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_motion_yields_work_from_a_seal_that_turns_over(
+        seed in 0..1000u64,
+        moves in prop::collection::vec((0.0..0.1f64, 0.001..0.1f64), 2..20),
+    ) {
+        let element = turns_over();
+        let length = storage_length(&element);
+        prop_assert!(length > 1e-3, "a falling curve: {length} m");
+        let all: Vec<(f64, f64)> = moves.iter().chain(&moves).copied().collect();
+        let least = least_work(&steepest(seed, length), &element, &all);
+        prop_assert!(least > -2.0 * element.params().insertion.static_force * 8e-3, "{} J given off", -least);
+    }
+}
+
+#[test]
+fn a_curve_that_rises_takes_any_level() {
+    let c = 8e-3;
+    let plausible = *element().params();
+    let deformation = DeformationForce::linear(plausible.insertion.static_force / c, c).expect("a spring");
+    let element = Element::new(ElementParams { deformation, ..plausible }).expect("a spring");
+    assert_eq!(storage_length(&element), 0.0);
+    // Bend where the level is low, slide a tenth of c to where it is a hundred times higher, let go.
+    let profile = TravelProfile::new(0.0, 0.1 * c, vec![0.0; 2], vec![0.02, 1.98]).expect("positive");
+    assert!(profile.is_passive(0.0));
+    let least = least_work(&profile, &element, &[(0.0, 0.01), (1.2 * c, 0.01), (0.2 * c, 0.01)]);
+    assert!(least > -ENERGY_TOLERANCE, "{least} J");
+}
+
+/// Largest error on strokes left out of the identification, in units of their scatter: the requirement.
+const MOST: f64 = 1.15;
+
+/// The strokes of `recording` with these numbers, as a recording of their own.
+fn part(recording: &Recording, chosen: impl Fn(usize) -> bool) -> Recording {
+    let stroke = strokes(recording, &passes(recording, reversal_threshold(recording)));
+    let kept = (0..recording.len()).filter(|i| chosen(stroke[*i]));
+    let column = |values: &[f64]| kept.clone().map(|i| values[i]).collect();
+    let columns = [&recording.time, &recording.position, &recording.force].map(|values| column(values));
+    let [time, position, force] = columns;
+    Recording::from_columns(recording.name.clone(), time, position, force).expect("columns of a recording")
+}
+
+#[test]
+fn held_back_strokes_of_real_seals_come_near_their_scatter() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings/elastomer_seals");
+    if !folder.is_dir() {
+        assert!(std::env::var("TROCAR_REQUIRE_SHARED").is_err(), "no recordings in {}", folder.display());
+        println!("skipped: no recordings in {}", folder.display());
+        return;
+    }
+    for name in ["pk_1bar", "o_ring_1bar"] {
+        let recording = read(&folder.join(format!("{name}.csv")), &ReadOptions::default()).expect("a recording");
+        let recording = recording.without_glitches();
+        let [odd, even] = [1, 0].map(|rest| part(&recording, |stroke| stroke % 2 == rest));
+        let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+        let found = identify(&[even], &options, &|_, _| {}).expect("strokes at constant speed");
+        let held_back = found.in_step(vec![odd]).expect("long enough");
+        let scores = validate_along(found.stages.elements(), found.profile(), &held_back, found.model.offset);
+        let strokes = scores.recordings[0].strokes.expect("five strokes that repeat");
+        println!("{name}: {}", strokes.words());
+        assert!(strokes.rms_over_scatter < MOST, "{name}: {}", strokes.words());
+        let lag = found.position_lag.expect("the positions come late").lag_s;
+        assert!((0.02..=0.1).contains(&lag), "{name}: {lag} s");
+    }
+}
