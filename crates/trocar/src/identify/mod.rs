@@ -286,7 +286,7 @@ pub fn identify(
     }
     progress("timing", 0.0);
     let again = |recordings: &[Recording]| element(recordings, options, progress);
-    let Some(lag) = position_lag(recordings) else {
+    let Some(lag) = position_lag(recordings).filter(|_| along::repeats(recordings)) else {
         return Ok(along::extend(again(recordings)?, recordings, options, again));
     };
     let in_step = |lag: f64| recordings.iter().map(|r| r.with_position_lag(lag)).collect::<Result<Vec<_>, _>>();
@@ -296,7 +296,7 @@ pub fn identify(
         let recordings = in_step(lag).ok()?;
         along::error(&element(&recordings, &quick, progress).ok()?, &recordings, lag)
     };
-    let lag = if along::repeats(recordings) { timing::settle(lag, error) } else { lag };
+    let lag = timing::settle(lag, error);
     // Long enough for every delay tried.
     let recordings = in_step(lag.lag_s).unwrap_or_else(|_| recordings.to_vec());
     let found = along::extend(again(&recordings)?, &recordings, options, again);
