@@ -132,6 +132,12 @@ impl StrokeScatter {
         root_mean((0..self.squares.len()).filter(|i| chosen(*i)).map(|i| self.squares[i]))
     }
 
+    /// Whether half of the recording's samples or more have a repeat: it was made of strokes that repeat each other. Of
+    /// hand-like motion some passes are alike by chance; what went before them is not.
+    pub fn rules(&self, recording: &Recording) -> bool {
+        2 * self.samples >= recording.len()
+    }
+
     /// Whether sample `i` has a repeat to be compared with.
     pub fn covers(&self, i: usize) -> bool {
         self.squares.get(i).is_some_and(|square| square.is_finite())

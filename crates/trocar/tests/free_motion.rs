@@ -5,7 +5,9 @@ use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Ingredient, identify};
 use trocar::recording::Recording;
 use trocar::validate::validate;
-use trocar_model::{Element, ElementParams, Relaxation, SealDamping};
+use trocar_model::{
+    DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction, State, step_parallel,
+};
 
 /// Noise of the bench's force sensor, N rms.
 const NOISE: f64 = 0.025;
@@ -119,4 +121,45 @@ fn motion_that_takes_work_from_the_seal_is_refused() {
     recording.force.iter_mut().for_each(|f| *f = -*f);
     let outcome = identify(&[recording], &IdentifyOptions::default(), &|_, _| {});
     assert!(matches!(outcome, Err(IdentifyError::ForceSign { .. })), "{:?}", outcome.err());
+}
+
+/// Swing of the force, N, in the last of 6 s at `velocity`, m/s, from rest.
+fn swing(elements: &[Element], velocity: f64) -> f64 {
+    const PERIOD: f64 = 1e-3;
+    let mut states: Vec<State> = elements.iter().map(|e| e.rest_state(0.0)).collect();
+    let forces: Vec<f64> = (0..6000).map(|_| step_parallel(elements, &mut states, velocity * PERIOD, PERIOD)).collect();
+    let last = &forces[5000..];
+    last.iter().copied().fold(f64::NEG_INFINITY, f64::max) - last.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_seal_that_sticks_and_slips_is_found_to_do_so_at_the_same_speeds() {
+    let sliding = SlidingFriction {
+        coulomb_force: 1.8,
+        static_force: 2.4,
+        viscous_damping: 4.0,
+        stribeck_velocity: 6e-3,
+        stribeck_exponent: 2.0,
+    };
+    let mut seal = random_seal(&seals(3e-3), 6);
+    seal.deformation = DeformationForce::linear(sliding.static_force / 3e-3, 3e-3).expect("a spring");
+    (seal.insertion, seal.withdrawal) = (sliding, sliding);
+    let truth = [Element::new(seal).expect("a model")];
+    println!("truth {:?}", [1e-3, 3e-3, 6e-3, 1e-2, 2e-2, 4e-2].map(|v| swing(&truth, v)));
+    let mut config = config(30.0);
+    let steady = &mut config.protocol.steady;
+    (steady.slowest_m_s, steady.fastest_m_s, steady.increment_m_s, steady.stroke_m) = (0.003, 0.043, 0.01, 0.03);
+    let record = |protocol: Protocol| {
+        let done = run(&config, protocol, &truth, 5).expect("the rig runs");
+        done.to_recording(protocol.name()).expect("finite columns")
+    };
+    let found = found(&[record(Protocol::Steady), record(Protocol::Surgeon)]);
+    println!("found {:?} rms {}", [1e-3, 3e-3, 6e-3, 1e-2, 2e-2, 4e-2].map(|v| swing(found.stages.elements(), v)), found.residual_rms);
+    println!("two step c {} {:?} defl {:?} ref {:?} swing {:?}", found.two_step.half_width, found.two_step.insertion, found.deformation.as_ref().err(), found.refinement, [3e-3, 1e-2].map(|v| swing(found.two_step.stages().unwrap().elements(), v)));
+    for p in found.parameters.iter().filter(|p| !p.name.contains("theta")) {
+        println!("{:32} {:10.4e} [{:.4e} {:.4e}] {:?}", p.name, p.estimate.value, p.estimate.ci95[0], p.estimate.ci95[1], p.estimate.note);
+    }
+    for t in &found.motion.as_ref().unwrap().ingredients {
+        println!("{:?}", t);
+    }
 }

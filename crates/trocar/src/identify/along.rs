@@ -50,9 +50,9 @@ pub(super) fn extend(
     found
 }
 
-/// Whether any of the recordings holds strokes that repeat each other.
+/// Whether any of the recordings is made of strokes that repeat each other.
 pub(super) fn repeats(recordings: &[Recording]) -> bool {
-    recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok())
+    recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok_and(|scatter| scatter.rules(recording)))
 }
 
 /// Root mean square error, N, with the best profile there is, and number of the samples: those that are common to all delays of the

@@ -2,9 +2,8 @@
 
 use super::classical::ClassicalData;
 use super::conclude::residual_rms;
-use super::{Identification, IdentifyOptions, refit as by_output_error};
+use super::{Identification, IdentifyOptions, along, refit as by_output_error};
 use crate::recording::Recording;
-use crate::scatter::StrokeScatter;
 
 /// Least part by which the error falls.
 const LEAST_GAIN: f64 = 0.05;
@@ -12,8 +11,7 @@ const LEAST_GAIN: f64 = 0.05;
 /// The identification with its element fitted by output error, where strokes repeat, the refinement was not possible and
 /// the error falls.
 pub(super) fn refit(mut found: Identification, recordings: &[Recording], options: &IdentifyOptions) -> Identification {
-    let repeats = || recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok());
-    if !options.refine || found.refinement.is_some() || !repeats() {
+    if !options.refine || found.refinement.is_some() || !along::repeats(recordings) {
         return found;
     }
     let data = ClassicalData::new(recordings, &found, options);
