@@ -94,7 +94,9 @@ fn load(folder: &Path) -> Result<Data, RecordingError> {
 
 fn heading(title: &str) {
     println!("\n### {title}\n");
-    println!("| fit | ingredients of the model | parameters | own data, N | held out, N | surgeon, N | full strokes, N |");
+    println!(
+        "| fit | ingredients of the model | parameters | own data, N | held out, N | surgeon, N | full strokes, N |"
+    );
     println!("|---|---|---|---|---|---|---|");
 }
 

@@ -47,16 +47,18 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         .panel(speed)
         .panel(marked)
         .linked_x()
-        .caption(caption(&recording.name, shown, &transients)))
+        .caption(caption(found, &recording.name, shown, &transients)))
 }
 
-fn caption(name: &str, shown: &Traverse, transients: &Transients) -> String {
+fn caption(found: &Identification, name: &str, shown: &Traverse, transients: &Transients) -> String {
+    let stages =
+        if super::has_stages(found) { " The branch is that of the first of the model's elements." } else { "" };
     let motion = match shown.direction {
         Direction::Positive => "from withdrawal to insertion",
         Direction::Negative => "from insertion to withdrawal",
     };
     format!(
-        "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {} Sensor offset \
+        "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {}{stages} Sensor offset \
          and inertia of any mass between sensor and seal are taken out of the measured force; the model's force is the seal's alone.",
         MM * shown.speed,
         transients.in_words()
