@@ -110,7 +110,10 @@ fn print_left_out(data: &Data, everything: &Row) -> Result<(), Box<dyn Error>> {
         if ON_TOP.contains(&ingredient) && rejected.contains(&ingredient) {
             println!("| {what} | the same model: tried on top of it and left out | | | | | |");
         } else {
-            println!("{}", Row::new(data, &what, &without(vec![ingredient]))?.text());
+            // The refinement before the fit must not bring the mass along either.
+            let estimate_hidden_mass = ingredient != Ingredient::HiddenMass;
+            let options = IdentifyOptions { estimate_hidden_mass, ..without(vec![ingredient]) };
+            println!("{}", Row::new(data, &what, &options)?.text());
         }
     }
     Ok(())
