@@ -179,7 +179,7 @@ fn parameters(input: &IdentificationReport) -> Section {
 /// Where values and intervals come from when the element was fitted to all motion.
 fn of_all_motion(found: &Identification) -> (String, String) {
     let beside = if found.steady.means.is_empty() {
-        "Nothing slides steadily here, so what stands beside it is no result of the paper's two steps but where the fit started."
+        "Nothing slides steadily here, so the paper's two steps give nothing to put beside it."
     } else {
         "The paper's two steps stand beside it."
     };

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use trocar_model::Stages;
-
 use super::{Drawn, MM, Scored, has_stages, thinned, without_hidden_mass};
 use crate::identify::{Identification, IngredientTrial, MotionFit};
 use crate::recording::{Recording, local_velocity};
@@ -122,7 +120,7 @@ pub(in super::super) fn held_out_errors(motion: &MotionFit) -> Figure {
     Figure::new("held-out-errors", 0, "What each ingredient is worth").panel(panel).caption(
         "Root mean square error on cycles that a fit has not seen (four parts, each predicted from the others): of the paper's \
          element, of the model without each ingredient that it keeps, of the model with each one that was tried and left out, and of \
-         the model chosen (broken line). Ingredients tried on top of others were judged before those above them were dropped.",
+         the model chosen (broken line). An ingredient that was tried and left out is judged on top of all that the table has above it.",
     )
 }
 
@@ -151,8 +149,7 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
     let shown = fresh.or_else(|| densest(found, &shown, true)).ok_or_else(none)?;
     let (recording, offset) = (shown.recording, found.model.offset);
     let model = replay(found.stages.elements(), recording, offset);
-    let two_steps = found.two_step.stages().map_err(|_| none())?;
-    let paper = paper_run(found, &two_steps, recording);
+    let paper = paper_run(found, recording);
     let origin = recording.time[shown.samples.start];
     let time: Vec<f64> = recording.time[shown.samples.clone()].iter().map(|t| t - origin).collect();
     let line = |name: &str, role, of: &dyn Fn(usize) -> f64| {
@@ -164,16 +161,15 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
     let axes = |name, unit| Panel::new(Axis::new("time", "s"), Axis::new(name, unit));
     let position =
         axes("position", "mm").series(line("position", Role::Measured, &|i| MM * recording.position[i])).aspect(0.16);
-    let force = axes("force", "N")
-        .series(line("measured", Role::Measured, &measured))
-        .series(line(TWO_STEPS, Role::Alternative, &|i| paper[i]))
-        .series(line("model", Role::Model, &|i| model.force[i]))
-        .aspect(0.45);
-    let error = axes("error", "N")
-        .series(line(TWO_STEPS, Role::Alternative, &|i| measured(i) - paper[i]))
-        .series(line("model", Role::Model, &|i| measured(i) - model.force[i]))
-        .aspect(0.22);
-    let rms = |of: &[f64]| {
+    let mut force = axes("force", "N").series(line("measured", Role::Measured, &measured));
+    let mut error = axes("error", "N");
+    if let Some(paper) = &paper {
+        force = force.series(line(TWO_STEPS, Role::Alternative, &|i| paper[i]));
+        error = error.series(line(TWO_STEPS, Role::Alternative, &|i| measured(i) - paper[i]));
+    }
+    let force = force.series(line("model", Role::Model, &|i| model.force[i])).aspect(0.45);
+    let error = error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.22);
+    let rms = |of: &[f64]| -> f64 {
         let squares = shown.samples.clone().map(|i| (measured(i) - of[i]).powi(2));
         (squares.sum::<f64>() / shown.samples.len() as f64).sqrt()
     };
@@ -182,35 +178,41 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
         .panel(force)
         .panel(error)
         .linked_x()
-        .caption(caption(found, &shown, [rms(&model.force), rms(&paper)])))
+        .caption(caption(&shown, rms(&model.force), paper.as_deref().map(rms))))
 }
 
 const TWO_STEPS: &str = "paper's two steps";
 
-/// Force of the paper's element beside the readings less the model's offset: both keep their own offset.
-fn paper_run(found: &Identification, two_steps: &Stages, recording: &Recording) -> Vec<f64> {
+/// Force of the paper's element beside the readings less the model's offset, for both keep their own; `None` where the two
+/// steps resolved no deformation.
+fn paper_run(found: &Identification, recording: &Recording) -> Option<Vec<f64>> {
+    let two_steps = found.deformation.as_ref().ok().and_then(|_| found.two_step.stages().ok())?;
     let Replay { mut force, .. } = replay(two_steps.elements(), recording, found.two_step.offset);
     force.iter_mut().for_each(|force| *force += found.two_step.offset - found.model.offset);
-    force
+    Some(force)
 }
 
-fn caption(found: &Identification, shown: &Stretch, [model, paper]: [f64; 2]) -> String {
+fn caption(shown: &Stretch, model: f64, paper: Option<f64>) -> String {
     let seen = if shown.seen { "which the model was fitted to" } else { "which the identification has not seen" };
-    let resolved = match &found.deformation {
-        Ok(_) => "",
-        Err(_) => " (they resolve no deformation here, so a stiff straight spring stands in for it)",
+    let model = significant(model, 2);
+    let errors = match paper {
+        Some(paper) => format!(
+            "Both models run freely from measured positions; the element of the paper's two steps is what the same recordings give \
+             without this fit and without the refinement. Root mean square errors here: {model} N and {} N.",
+            significant(paper, 2)
+        ),
+        None => format!(
+            "The model runs freely from measured positions; the paper's two steps resolve no deformation here, so there is no other \
+             to draw beside it. Root mean square error here: {model} N."
+        ),
     };
     format!(
         "(a) Position, (b) force and (c) measured minus computed force over the {SHOWN:.0} s of {}, {seen}, in which rests and small \
-         reversals are densest ({} partial reversals, {} s slower than 1 mm/s), from {} s on. Both models run freely from measured \
-         positions; the element of the paper's two steps{resolved} is what the same recordings give without this fit and without the \
-         refinement. Root mean square errors here: {} N and {} N.",
+         reversals are densest ({} partial reversals, {} s slower than 1 mm/s), from {} s on. {errors}",
         shown.recording.name,
         shown.partial,
         significant(shown.held, 2),
-        significant(shown.recording.time[shown.samples.start], 3),
-        significant(model, 2),
-        significant(paper, 2)
+        significant(shown.recording.time[shown.samples.start], 3)
     )
 }
 

@@ -110,7 +110,8 @@ fn table<'a>(
     parameters: impl Iterator<Item = &'a Parameter>,
     truth: Option<&[Element]>,
 ) -> Table {
-    let refined = found.motion.is_some() || found.refinement.as_ref().is_some_and(|r| r.accepted);
+    let two_steps_made = !found.steady.means.is_empty();
+    let refined = (found.motion.is_some() && two_steps_made) || found.refinement.as_ref().is_some_and(|r| r.accepted);
     let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
     if refined {
         columns.extend(["Two-step value", "Two-step 95 % interval"]);
