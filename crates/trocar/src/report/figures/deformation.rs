@@ -16,10 +16,9 @@ const LEVELS: [f64; 3] = [-0.5, 0.0, 0.5];
 const BRANCH_POINTS: usize = 300;
 
 fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a DeformationFit, String> {
-    found
-        .deformation
-        .as_ref()
-        .map_err(|why| format!("There is no figure of {what}, because the deformation is not resolved: {why}."))
+    found.deformation.as_ref().map_err(|why| {
+        format!("There is no figure of {what}, because the paper's dynamic step resolves no deformation: {why}.")
+    })
 }
 
 /// Force at several deflections against deformation velocity.

@@ -8,7 +8,9 @@ use crate::segment::Direction;
 /// The half width of each traverse, its mean and the model's value.
 pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
-        format!("There is no figure of the half width c, because the deformation is not resolved: {why}.")
+        format!(
+            "There is no figure of the half width c, because the paper's dynamic step resolves no deformation: {why}."
+        )
     })?;
     let points = |name: &str, category, direction| {
         let own: Vec<&Traverse> = deformation.traverses.iter().filter(|t| t.direction == direction).collect();

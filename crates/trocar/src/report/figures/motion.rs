@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::{Drawn, MM, Scored, has_stages, thinned, without_hidden_mass};
 use crate::identify::{Identification, IngredientTrial, MotionFit};
-use crate::recording::{Recording, local_velocity};
+use crate::recording::Recording;
 use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::report::number::significant;
@@ -14,8 +14,9 @@ use crate::segment::{passes, reversal_threshold};
 const SHOWN: f64 = 5.0;
 /// Steps in which the densest stretch is looked for, s.
 const STEP: f64 = 0.25;
-/// Slower than this the instrument counts as held, m/s.
-const HOLD_SPEED: f64 = 1e-3;
+/// A rest: this long, s, within this part of c.
+const SHORTEST_REST: f64 = 0.1;
+const RESTING: f64 = 0.1;
 
 /// What was fitted, from what, and how it came out.
 pub(in super::super) fn in_words(found: &Identification, motion: &MotionFit) -> Vec<String> {
@@ -58,15 +59,9 @@ pub(in super::super) fn in_words(found: &Identification, motion: &MotionFit) -> 
 
 /// Each ingredient with its held-out errors.
 pub(in super::super) fn ingredients(motion: &MotionFit) -> Table {
-    let columns = [
-        "Ingredient",
-        "Held out with it (N)",
-        "Held out without it (N)",
-        "Growth without it (standard errors)",
-        "Numbers",
-        "Kept",
-    ];
-    let caption = "Ingredients in the order of their trials, with the root mean square error on held-out cycles";
+    let columns = ["Ingredient", "With it (N)", "Without it (N)", "Growth (s.e.)", "Numbers", "Kept"];
+    let caption = "Root mean square error on held-out cycles with and without each ingredient, the growth of its square without it in \
+                   standard errors, and the numbers that it adds; in the order of the trials";
     motion.ingredients.iter().fold(Table::new(caption, columns), |table, trial| {
         table.row([
             Cell::from(capital(trial.ingredient.words())),
@@ -97,7 +92,7 @@ pub(in super::super) fn held_out_errors(motion: &MotionFit) -> Figure {
         let (name, error) = if t.kept {
             (format!("without {}", t.ingredient.words()), t.held_out_without_n)
         } else {
-            (format!("tried: {}", t.ingredient.words()), t.held_out_with_n)
+            (format!("with {}", t.ingredient.words()), t.held_out_with_n)
         };
         (name, error, LEFT_OUT)
     };
@@ -208,12 +203,30 @@ fn caption(shown: &Stretch, model: f64, paper: Option<f64>) -> String {
     };
     format!(
         "(a) Position, (b) force and (c) measured minus computed force over the {SHOWN:.0} s of {}, {seen}, in which rests and small \
-         reversals are densest ({} partial reversals, {} s slower than 1 mm/s), from {} s on. {errors}",
+         reversals are densest ({} partial reversals, {} s at rest or trembling), from {} s on. {errors}",
         shown.recording.name,
         shown.partial,
         significant(shown.held, 2),
         significant(shown.recording.time[shown.samples.start], 3)
     )
+}
+
+/// Samples in rests within `reach`, m, tremor included.
+fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
+    let (x, t) = (&recording.position, &recording.time);
+    let mut resting = vec![false; x.len()];
+    for range in recording.unbroken() {
+        let mut from = range.start;
+        while from + 1 < range.end {
+            let until = (from + 1..range.end).find(|i| (x[*i] - x[from]).abs() > reach).unwrap_or(range.end);
+            let rests = t[until - 1] - t[from] >= SHORTEST_REST;
+            if rests {
+                resting[from..until].fill(true);
+            }
+            from = if rests { until } else { from + 1 };
+        }
+    }
+    resting
 }
 
 /// Where most partial reversals and rests are, among samples whose state is known; `None` without both in any stretch.
@@ -228,8 +241,7 @@ fn stretches<'a>(found: &Identification, recording: &'a Recording, seen: bool) -
     let passes = passes(recording, reversal_threshold(recording));
     let partial: Vec<usize> =
         passes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
-    let interval = recording.quality.median_interval;
-    let velocity = local_velocity(recording, (20.0 * interval).max(0.05));
+    let resting = resting(recording, RESTING * found.model.half_width);
     let known = replay(found.stages.elements(), recording, found.model.offset).known;
     let mut all = Vec::new();
     for range in known {
@@ -238,9 +250,9 @@ fn stretches<'a>(found: &Identification, recording: &'a Recording, seen: bool) -
         for from in starts.take_while(|from| from + SHOWN <= end) {
             let sample = |time: f64| recording.time.partition_point(|t| *t < time);
             let samples = sample(from)..sample(from + SHOWN);
-            let slow = samples.clone().filter(|i| velocity[*i].abs() < HOLD_SPEED).count();
+            let held = samples.clone().filter(|i| resting[*i]).count() as f64 * recording.quality.median_interval;
             let partial = partial.iter().filter(|i| samples.contains(i)).count();
-            all.push(Stretch { recording, samples, partial, held: slow as f64 * interval, seen });
+            all.push(Stretch { recording, samples, partial, held, seen });
         }
     }
     all
