@@ -11,9 +11,9 @@ use std::path::Path;
 
 use trocar::identify::{Candidate, Identification, IdentifyOptions, Ingredient, identify};
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
-use trocar::replay::replay;
+use trocar::replay::replay_along;
 use trocar::segment::{passes, reversal_threshold};
-use trocar::validate::{Part, RecordingValidation, Validation, validate};
+use trocar::validate::{Part, RecordingValidation, Validation, validate_along};
 
 /// Tried only on top of the others: without one that was tried and left out, the fit takes the very same steps.
 const ON_TOP: [Ingredient; 3] = [Ingredient::SecondRelaxation, Ingredient::Asymmetry, Ingredient::SecondStage];
@@ -34,8 +34,8 @@ struct Row {
 impl Row {
     fn new(data: &Data, what: &str, options: &IdentifyOptions) -> Result<Self, Box<dyn Error>> {
         let found = identify(&data.training, options, &|_, _| {})?;
-        let seen = without_hidden_mass(&found, &data.validation)?;
-        let scores = validate(found.stages.elements(), &seen, found.model.offset);
+        let seen = as_scored(&found, &data.validation)?;
+        let scores = validate_along(found.stages.elements(), found.profile(), &seen, found.model.offset);
         let row = Self { what: what.to_owned(), found, scores };
         eprintln!("{}", row.text());
         Ok(row)
@@ -54,9 +54,11 @@ impl Row {
     }
 }
 
-fn without_hidden_mass(found: &Identification, recordings: &[Recording]) -> Result<Vec<Recording>, RecordingError> {
+/// Without the undeclared mass and the delay of the positions that the identification found.
+fn as_scored(found: &Identification, recordings: &[Recording]) -> Result<Vec<Recording>, RecordingError> {
     let mass = found.model.hidden_mass.max(0.0);
-    recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect()
+    let lighter: Result<_, _> = recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect();
+    found.in_step(lighter?)
 }
 
 /// Ingredients of the model, in words.
@@ -144,7 +146,7 @@ struct Makeup {
 
 fn makeup(row: &Row, recording: &Recording) -> Makeup {
     let offset = row.found.model.offset;
-    let run = replay(row.found.stages.elements(), recording, offset);
+    let run = replay_along(row.found.stages.elements(), row.found.profile(), recording, offset);
     let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let from = run.known.first().map_or(0, |known| known.start);
     let mean_square = |values: &mut dyn Iterator<Item = f64>| {
@@ -172,7 +174,7 @@ fn print_rest(data: &Data, rows: &[&Row]) -> Result<(), Box<dyn Error>> {
     );
     println!("|{}", "---|".repeat(10));
     for row in rows {
-        let seen = without_hidden_mass(&row.found, &data.validation)?;
+        let seen = as_scored(&row.found, &data.validation)?;
         for (recording, scores) in seen.iter().zip(&row.scores.recordings) {
             println!("{}", rest(row, recording, scores));
         }

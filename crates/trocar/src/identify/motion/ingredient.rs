@@ -62,8 +62,7 @@ impl Ingredient {
         [Self::MinorLoops, Self::Creep, Self::Relaxation, Self::SecondRelaxation, Self::SecondStage];
 
     /// Those that are only tried on top of the others.
-    pub(super) const LARGER: [Self; 4] =
-        [Self::HiddenMass, Self::Asymmetry, Self::SecondStage, Self::SecondRelaxation];
+    pub(super) const LARGER: [Self; 4] = [Self::HiddenMass, Self::Asymmetry, Self::SecondStage, Self::SecondRelaxation];
 
     /// Name on the command line and in `summary.json`.
     pub fn name(self) -> &'static str {

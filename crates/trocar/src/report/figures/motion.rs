@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::{Drawn, MM, Scored, has_stages, thinned, without_hidden_mass};
 use crate::identify::{Identification, IngredientTrial, MotionFit};
 use crate::recording::Recording;
-use crate::replay::{Replay, replay};
+use crate::replay::{Replay, replay, replay_along};
 use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::report::number::significant;
 use crate::segment::{passes, reversal_threshold};
@@ -44,8 +44,7 @@ pub(in super::super) fn in_words(found: &Identification, motion: &MotionFit) -> 
         format!(
             "{asked} All numbers of the element were therefore fitted at once to the whole force, run freely from measured positions, and \
              every ingredient was put on trial: the cycles were divided into four parts, each was predicted from the others, and an \
-             ingredient was kept if the squared error of these held-out cycles grows without it by 1 % and by 1.645 standard errors at \
-             least."
+             ingredient was kept if the error on these held-out cycles grows without it by more than its scatter between cycles explains."
         ),
         format!(
             "The held-out error is {} N for the paper's element fitted to the same readings and {} N for the model chosen, which leaves \
@@ -143,7 +142,7 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
     let shown = without_hidden_mass(training, &found.model);
     let shown = fresh.or_else(|| densest(found, &shown, true)).ok_or_else(none)?;
     let (recording, offset) = (shown.recording, found.model.offset);
-    let model = replay(found.stages.elements(), recording, offset);
+    let model = replay_along(found.stages.elements(), found.profile(), recording, offset);
     let paper = paper_run(found, recording);
     let origin = recording.time[shown.samples.start];
     let time: Vec<f64> = recording.time[shown.samples.clone()].iter().map(|t| t - origin).collect();

@@ -7,7 +7,7 @@ use trocar_model::Branch;
 use super::{Drawn, MM, seal_force, spaced, thinned};
 use crate::identify::{DeformationFit, Identification, Traverse};
 use crate::recording::{Recording, local_velocity};
-use crate::replay::replay;
+use crate::replay::replay_along;
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::segment::Direction;
 
@@ -34,7 +34,7 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         Series::line(name, role, x, y)
     };
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
-    let run = replay(found.stages.elements(), recording, found.model.offset);
+    let run = replay_along(found.stages.elements(), found.profile(), recording, found.model.offset);
     let forces = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
         .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
         .series(line("model", Role::Model, &run.force, 1.0));
