@@ -202,6 +202,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let everything = Row::new(&data, "everything", &without(Vec::new()))?;
     heading("From the paper's element to everything");
     [&paper, &bare, &everything].iter().for_each(|row| println!("{}", row.text()));
+    println!(
+        "\nA dash under “held out”: no fit to all motion, or none that predicts held-out cycles better; the two steps stay."
+    );
     print_rest(&data, &[&paper, &bare, &everything])?;
     print_alone(&data)?;
     print_left_out(&data, &everything)
