@@ -114,7 +114,7 @@ pub(in super::super) fn held_out_errors(motion: &MotionFit) -> Figure {
     Figure::new("held-out-errors", 0, "What each ingredient is worth").panel(panel).caption(
         "Root mean square error on cycles that a fit has not seen (four parts, each predicted from the others): of the paper's \
          element, of the model without each ingredient that it keeps, of the model with each one that was tried and left out, and of \
-         the model chosen (broken line). An ingredient that was tried and left out is judged on top of all that the table has above it.",
+         the model chosen (broken line). Each trial is against what the model had by then, in the order of the table.",
     )
 }
 
@@ -162,7 +162,7 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
         error = error.series(line(TWO_STEPS, Role::Alternative, &|i| measured(i) - paper[i]));
     }
     let force = force.series(line("model", Role::Model, &|i| model.force[i])).aspect(0.45);
-    let error = error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.22);
+    let error = error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.26);
     let rms = |of: &[f64]| -> f64 {
         let squares = shown.samples.clone().map(|i| (measured(i) - of[i]).powi(2));
         (squares.sum::<f64>() / shown.samples.len() as f64).sqrt()
