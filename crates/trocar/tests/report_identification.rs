@@ -303,8 +303,8 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
     }
 }
 
-/// The bench's result as if it came from a fit to all motion; its hand-like recording, its rod's inertia taken out.
-fn of_all_motion() -> (Identification, Recording) {
+/// The bench's result as if it came from a fit to all motion, and its recordings with a hand-like one.
+fn of_all_motion() -> (Identification, Vec<Recording>) {
     let trial = |ingredient, kept, held_out_with_n, held_out_without_n| IngredientTrial {
         ingredient,
         kept,
@@ -330,7 +330,8 @@ fn of_all_motion() -> (Identification, Recording) {
     let identification = Identification { motion: Some(motion), free_motion, ..BENCH.identification.clone() };
     let config = BenchConfig::default();
     let record = run(&config, Protocol::Surgeon, &BENCH.truth, 7).unwrap().to_recording("surgeon.csv").unwrap();
-    (identification, record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap())
+    let surgeon = record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap();
+    (identification, BENCH.training.iter().cloned().chain([surgeon]).collect())
 }
 
 fn text(cell: &Cell) -> &str {
@@ -342,9 +343,9 @@ fn text(cell: &Cell) -> &str {
 
 #[test]
 fn the_fit_to_all_motion_lists_and_draws_every_ingredient_that_was_tried() {
-    let (identification, surgeon) = of_all_motion();
+    let (identification, training) = of_all_motion();
     let motion = identification.motion.as_ref().unwrap();
-    let document = document(&plain_input(&identification, &[surgeon]));
+    let document = document(&plain_input(&identification, &training));
     assert_nothing_is_empty(&document);
     let section = section(&document, "Motion of any kind");
     let listed = table(section, "Ingredient");
@@ -374,8 +375,8 @@ fn the_fit_to_all_motion_lists_and_draws_every_ingredient_that_was_tried() {
 
 #[test]
 fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
-    let (identification, surgeon) = of_all_motion();
-    let document = document(&plain_input(&identification, &[surgeon]));
+    let (identification, training) = of_all_motion();
+    let document = document(&plain_input(&identification, &training));
     let [position, force, error] = &figure(&document, "small-motion").panels[..] else { panic!("three panels") };
     let duration = position.series[0].x.iter().fold(0.0f64, |most, t| most.max(*t));
     assert!((4.9..5.1).contains(&duration), "{duration} s");
@@ -420,6 +421,9 @@ fn the_deformation_force_of_a_model_with_two_elements_is_that_of_both() {
     let one = deformed(&identification);
     let element = *identification.element();
     identification.stages = Stages::new(&[element; 2]).unwrap();
+    // Limits from which deflections are counted.
+    let sliding = &mut identification.two_step;
+    [&mut sliding.insertion, &mut sliding.withdrawal].into_iter().for_each(|s| s.static_force *= 2.0);
     let both = deformed(&identification);
     for z in [-6.0, -1.0, 3.0, 7.0] {
         assert!((at(&both, z) - 2.0 * at(&one, z)).abs() < 1e-6, "at {z} mm");

@@ -218,6 +218,14 @@ fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit,
     for _ in 0..3 * BRANCH_POINTS {
         found.stages.step(&mut state, -sign * step, duration);
     }
+    // As in the measured turn-overs, z is counted from where the force leaves the sliding limit.
+    let pins = found.two_step.pins();
+    let limit = sign * if sign > 0.0 { pins.low } else { pins.high };
+    for _ in 0..BRANCH_POINTS {
+        if sign * found.stages.step(&mut state, sign * step, duration) >= limit {
+            break;
+        }
+    }
     let z: Vec<f64> = spaced(-sign * c, sign * c, BRANCH_POINTS).collect();
     let mut force = vec![Stages::force(&state)];
     force.extend((1..BRANCH_POINTS).map(|_| found.stages.step(&mut state, sign * step, duration)));
