@@ -4,12 +4,12 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use trocar::bench::{BenchConfig, Protocol, run};
-use trocar::identify::{Identification, IdentifyOptions, identify};
+use trocar::identify::{FreeMotion, Identification, IdentifyOptions, Ingredient, IngredientTrial, MotionFit, identify};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{IdentificationReport, document};
 use trocar::report::{Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document};
 use trocar::validate::{Validation, validate};
-use trocar_model::{Element, ElementParams};
+use trocar_model::{Element, ElementParams, Stages};
 
 /// A bench, what was identified on it, and the scores on another recording.
 struct Bench {
@@ -301,6 +301,143 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
         assert_eq!(a.x, b.x, "{id}");
         assert!(a.y.iter().zip(&b.y).all(|(a, b)| (a - b).abs() < 1e-9), "{id}");
     }
+}
+
+/// The bench's result as if it came from a fit to all motion, and its recordings with a hand-like one.
+fn of_all_motion() -> (Identification, Vec<Recording>) {
+    let trial = |ingredient, kept, held_out_with_n, held_out_without_n| IngredientTrial {
+        ingredient,
+        kept,
+        held_out_with_n,
+        held_out_without_n,
+        surety: if kept { 3.0 } else { -0.5 },
+        parameters: 1,
+    };
+    let motion = MotionFit {
+        ingredients: vec![
+            trial(Ingredient::SecondStage, false, 0.0310, 0.0305),
+            trial(Ingredient::SealDamping, true, 0.0305, 0.0400),
+            trial(Ingredient::Creep, true, 0.0305, 0.0500),
+        ],
+        held_out_all_n: 0.0305,
+        held_out_chosen_n: 0.0300,
+        held_out_paper_n: 0.0620,
+        fitted_rms_n: 0.0290,
+        iterations: 7,
+        converged: true,
+    };
+    let free_motion = Some(FreeMotion { reversals: 94, partial_reversals: 9, held_s: 17.1 });
+    let identification = Identification { motion: Some(motion), free_motion, ..BENCH.identification.clone() };
+    let config = BenchConfig::default();
+    let record = run(&config, Protocol::Surgeon, &BENCH.truth, 7).unwrap().to_recording("surgeon.csv").unwrap();
+    let surgeon = record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap();
+    (identification, BENCH.training.iter().cloned().chain([surgeon]).collect())
+}
+
+fn text(cell: &Cell) -> &str {
+    match cell {
+        Cell::Text(text) => text,
+        other => panic!("{other:?} is no text"),
+    }
+}
+
+#[test]
+fn the_fit_to_all_motion_lists_and_draws_every_ingredient_that_was_tried() {
+    let (identification, training) = of_all_motion();
+    let motion = identification.motion.as_ref().unwrap();
+    let document = document(&plain_input(&identification, &training));
+    assert_nothing_is_empty(&document);
+    let section = section(&document, "Motion of any kind");
+    let listed = table(section, "Ingredient");
+    assert_eq!(listed.rows.len(), motion.ingredients.len());
+    let drawn = &figure(&document, "held-out-errors").panels[0];
+    assert_eq!(drawn.y.names.len(), motion.ingredients.len() + 2);
+    let points: Vec<(f64, &str)> = drawn
+        .series
+        .iter()
+        .filter(|s| s.kind == Kind::Points)
+        .flat_map(|s| s.x.iter().zip(&s.y).map(|(x, y)| (*x, drawn.y.names[*y as usize].as_str())))
+        .collect();
+    for (cells, trial) in listed.rows.iter().zip(&motion.ingredients) {
+        let words = trial.ingredient.words();
+        assert_eq!(text(&cells[0]).to_lowercase(), words.to_lowercase());
+        assert_eq!(cells[1], Cell::Number { value: trial.held_out_with_n, digits: 3 });
+        assert_eq!(cells[2], Cell::Number { value: trial.held_out_without_n, digits: 3 });
+        assert_eq!(text(&cells[5]), if trial.kept { "yes" } else { "no" });
+        let shown = if trial.kept { trial.held_out_without_n } else { trial.held_out_with_n };
+        assert!(points.iter().any(|(x, name)| *x == shown && name.ends_with(words)), "{words}: {points:?}");
+    }
+    assert!(points.contains(&(motion.held_out_paper_n, "paper's element")), "{points:?}");
+    assert!(points.contains(&(motion.held_out_chosen_n, "model chosen")), "{points:?}");
+    let words = section.paragraphs.join(" ");
+    assert!(words.contains("9 partial reversals") && words.contains("17.1 s of rest"), "{words}");
+}
+
+#[test]
+fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
+    let (identification, training) = of_all_motion();
+    let document = document(&plain_input(&identification, &training));
+    let [position, force, error] = &figure(&document, "small-motion").panels[..] else { panic!("three panels") };
+    let duration = position.series[0].x.iter().fold(0.0f64, |most, t| most.max(*t));
+    assert!((4.9..5.1).contains(&duration), "{duration} s");
+    for role in [Role::Model, Role::Alternative] {
+        for time in [0.7, 1.9, 3.1, 4.3] {
+            let left = at(series(force, Role::Measured), time) - at(series(force, role), time);
+            // Lines are thinned each on its own: they agree within the noise of the sensor.
+            assert!((left - at(series(error, role), time)).abs() < 0.15, "{role:?} at {time} s");
+        }
+    }
+    // The bench's own recordings of full strokes hold no such stretch.
+    let words = section(&document_of_strokes(&identification), "Motion of any kind").paragraphs.join(" ");
+    assert!(words.contains("no recording holds both"), "{words}");
+}
+
+fn document_of_strokes(identification: &Identification) -> Document {
+    document(&plain_input(identification, &BENCH.training))
+}
+
+#[test]
+fn no_sentence_claims_a_refinement_that_the_fit_to_all_motion_replaced() {
+    let (identification, _) = of_all_motion();
+    let document = document_of_strokes(&identification);
+    let words = section(&document, "Parameters").paragraphs.join(" ");
+    assert!(words.contains("fit to all motion") && !words.contains("refinement"), "{words}");
+    for figure in figures(&document).iter().filter(|figure| figure.id != "small-motion") {
+        assert!(!figure.caption.contains("refined"), "{}: {}", figure.id, figure.caption);
+    }
+    let plain = document_of_strokes(&BENCH.identification);
+    assert!(plain.sections.iter().all(|section| section.heading != "Motion of any kind"));
+    assert!(figures(&plain).iter().all(|figure| figure.id != "held-out-errors" && figure.id != "small-motion"));
+}
+
+#[test]
+fn the_deformation_force_of_a_model_with_two_elements_is_that_of_both() {
+    let (mut identification, _) = of_all_motion();
+    let deformed = |identification: &Identification| {
+        let document = document_of_strokes(identification);
+        let panel = figure(&document, "deformation-force").panels[0].clone();
+        series(&panel, Role::Model).clone()
+    };
+    let one = deformed(&identification);
+    let element = *identification.element();
+    identification.stages = Stages::new(&[element; 2]).unwrap();
+    // Limits from which deflections are counted.
+    let sliding = &mut identification.two_step;
+    [&mut sliding.insertion, &mut sliding.withdrawal].into_iter().for_each(|s| s.static_force *= 2.0);
+    let both = deformed(&identification);
+    for z in [-6.0, -1.0, 3.0, 7.0] {
+        assert!((at(&both, z) - 2.0 * at(&one, z)).abs() < 1e-6, "at {z} mm");
+    }
+    let measured = figure(&document_of_strokes(&BENCH.identification), "deformation-force").panels[0].clone();
+    let measured = series_of_line(&measured, Role::Measured);
+    for z in [-6.0, 0.0, 6.0] {
+        let difference = at(&one, z) - at(&measured, z);
+        assert!(difference.abs() < 0.15, "{difference} N at {z} mm");
+    }
+}
+
+fn series_of_line(panel: &Panel, role: Role) -> Series {
+    panel.series.iter().find(|s| s.role == role && s.kind == Kind::Line).unwrap().clone()
 }
 
 #[test]

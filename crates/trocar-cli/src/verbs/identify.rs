@@ -298,7 +298,7 @@ pub(crate) struct Row<'a> {
 
 /// The parameters that people ask for first, in units that they think in.
 pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
-    const MAIN: [(&str, &str, f64, &str); 13] = [
+    const MAIN: [(&str, &str, f64, &str); 21] = [
         ("coulomb_force_n", "Coulomb force F_c", 1.0, "N"),
         ("viscous_damping_n_s_m", "viscous damping β", 1.0, "N s/m"),
         ("viscous_damping_n_s_m_positive", "  β of insertion", 1.0, "N s/m"),
@@ -312,6 +312,14 @@ pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
         ("offset_n", "sensor offset F_0", 1.0, "N"),
         ("hidden_mass_kg", "undeclared mass", 1e3, "g"),
         ("yield_stiffness_n_m", "yield stiffness κ", 1e-3, "N/mm"),
+        ("creep_velocity_m_s", "creep velocity v_c", 1e3, "mm/s"),
+        ("friction_lag_s", "lag of the Stribeck curve T", 1e3, "ms"),
+        ("relaxation_stiffness_n_m", "relaxing stiffness E", 1e-3, "N/mm"),
+        ("relaxation_time_s", "relaxation time τ", 1.0, "s"),
+        ("second_relaxation_stiffness_n_m", "relaxing stiffness E_2", 1e-3, "N/mm"),
+        ("second_relaxation_time_s", "relaxation time τ_2", 1.0, "s"),
+        ("second_coulomb_force_n", "F_c of the second stage", 1.0, "N"),
+        ("second_half_width_m", "c of the second stage", 1e3, "mm"),
     ];
     let asymmetric = found.steady.is_asymmetric();
     let wanted = MAIN.into_iter().filter(|(name, ..)| asymmetric || !name.ends_with("tive"));

@@ -68,6 +68,8 @@ struct ChartPanel<'a> {
     y: [&'a str; 2],
     limits: [f64; 4],
     logarithmic: [bool; 2],
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    names: &'a [String],
     aspect: f64,
     series: Vec<ChartSeries<'a>>,
     marks: Vec<ChartMark<'a>>,
@@ -135,6 +137,7 @@ fn chart_panel<'a>(figure: &'a Figure, index: usize, panel: &'a Panel, limits: L
         y: [&panel.y.label, &panel.y.unit],
         limits: limits.flat(),
         logarithmic: [panel.x.logarithmic, panel.y.logarithmic],
+        names: &panel.y.names,
         aspect: panel.aspect,
         series: panel.series.iter().map(|series| chart_series(series, limits)).collect(),
         marks: panel.marks.iter().filter_map(chart_mark).collect(),

@@ -151,18 +151,25 @@ pub struct Axis {
     pub include_zero: bool,
     /// Equal ratios take equal lengths; what is not above zero is not drawn.
     pub logarithmic: bool,
+    /// Texts at 0, 1, 2, … in place of numbers; for vertical axes.
+    pub names: Vec<String>,
 }
 
 impl Axis {
     /// An axis that spans its data.
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), unit: unit.into(), include_zero: false, logarithmic: false }
+        Self { label: label.into(), unit: unit.into(), include_zero: false, logarithmic: false, names: Vec::new() }
     }
 
     /// An axis that always shows zero.
     pub fn with_zero(mut self) -> Self {
         self.include_zero = true;
         self
+    }
+
+    /// A vertical axis of named places, the first of them at 0.
+    pub fn named(names: Vec<String>) -> Self {
+        Self { names, ..Self::new("", "") }
     }
 
     /// An axis on which equal ratios take equal lengths.

@@ -125,8 +125,11 @@ fn part([low, high]: [f64; 2], logarithmic: bool, value: f64) -> f64 {
     if logarithmic { (value / low).ln() / (high / low).ln() } else { (value - low) / (high - low) }
 }
 
-fn axis_ticks([low, high]: [f64; 2], logarithmic: bool, target: usize) -> Ticks {
-    if logarithmic { log_ticks(low, high, target) } else { ticks(low, high, target) }
+fn axis_ticks([low, high]: [f64; 2], axis: &Axis, target: usize) -> Ticks {
+    if !axis.names.is_empty() {
+        return Ticks { at: (0..axis.names.len()).map(|k| k as f64).collect(), labels: axis.names.clone() };
+    }
+    if axis.logarithmic { log_ticks(low, high, target) } else { ticks(low, high, target) }
 }
 
 impl<'a> Layout<'a> {
@@ -135,7 +138,7 @@ impl<'a> Layout<'a> {
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
         let cell = (width - 14.0 * (columns as f64 - 1.0)) / columns as f64;
         let limits = view::limits(figure);
-        let left_of = |(limits, panel): (&Limits, &Panel)| left_margin(limits.y, panel.y.logarithmic);
+        let left_of = |(limits, panel): (&Limits, &Panel)| left_margin(limits.y, &panel.y);
         let left = limits.iter().zip(&figure.panels).map(left_of).fold(0.0, f64::max);
         let right = figure.panels.iter().map(right_margin).fold(0.0, f64::max);
         let inner = cell - left - right;
@@ -182,7 +185,7 @@ impl<'a> Frame<'a> {
             height,
             limits,
             logarithmic: [panel.x.logarithmic, panel.y.logarithmic],
-            x_ticks: axis_ticks(limits.x, panel.x.logarithmic, ((width / 50.0) as usize).max(4)),
+            x_ticks: axis_ticks(limits.x, &panel.x, ((width / 50.0) as usize).max(4)),
             y_ticks: Ticks { at: Vec::new(), labels: Vec::new() },
             title: 0.0,
             legend: Vec::new(),
@@ -198,13 +201,13 @@ impl<'a> Frame<'a> {
         let more = headroom / (height - headroom).max(20.0);
         frame.limits.y[1] =
             if panel.y.logarithmic { high * (high / low).powf(more) } else { high + (high - low) * more };
-        frame.y_ticks = axis_ticks(frame.limits.y, panel.y.logarithmic, ((height / 34.0) as usize).max(3));
+        frame.y_ticks = axis_ticks(frame.limits.y, &panel.y, ((height / 34.0) as usize).max(3));
         frame
     }
 }
 
-fn left_margin(y: [f64; 2], logarithmic: bool) -> f64 {
-    let labels = axis_ticks(y, logarithmic, 8).labels;
+fn left_margin(y: [f64; 2], axis: &Axis) -> f64 {
+    let labels = axis_ticks(y, axis, 8).labels;
     let widest = labels.iter().map(|label| text_width(label, f64::from(TICK_SIZE))).fold(12.0, f64::max);
     widest + 30.0
 }

@@ -8,7 +8,7 @@ use trocar_model::Element;
 use super::document::{Document, Section, Tile};
 use super::figures::{self, Scored};
 use super::number::{fixed, significant};
-use crate::identify::{Identification, Warning};
+use crate::identify::{Identification, Parameter, Warning};
 use crate::recording::Recording;
 use crate::validate::Validation;
 
@@ -32,6 +32,9 @@ pub struct IdentificationReport<'a> {
     /// Title of the report.
     pub title: &'a str,
 }
+
+/// Heading of the section on the fit to all motion.
+const MOTION: &str = "Motion of any kind";
 
 /// Root mean square error, N, that EMS section IV-C reports on its own data.
 const ERROR_OF_EMS: &str = "EMS reports 0.17 N on its own data";
@@ -132,19 +135,70 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
         Section::new("Recordings")
             .table(figures::sampling(recordings(input)))
             .table(figures::resolution(recordings(input))),
+    ];
+    all.extend(motion(input, scored));
+    all.extend([
         section("Velocity reversal", figures::velocity_step(found, input.training)),
         section("Static friction", figures::static_friction(found)),
         figures::with(deformation, figures::half_width(found)),
         section("Cross-validation", figures::cross_validation(scored)),
         figures::with(errors, figures::error_by_speed(scored)),
-    ];
+    ]);
     if let Some(table) = figures::branch_coefficients(found) {
         all.push(Section::new("Coefficients of the branches").table(table));
     }
     all
 }
 
+/// The fit to all motion; `None` where there was none.
+fn motion(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
+    let found = input.identification;
+    let fit = found.motion.as_ref()?;
+    let section = Section {
+        paragraphs: figures::motion_in_words(found, fit),
+        ..Section::new(MOTION).table(figures::ingredients(fit)).figure(figures::held_out_errors(fit))
+    };
+    Some(figures::with(section, figures::small_motion(found, input.training, scored)))
+}
+
 fn parameters(input: &IdentificationReport) -> Section {
+    let found = input.identification;
+    let truth = match input.truth {
+        Some(_) => " The truth is what the virtual bench was run with; a dash marks what has no single true value.",
+        None => "",
+    };
+    let (values, intervals) = if found.motion.is_some() { of_all_motion(found) } else { of_full_strokes(input) };
+    Section::new("Parameters")
+        .paragraph(format!("{values}{truth}"))
+        .paragraph(format!(
+            "{intervals} Velocity and force are positive on insertion; the force is what the instrument exerts on the seal."
+        ))
+        .table(figures::parameters(found, input.truth))
+}
+
+/// Where values and intervals come from when the element was fitted to all motion.
+fn of_all_motion(found: &Identification) -> (String, String) {
+    let beside = if found.steady.means.is_empty() {
+        "Nothing slides steadily here, so the paper's two steps give nothing to put beside it."
+    } else {
+        "The paper's two steps stand beside it."
+    };
+    let values = format!(
+        "The value is that of the fit to all motion (section “{MOTION}”), in which F_0, F_c and β are free as well. {beside}"
+    );
+    let symmetric = found.model.insertion == found.model.withdrawal;
+    let of_direction = |p: &Parameter| p.name.ends_with("_positive") || p.name.ends_with("_negative");
+    let lines = if symmetric && found.parameters.iter().any(of_direction) {
+        " The lines of each direction are those of the steady state, with its intervals."
+    } else {
+        ""
+    };
+    let intervals = format!("Intervals come from the jackknife over clusters of cycles, to first order.{lines}");
+    (values, intervals)
+}
+
+/// The same for the paper's two steps and their refinement.
+fn of_full_strokes(input: &IdentificationReport) -> (String, String) {
     let found = input.identification;
     let branches = match input.bootstrap {
         0 => "by the jackknife over passes".to_owned(),
@@ -163,18 +217,11 @@ fn parameters(input: &IdentificationReport) -> Section {
         ),
         None => "The value is that of the paper's two steps; no refinement was made.".to_owned(),
     };
-    let truth = match input.truth {
-        Some(_) => " The truth is what the virtual bench was run with; a dash marks what has no single true value.",
-        None => "",
-    };
-    Section::new("Parameters")
-        .paragraph(format!("{refinement}{truth}"))
-        .paragraph(format!(
-            "Intervals of the sliding force come from the scatter between passes, those of the refinement from the jackknife over passes, \
-             those of the joins and of the coefficients of the branches {branches}. Velocity and force are positive on insertion; the \
-             force is what the instrument exerts on the seal."
-        ))
-        .table(figures::parameters(found, input.truth))
+    let intervals = format!(
+        "Intervals of the sliding force come from the scatter between passes, those of the refinement from the jackknife over passes, \
+         those of the joins and of the coefficients of the branches {branches}."
+    );
+    (refinement, intervals)
 }
 
 fn recordings<'a>(input: &IdentificationReport<'a>) -> impl Iterator<Item = (&'a Recording, &'static str)> {

@@ -51,6 +51,9 @@ fn shown_on(axis: &Axis) -> impl Fn(&f64) -> bool {
 }
 
 fn y_span(panel: &Panel) -> Span {
+    if !panel.y.names.is_empty() {
+        return Span { low: -0.5, high: panel.y.names.len() as f64 - 0.5 };
+    }
     let data = panel.series.iter().flat_map(ordinates).copied();
     let marks = panel.marks.iter().flat_map(|mark| match *mark {
         Mark::Y { at, .. } => [at, at],

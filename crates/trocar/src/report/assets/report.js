@@ -115,7 +115,7 @@
         },
         axes: [
           axis(named(this.data.x), 30, logX),
-          { ...axis(named(this.data.y), (u, labels) => 14 + Math.max(20, ...(labels || []).map(textWidth)), logY), space: 34 },
+          { ...axis(named(this.data.y), (u, labels) => 14 + Math.max(20, ...(labels || []).map(textWidth)), logY), space: 34, ...this.places() },
         ],
         series: [{}, { paths: () => null, points: { show: false } }],
         cursor: {
@@ -130,6 +130,13 @@
         },
       };
       return new uPlot(options, [[x0, x1], [y0, top]], this.box);
+    }
+
+    // Names in place of numbers along y.
+    places() {
+      const names = this.data.names;
+      if (!names) return {};
+      return { label: null, labelSize: 0, splits: () => names.map((_, k) => k), filter: (u, ticks) => ticks, values: () => names };
     }
 
     clipped(u, draw) {
@@ -270,6 +277,7 @@
     }
 
     value(series, i) {
+      if (this.data.names) return (this.data.names[series.y[i]] || "") + ", " + shown(series.x[i], this.span("x")) + unit(this.data.x);
       const span = this.span("y"), text = (value) => shown(value, span);
       const where = series.sorted ? "" : " at " + shown(series.x[i], this.span("x")) + unit(this.data.x);
       if (series.kind === "band") return text(series.low[i]) + " to " + text(series.high[i]) + unit(this.data.y);

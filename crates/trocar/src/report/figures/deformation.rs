@@ -1,6 +1,6 @@
 //! The deformation force against deformation velocity (EMS figure 7) and deflection (EMS figure 8).
 
-use trocar_model::{Branch, Element};
+use trocar_model::{Branch, Element, Friction, Stages};
 
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::identify::{
@@ -16,10 +16,9 @@ const LEVELS: [f64; 3] = [-0.5, 0.0, 0.5];
 const BRANCH_POINTS: usize = 300;
 
 fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a DeformationFit, String> {
-    found
-        .deformation
-        .as_ref()
-        .map_err(|why| format!("There is no figure of {what}, because the deformation is not resolved: {why}."))
+    found.deformation.as_ref().map_err(|why| {
+        format!("There is no figure of {what}, because the paper's dynamic step resolves no deformation: {why}.")
+    })
 }
 
 /// Force at several deflections against deformation velocity.
@@ -42,7 +41,7 @@ pub(in super::super) fn deformation_velocity(found: &Identification) -> Drawn {
     }
     Ok(Figure::new("deformation-velocity", 0, "Influence of the deformation velocity")
         .panel(panel)
-        .caption(velocity_caption(test)))
+        .caption(velocity_caption(found, test)))
 }
 
 /// The force of one direction's traverses at one deflection.
@@ -97,8 +96,10 @@ fn fit_of(deformation: &DeformationFit, direction: Direction) -> &BranchFit {
     }
 }
 
-fn velocity_caption(test: &DampingTest) -> String {
-    let verdict = if test.kept {
+fn velocity_caption(found: &Identification, test: &DampingTest) -> String {
+    let verdict = if found.motion.is_some() {
+        "which is where the fit to all motion starts from; its own σ is in the table of parameters, if it keeps one"
+    } else if test.kept {
         "so σ is kept in the model"
     } else if test.equivalent_to_zero {
         "so σ is set to zero, and an influence of more than 0.1 N is excluded at 95 %"
@@ -185,8 +186,12 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
             all.push(drawn(JOINED, Role::Fit, &branch));
         }
     }
-    if found.refinement.as_ref().is_some_and(|r| r.accepted) {
-        all.extend([rising(found), falling(found)].map(|branch| drawn("model (refined)", Role::Model, branch)));
+    match super::model_name(found) {
+        Some(name) if found.motion.is_some() => {
+            all.extend([1.0, -1.0].map(|sign| full_stroke(name, found, deformation, sign)));
+        }
+        Some(name) => all.extend([rising(found), falling(found)].map(|branch| drawn(name, Role::Model, branch))),
+        None => {}
     }
     if let Some([element]) = truth {
         let force = &element.params().deformation;
@@ -195,6 +200,36 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
         );
     }
     all
+}
+
+/// Mean speed of the turn-overs, m/s.
+fn mean_speed(deformation: &DeformationFit) -> f64 {
+    deformation.traverses.iter().map(|t| t.speed).sum::<f64>() / deformation.traverses.len().max(1) as f64
+}
+
+/// The whole model turned over at the mean speed of the turn-overs: all stages, damping and relaxation included. Insertion for
+/// a positive `sign`.
+fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit, sign: f64) -> Series {
+    let c = deformation.half_width.value;
+    let step = 2.0 * c / (BRANCH_POINTS - 1) as f64;
+    let duration = step / mean_speed(deformation);
+    let mut state = found.stages.rest_at_force(0.0);
+    // Far enough to slide and to forget the start.
+    for _ in 0..3 * BRANCH_POINTS {
+        found.stages.step(&mut state, -sign * step, duration);
+    }
+    // As in the measured turn-overs, z is counted from where the force leaves the sliding limit.
+    let pins = found.two_step.pins();
+    let limit = sign * if sign > 0.0 { pins.low } else { pins.high };
+    for _ in 0..BRANCH_POINTS {
+        if sign * found.stages.step(&mut state, sign * step, duration) >= limit {
+            break;
+        }
+    }
+    let z: Vec<f64> = spaced(-sign * c, sign * c, BRANCH_POINTS).collect();
+    let mut force = vec![Stages::force(&state)];
+    force.extend((1..BRANCH_POINTS).map(|_| found.stages.step(&mut state, sign * step, duration)));
+    Series::line(name, Role::Model, z.iter().map(|z| MM * z).collect(), force)
 }
 
 fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
@@ -206,12 +241,19 @@ fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
 fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> String {
     let count = |d| deformation.traverses.iter().filter(|t| t.direction == d).count();
     let [left, right] = deformation.rising.shape.degrees();
-    let refined = if found.refinement.as_ref().is_some_and(|r| r.accepted) {
-        " The refined branches fit the force over whole recordings, not this mean; joins marked are theirs."
+    let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
+    let refined = if found.motion.is_some() {
+        format!(
+            " The model is drawn as a whole, turned over at {:.0} mm/s, the mean speed of the turn-overs: all of its elements, damping \
+             and relaxation, which the measured mean holds too. Joins marked are those of {stages}.",
+            MM * mean_speed(deformation)
+        )
+    } else if found.refinement.as_ref().is_some_and(|r| r.accepted) {
+        " The refined branches fit the force over whole recordings, not this mean; joins marked are theirs.".to_owned()
     } else {
-        " Joins are marked."
+        " Joins are marked.".to_owned()
     };
-    let damped = if found.model.seal_damping > 0.0 {
+    let damped = if found.motion.is_none() && found.model.seal_damping > 0.0 {
         " The measured force holds the damping force σ·ż as well, which the refined branches leave to σ."
     } else {
         ""

@@ -8,7 +8,9 @@ use crate::segment::Direction;
 /// The half width of each traverse, its mean and the model's value.
 pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
-        format!("There is no figure of the half width c, because the deformation is not resolved: {why}.")
+        format!(
+            "There is no figure of the half width c, because the paper's dynamic step resolves no deformation: {why}."
+        )
     })?;
     let points = |name: &str, category, direction| {
         let own: Vec<&Traverse> = deformation.traverses.iter().filter(|t| t.direction == direction).collect();
@@ -18,6 +20,7 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     let speeds = || deformation.traverses.iter().map(|t| MM * t.speed);
     let ends = vec![speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max)];
     let estimate = &deformation.half_width;
+    let model = if super::has_stages(found) { "model, first element" } else { "model" };
     let level = |value: f64| vec![MM * value; 2];
     let mut panel = Panel::new(Axis::new("mean speed of the turn-over", "mm/s"), Axis::new("half width c", "mm"));
     if estimate.pinned {
@@ -26,7 +29,7 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     }
     panel = panel
         .series(Series::line("mean, 95 % interval", Role::Fit, ends.clone(), level(estimate.value)))
-        .series(Series::line("model", Role::Model, ends, level(found.model.half_width)))
+        .series(Series::line(model, Role::Model, ends, level(found.model.half_width)))
         .series(points("insertion", 0, Direction::Positive))
         .series(points("withdrawal", 1, Direction::Negative));
     let trend = deformation.speed_dependence_p_value.map_or_else(

@@ -5,6 +5,7 @@
 pub(super) mod comparison;
 mod deformation;
 mod half_width;
+mod motion;
 mod reversal;
 mod sliding;
 mod speeds;
@@ -16,11 +17,12 @@ use std::borrow::Cow;
 use super::decimate;
 use super::document::{Figure, Section};
 use super::number::{decimals_for, fixed, significant};
-use crate::identify::{Candidate, Estimate};
+use crate::identify::{Candidate, Estimate, Identification};
 use crate::recording::{Recording, local_acceleration};
 
 pub(super) use deformation::{deformation_force, deformation_velocity};
 pub(super) use half_width::half_width;
+pub(super) use motion::{held_out_errors, in_words as motion_in_words, ingredients, small_motion};
 pub(super) use reversal::velocity_step;
 pub(super) use sliding::static_friction;
 pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
@@ -35,6 +37,20 @@ const MOST_POINTS: usize = 1_500;
 
 /// Millimetres in a metre; also mm/s in m/s.
 pub(super) const MM: f64 = 1e3;
+
+/// Name of the model's curves beside those of the two steps; `None` where the model is the two steps'.
+fn model_name(found: &Identification) -> Option<&'static str> {
+    let refined = found.refinement.as_ref().is_some_and(|r| r.accepted);
+    match &found.motion {
+        Some(_) => Some("model (fitted to all motion)"),
+        None => refined.then_some("model (refined)"),
+    }
+}
+
+/// Whether the model has elements in parallel.
+fn has_stages(found: &Identification) -> bool {
+    found.stages.elements().len() > 1
+}
 
 /// The section with the figure, or with the reason why it is missing.
 pub(super) fn with(section: Section, drawn: Drawn) -> Section {

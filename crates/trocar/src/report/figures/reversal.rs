@@ -7,7 +7,7 @@ use trocar_model::Branch;
 use super::{Drawn, MM, seal_force, spaced, thinned};
 use crate::identify::{DeformationFit, Identification, Traverse};
 use crate::recording::{Recording, local_velocity};
-use crate::replay::replay;
+use crate::replay::replay_along;
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::segment::Direction;
 
@@ -34,7 +34,7 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         Series::line(name, role, x, y)
     };
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
-    let run = replay(found.stages.elements(), recording, found.model.offset);
+    let run = replay_along(found.stages.elements(), found.profile(), recording, found.model.offset);
     let forces = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
         .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
         .series(line("model", Role::Model, &run.force, 1.0));
@@ -47,16 +47,18 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         .panel(speed)
         .panel(marked)
         .linked_x()
-        .caption(caption(&recording.name, shown, &transients)))
+        .caption(caption(found, &recording.name, shown, &transients)))
 }
 
-fn caption(name: &str, shown: &Traverse, transients: &Transients) -> String {
+fn caption(found: &Identification, name: &str, shown: &Traverse, transients: &Transients) -> String {
+    let stages =
+        if super::has_stages(found) { " The branch is that of the first of the model's elements." } else { "" };
     let motion = match shown.direction {
         Direction::Positive => "from withdrawal to insertion",
         Direction::Negative => "from insertion to withdrawal",
     };
     format!(
-        "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {} Sensor offset \
+        "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {}{stages} Sensor offset \
          and inertia of any mass between sensor and seal are taken out of the measured force; the model's force is the seal's alone.",
         MM * shown.speed,
         transients.in_words()

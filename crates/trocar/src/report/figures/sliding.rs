@@ -1,5 +1,7 @@
 //! Force in steady sliding against velocity, with the fitted line and its confidence lines (EMS figure 6, (23), (11)).
 
+use trocar_model::ElementParams;
+
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::identify::{DirectionLine, Identification, PassMean, SteadyFit};
 use crate::report::document::{Axis, Figure, Kind, Panel, Role, Series};
@@ -22,8 +24,8 @@ pub(in super::super) fn static_friction(found: &Identification) -> Drawn {
     let curves = Curves { steady, offset: found.model.offset };
     let mut all = vec![curves.means()];
     all.extend(curves.confidence().into_iter().chain(curves.fitted()));
-    if found.refinement.as_ref().is_some_and(|r| r.accepted) {
-        all.push(curves.model(found));
+    if let Some(name) = super::model_name(found) {
+        all.push(curves.model(found, name));
     }
     let velocity = || Axis::new("sliding velocity", "mm/s").with_zero();
     let whole = Panel::new(velocity(), Axis::new("force", "N").with_zero());
@@ -137,11 +139,15 @@ impl Curves<'_> {
         ends.into_iter().map(line).collect()
     }
 
-    fn model(&self, found: &Identification) -> Series {
-        self.curve("model (refined)", Role::Model, |v| {
-            let sliding = if v > 0.0 { &found.model.insertion } else { &found.model.withdrawal };
-            v.signum() * sliding.force(v.abs())
-        })
+    /// All stages in steady sliding, the creep of the contact included.
+    fn model(&self, found: &Identification, name: &str) -> Series {
+        let force = |p: &ElementParams, v: f64| {
+            let sliding = if v > 0.0 { &p.insertion } else { &p.withdrawal };
+            let viscous = sliding.viscous_damping * v.abs();
+            let part = if v == 0.0 { 0.0 } else { v.abs() / v.hypot(p.creep_velocity) };
+            v.signum() * ((sliding.force(v.abs()) - viscous) * part + viscous)
+        };
+        self.curve(name, Role::Model, |v| found.stages.elements().iter().map(|e| force(e.params(), v)).sum())
     }
 }
 

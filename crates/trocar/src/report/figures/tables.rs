@@ -35,6 +35,14 @@ pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
         "half_width_m" => ("Half width of the deformation", "c"),
         "seal_damping_n_s_m" => ("Seal damping", "σ"),
         "yield_stiffness_n_m" => ("Minor-loop stiffness", "κ"),
+        "creep_velocity_m_s" => ("Creep velocity of the contact", "v_c"),
+        "friction_lag_s" => ("Lag of the Stribeck curve", "T"),
+        "relaxation_stiffness_n_m" => ("Stiffness of the relaxation", "E"),
+        "relaxation_time_s" => ("Relaxation time", "τ"),
+        "second_relaxation_stiffness_n_m" => ("Stiffness of the second relaxation", "E_2"),
+        "second_relaxation_time_s" => ("Second relaxation time", "τ_2"),
+        "second_coulomb_force_n" => ("Coulomb force of the second stage, part of F_c", "F_c2"),
+        "second_half_width_m" => ("Half width of the second stage", "c_2"),
         "sliding friction" => ("Sliding friction", "F_sl"),
         "refinement" => ("Refinement", ""),
         "hidden_mass_kg" => ("Undeclared mass before the seal", "m"),
@@ -102,7 +110,8 @@ fn table<'a>(
     parameters: impl Iterator<Item = &'a Parameter>,
     truth: Option<&[Element]>,
 ) -> Table {
-    let refined = found.refinement.as_ref().is_some_and(|r| r.accepted);
+    let two_steps_made = !found.steady.means.is_empty();
+    let refined = (found.motion.is_some() && two_steps_made) || found.refinement.as_ref().is_some_and(|r| r.accepted);
     let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
     if refined {
         columns.extend(["Two-step value", "Two-step 95 % interval"]);
@@ -158,6 +167,11 @@ fn true_value(name: &str, elements: &[Element]) -> Option<f64> {
         "static_force_n" => Some(sum(&|e| mean(e.params().insertion.static_force, e.params().withdrawal.static_force))),
         "stribeck_velocity_m_s" => single.map(|p| p.insertion.stribeck_velocity),
         "seal_damping_n_s_m" => single.map(|p| p.damping.coefficients[0]),
+        "creep_velocity_m_s" => single.map(|p| p.creep_velocity),
+        "friction_lag_s" => single.map(|p| p.friction_lag),
+        "relaxation_stiffness_n_m" => single.map(|p| p.relaxation.arms[0].stiffness),
+        "relaxation_time_s" => single.map(|p| p.relaxation.arms[0].time),
+        "yield_stiffness_n_m" => single.map(|p| p.deformation.yield_stiffness()),
         "half_width_m" => single.map(|p| p.deformation.half_width()),
         "rising_join_m" => single.map(|p| join(p.deformation.rising())),
         "falling_join_m" => single.map(|p| join(p.deformation.falling())),

@@ -31,6 +31,8 @@ pub(in super::super) struct Scored<'a> {
     /// Whether the model has not seen the recordings.
     pub(in super::super) held_out: bool,
     runs: Vec<Replay>,
+    /// Whether the model has elements in parallel.
+    stages: bool,
     /// Sensor offset, N.
     offset: f64,
 }
@@ -53,7 +55,7 @@ pub(in super::super) fn scored<'a>(
     };
     let runs =
         recordings.par_iter().map(|recording| replay_along(elements, found.profile(), recording, offset)).collect();
-    Scored { recordings, validation: scores, held_out, runs, offset }
+    Scored { recordings, validation: scores, held_out, runs, stages: elements.len() > 1, offset }
 }
 
 impl Scored<'_> {
@@ -153,8 +155,9 @@ pub(in super::super) fn cross_validation(scored: &Scored) -> Drawn {
             MM * fastest.speed
         )
     };
+    let stages = if scored.stages { " (of the first of the model's elements)" } else { "" };
     Ok(figure.caption(format!(
-        "Measured force, computed force (upper row) and computed deflection (lower row), as in figure 9 of EMS, on {}. {speeds} The \
+        "Measured force, computed force (upper row) and computed deflection{stages} (lower row), as in figure 9 of EMS, on {}. {speeds} The \
          sensor offset of {} N is taken out of the measured force; the model's force is the seal's alone, from measured positions \
          only. Over all samples whose state is known the root mean square error is {:.3} N.",
         scored.kind(),

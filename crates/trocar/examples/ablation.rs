@@ -1,0 +1,211 @@
+//! The tables of docs/ablation.md: what each ingredient of the fit to all motion is worth on recordings it has not seen.
+//!
+//! ```text
+//! cargo run --release -p trocar --example ablation -- FOLDER > docs/ablation-tables.md
+//! ```
+//! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon). Identified from steady, dynamic and the first half of
+//! surgeon; scored on the second half of surgeon and on validation. Takes about half an hour.
+
+use std::error::Error;
+use std::path::Path;
+
+use trocar::identify::{Candidate, Identification, IdentifyOptions, Ingredient, identify};
+use trocar::recording::{ReadOptions, Recording, RecordingError, read};
+use trocar::replay::replay_along;
+use trocar::segment::{passes, reversal_threshold};
+use trocar::validate::{Part, RecordingValidation, Validation, validate_along};
+
+/// Tried only on top of the others: without one that was tried and left out, the fit takes the very same steps.
+const ON_TOP: [Ingredient; 3] = [Ingredient::SecondRelaxation, Ingredient::Asymmetry, Ingredient::SecondStage];
+
+/// What is fitted, and what is scored.
+struct Data {
+    training: Vec<Recording>,
+    validation: Vec<Recording>,
+}
+
+/// A model with its scores.
+struct Row {
+    what: String,
+    found: Identification,
+    scores: Validation,
+}
+
+impl Row {
+    fn new(data: &Data, what: &str, options: &IdentifyOptions) -> Result<Self, Box<dyn Error>> {
+        let found = identify(&data.training, options, &|_, _| {})?;
+        let seen = as_scored(&found, &data.validation)?;
+        let scores = validate_along(found.stages.elements(), found.profile(), &seen, found.model.offset);
+        let row = Self { what: what.to_owned(), found, scores };
+        eprintln!("{}", row.text());
+        Ok(row)
+    }
+
+    fn text(&self) -> String {
+        let [surgeon, strokes] = [0, 1].map(|i| self.scores.recordings[i].rms_n);
+        let held_out = self.found.motion.as_ref().map_or("–".to_owned(), |m| format!("{:.4}", m.held_out_chosen_n));
+        format!(
+            "| {} | {} | {} | {:.4} | {held_out} | {surgeon:.4} | {strokes:.4} |",
+            self.what,
+            has(&self.found.model),
+            self.found.free_parameters,
+            self.found.residual_rms
+        )
+    }
+}
+
+/// Without the undeclared mass and the delay of the positions that the identification found.
+fn as_scored(found: &Identification, recordings: &[Recording]) -> Result<Vec<Recording>, RecordingError> {
+    let mass = found.model.hidden_mass.max(0.0);
+    let lighter: Result<_, _> = recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect();
+    found.in_step(lighter?)
+}
+
+/// Ingredients of the model, in words.
+fn has(model: &Candidate) -> String {
+    let present = |ingredient: &Ingredient| match ingredient {
+        Ingredient::Stribeck => model.insertion.static_force > model.insertion.coulomb_force,
+        Ingredient::SealDamping => model.seal_damping > 0.0,
+        Ingredient::MinorLoops => model.yield_ratio > Candidate::DEFAULT_YIELD_RATIO,
+        Ingredient::Creep => model.creep_velocity > 0.0,
+        Ingredient::Relaxation => model.relaxation.arms[0].stiffness > 0.0,
+        Ingredient::SecondRelaxation => model.relaxation.arms[1].stiffness > 0.0,
+        Ingredient::HiddenMass => model.hidden_mass != 0.0,
+        Ingredient::Asymmetry => model.insertion.coulomb_force != model.withdrawal.coulomb_force,
+        Ingredient::SecondStage => model.second.is_some(),
+    };
+    let words: Vec<&str> = Ingredient::ALL.into_iter().filter(present).map(Ingredient::words).collect();
+    if words.is_empty() { "–".to_owned() } else { words.join(", ") }
+}
+
+fn without(ingredients: Vec<Ingredient>) -> IdentifyOptions {
+    IdentifyOptions { bootstrap: 0, without: ingredients, ..IdentifyOptions::default() }
+}
+
+fn halves(recording: &Recording) -> Result<[Recording; 2], RecordingError> {
+    let middle = recording.time[0] + 0.5 * recording.duration();
+    let at = recording.time.partition_point(|t| *t < middle);
+    Ok([recording.part(0..at, "first half")?, recording.part(at..recording.len(), "second half")?])
+}
+
+fn load(folder: &Path) -> Result<Data, RecordingError> {
+    let load = |name: &str| read(&folder.join(format!("{name}.csv")), &ReadOptions::default());
+    let [first, second] = halves(&load("surgeon")?)?;
+    Ok(Data { training: vec![load("steady")?, load("dynamic")?, first], validation: vec![second, load("validation")?] })
+}
+
+fn heading(title: &str) {
+    println!("\n### {title}\n");
+    println!(
+        "| fit | ingredients of the model | parameters | own data, N | held out, N | surgeon, N | full strokes, N |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+}
+
+/// Everything without each ingredient in turn.
+fn print_left_out(data: &Data, everything: &Row) -> Result<(), Box<dyn Error>> {
+    heading("Everything but one");
+    let trials = everything.found.motion.iter().flat_map(|motion| &motion.ingredients);
+    let rejected: Vec<Ingredient> = trials.filter(|trial| !trial.kept).map(|trial| trial.ingredient).collect();
+    for ingredient in Ingredient::ALL {
+        let what = format!("without {}", ingredient.words());
+        if ON_TOP.contains(&ingredient) && rejected.contains(&ingredient) {
+            println!("| {what} | the same model: tried on top of it and left out | | | | | |");
+        } else {
+            // The refinement before the fit must not bring the mass along either.
+            let estimate_hidden_mass = ingredient != Ingredient::HiddenMass;
+            let options = IdentifyOptions { estimate_hidden_mass, ..without(vec![ingredient]) };
+            println!("{}", Row::new(data, &what, &options)?.text());
+        }
+    }
+    Ok(())
+}
+
+/// The paper's element with each ingredient alone.
+fn print_alone(data: &Data) -> Result<(), Box<dyn Error>> {
+    heading("The paper's element and one ingredient");
+    for ingredient in Ingredient::ALL {
+        // A second relaxation time needs a first.
+        let both = [Ingredient::Relaxation, Ingredient::SecondRelaxation];
+        let wanted = if ingredient == Ingredient::SecondRelaxation { &both[..] } else { &[ingredient][..] };
+        let others = Ingredient::ALL.into_iter().filter(|i| !wanted.contains(i)).collect();
+        println!("{}", Row::new(data, &format!("with {}", ingredient.words()), &without(others))?.text());
+    }
+    Ok(())
+}
+
+/// What the error of one recording is made of: root mean squares, N.
+struct Makeup {
+    /// Changes from sample to sample: noise of the sensor.
+    white: f64,
+    /// Mean error of each pass.
+    level: f64,
+    /// What is left within the passes.
+    within: f64,
+}
+
+fn makeup(row: &Row, recording: &Recording) -> Makeup {
+    let offset = row.found.model.offset;
+    let run = replay_along(row.found.stages.elements(), row.found.profile(), recording, offset);
+    let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
+    let from = run.known.first().map_or(0, |known| known.start);
+    let mean_square = |values: &mut dyn Iterator<Item = f64>| {
+        let (sum, n) = values.fold((0.0, 0.0), |(sum, n), v| (sum + v * v, n + 1.0));
+        sum / n
+    };
+    let white = 0.5 * mean_square(&mut error[from..].windows(2).map(|pair| pair[1] - pair[0]));
+    let mut levels = vec![f64::NAN; error.len()];
+    for pass in passes(recording, reversal_threshold(recording)) {
+        let part = pass.start.max(from)..pass.end.max(from);
+        let mean = error[part.clone()].iter().sum::<f64>() / part.len() as f64;
+        levels[part].fill(mean);
+    }
+    let known = || (from..error.len()).filter(|i| levels[*i].is_finite());
+    let level = mean_square(&mut known().map(|i| levels[i]));
+    let about_level = mean_square(&mut known().map(|i| error[i] - levels[i]));
+    Makeup { white: white.sqrt(), level: level.sqrt(), within: (about_level - white).max(0.0).sqrt() }
+}
+
+/// By phase of the motion, and by what the error is made of.
+fn print_rest(data: &Data, rows: &[&Row]) -> Result<(), Box<dyn Error>> {
+    println!("\n### What is left\n");
+    println!(
+        "| fit | recording | rms, N | deforming, N | sliding, N | held, N | worst, N | noise, N | level of a pass, N | within a pass, N |"
+    );
+    println!("|{}", "---|".repeat(10));
+    for row in rows {
+        let seen = as_scored(&row.found, &data.validation)?;
+        for (recording, scores) in seen.iter().zip(&row.scores.recordings) {
+            println!("{}", rest(row, recording, scores));
+        }
+    }
+    Ok(())
+}
+
+fn rest(row: &Row, recording: &Recording, scores: &RecordingValidation) -> String {
+    let part = |part: &Part| if part.samples == 0 { "–".to_owned() } else { format!("{:.4}", part.rms_n) };
+    let phases = [&scores.by_phase.deformation, &scores.by_phase.sliding, &scores.by_phase.hold].map(part).join(" | ");
+    let Makeup { white, level, within } = makeup(row, recording);
+    format!(
+        "| {} | {} | {:.4} | {phases} | {:.3} | {white:.4} | {level:.4} | {within:.4} |",
+        row.what, scores.path, scores.rms_n, scores.worst_n
+    )
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder = std::env::args().nth(1).ok_or("the folder of the recordings is missing")?;
+    let data = load(&Path::new(&folder).join("seal_a"))?;
+    println!("<!-- made by: cargo run --release -p trocar --example ablation -- FOLDER -->");
+    let two_steps = IdentifyOptions { free_motion: false, ..without(Vec::new()) };
+    let paper = Row::new(&data, "the paper's two steps and refinement", &two_steps)?;
+    let bare = Row::new(&data, "the same element, fitted to all motion", &without(Ingredient::ALL.to_vec()))?;
+    let everything = Row::new(&data, "everything", &without(Vec::new()))?;
+    heading("From the paper's element to everything");
+    [&paper, &bare, &everything].iter().for_each(|row| println!("{}", row.text()));
+    println!(
+        "\nA dash under “held out”: no fit to all motion, or none that predicts held-out cycles better; the two steps stay."
+    );
+    print_rest(&data, &[&paper, &bare, &everything])?;
+    print_alone(&data)?;
+    print_left_out(&data, &everything)
+}

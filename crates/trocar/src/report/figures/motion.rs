@@ -1,0 +1,258 @@
+//! The fit to all motion: what each ingredient is worth, and a stretch of small reversals and rests.
+
+use std::ops::Range;
+
+use super::{Drawn, MM, Scored, has_stages, thinned, without_hidden_mass};
+use crate::identify::{Identification, IngredientTrial, MotionFit};
+use crate::recording::Recording;
+use crate::replay::{Replay, replay, replay_along};
+use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
+use crate::report::number::significant;
+use crate::segment::{passes, reversal_threshold};
+
+/// What is shown of a recording, s.
+const SHOWN: f64 = 5.0;
+/// Steps in which the densest stretch is looked for, s.
+const STEP: f64 = 0.25;
+/// A rest: this long, s, within this part of c.
+const SHORTEST_REST: f64 = 0.1;
+const RESTING: f64 = 0.1;
+
+/// What was fitted, from what, and how it came out.
+pub(in super::super) fn in_words(found: &Identification, motion: &MotionFit) -> Vec<String> {
+    let asked = match found.free_motion {
+        Some(free) if free.is_enough() => format!(
+            "The recordings hold {} partial reversals (shorter than 2c) and {} s of rest, which full strokes at constant speed tell \
+             nothing of.",
+            free.partial_reversals,
+            significant(free.held_s, 3)
+        ),
+        Some(free) => format!(
+            "The paper's two steps resolve no element here, although the recordings hold {} reversals.",
+            free.reversals
+        ),
+        None => String::new(),
+    };
+    let rest = if motion.converged { "" } else { " The last fit stalled before it came to rest." };
+    let stages = if has_stages(found) {
+        " The model has two elements in parallel: c, the joins and the minor-loop stiffness are those of the first; forces and \
+         damping are those of both together."
+    } else {
+        ""
+    };
+    vec![
+        format!(
+            "{asked} All numbers of the element were therefore fitted at once to the whole force, run freely from measured positions, and \
+             every ingredient was put on trial: the cycles were divided into four parts, each was predicted from the others, and an \
+             ingredient was kept if the error on these held-out cycles grows without it by more than its scatter between cycles explains."
+        ),
+        format!(
+            "The held-out error is {} N for the paper's element fitted to the same readings and {} N for the model chosen, which leaves \
+             {} N (weighted alike) of the readings it was fitted to.{rest}{stages}",
+            significant(motion.held_out_paper_n, 3),
+            significant(motion.held_out_chosen_n, 3),
+            significant(motion.fitted_rms_n, 3)
+        ),
+    ]
+}
+
+/// Each ingredient with its held-out errors.
+pub(in super::super) fn ingredients(motion: &MotionFit) -> Table {
+    let columns = ["Ingredient", "With it (N)", "Without it (N)", "Growth (s.e.)", "Numbers", "Kept"];
+    let caption = "Root mean square error on held-out cycles with and without each ingredient, the growth of its square without it in \
+                   standard errors, and the numbers that it adds; in the order of the trials";
+    motion.ingredients.iter().fold(Table::new(caption, columns), |table, trial| {
+        table.row([
+            Cell::from(capital(trial.ingredient.words())),
+            Cell::Number { value: trial.held_out_with_n, digits: 3 },
+            Cell::Number { value: trial.held_out_without_n, digits: 3 },
+            Cell::Number { value: trial.surety, digits: 2 },
+            Cell::Text(trial.parameters.to_string()),
+            Cell::from(if trial.kept { "yes" } else { "no" }),
+        ])
+    })
+}
+
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// A place of the figure: its name, error and role.
+type Place = (String, f64, Role);
+
+const PAPER: Role = Role::Alternative;
+const LEFT_OUT: Role = Role::Measured;
+const CHOSEN: Role = Role::Model;
+
+/// Held-out errors of the paper's element, of the trials and of the model chosen, one below the other.
+pub(in super::super) fn held_out_errors(motion: &MotionFit) -> Figure {
+    let trial = |t: &IngredientTrial| {
+        let (name, error) = if t.kept {
+            (format!("without {}", t.ingredient.words()), t.held_out_without_n)
+        } else {
+            (format!("with {}", t.ingredient.words()), t.held_out_with_n)
+        };
+        (name, error, LEFT_OUT)
+    };
+    let mut places: Vec<Place> = vec![("paper's element".to_owned(), motion.held_out_paper_n, PAPER)];
+    places.extend(motion.ingredients.iter().map(trial));
+    places.push(("model chosen".to_owned(), motion.held_out_chosen_n, CHOSEN));
+    places.reverse();
+    let names = places.iter().map(|place| place.0.clone()).collect();
+    let mut panel = Panel::new(Axis::new("rms error on held-out cycles", "N").with_zero(), Axis::named(names));
+    for (at, (_, error, _)) in places.iter().enumerate() {
+        panel = panel.series(Series::line("", Role::Neutral, vec![0.0, *error], vec![at as f64; 2]));
+    }
+    for (name, role) in [("paper's element", PAPER), ("ingredient on trial", LEFT_OUT), ("model chosen", CHOSEN)] {
+        let own: Vec<(f64, f64)> =
+            places.iter().zip(0..).filter(|(place, _)| place.2 == role).map(|(p, at)| (p.1, f64::from(at))).collect();
+        let (x, y) = own.into_iter().unzip();
+        panel = panel.series(Series::points(name, role, x, y));
+    }
+    let panel = panel.mark(Mark::x(motion.held_out_chosen_n, "")).aspect(0.06 * places.len() as f64);
+    Figure::new("held-out-errors", 0, "What each ingredient is worth").panel(panel).caption(
+        "Root mean square error on cycles that a fit has not seen (four parts, each predicted from the others): of the paper's \
+         element, of the model without each ingredient that it keeps, of the model with each one that was tried and left out, and of \
+         the model chosen (broken line). Each trial is against what the model had by then, in the order of the table.",
+    )
+}
+
+/// A stretch of a recording.
+struct Stretch<'a> {
+    recording: &'a Recording,
+    samples: Range<usize>,
+    /// Partial reversals within.
+    partial: usize,
+    /// Rest within, s.
+    held: f64,
+    seen: bool,
+}
+
+impl Stretch<'_> {
+    fn density(&self) -> f64 {
+        self.partial as f64 + self.held
+    }
+}
+
+/// Measured force, the model's and that of the paper's two steps, where rests and small reversals are densest.
+pub(in super::super) fn small_motion(found: &Identification, training: &[Recording], scored: &Scored) -> Drawn {
+    let none = || "There is no figure of rests and small reversals: no recording holds both.".to_owned();
+    let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
+    let shown = without_hidden_mass(training, &found.model);
+    let shown = fresh.or_else(|| densest(found, &shown, true)).ok_or_else(none)?;
+    let (recording, offset) = (shown.recording, found.model.offset);
+    let model = replay_along(found.stages.elements(), found.profile(), recording, offset);
+    let paper = paper_run(found, recording);
+    let origin = recording.time[shown.samples.start];
+    let time: Vec<f64> = recording.time[shown.samples.clone()].iter().map(|t| t - origin).collect();
+    let line = |name: &str, role, of: &dyn Fn(usize) -> f64| {
+        let values: Vec<f64> = shown.samples.clone().map(of).collect();
+        let (x, y) = thinned(&time, &values);
+        Series::line(name, role, x, y)
+    };
+    let measured = |i: usize| recording.force[i] - offset;
+    let axes = |name, unit| Panel::new(Axis::new("time", "s"), Axis::new(name, unit));
+    let position =
+        axes("position", "mm").series(line("position", Role::Measured, &|i| MM * recording.position[i])).aspect(0.16);
+    let mut force = axes("force", "N").series(line("measured", Role::Measured, &measured));
+    let mut error = axes("error", "N");
+    if let Some(paper) = &paper {
+        force = force.series(line(TWO_STEPS, Role::Alternative, &|i| paper[i]));
+        error = error.series(line(TWO_STEPS, Role::Alternative, &|i| measured(i) - paper[i]));
+    }
+    let force = force.series(line("model", Role::Model, &|i| model.force[i])).aspect(0.45);
+    let error = error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.26);
+    let rms = |of: &[f64]| -> f64 {
+        let squares = shown.samples.clone().map(|i| (measured(i) - of[i]).powi(2));
+        (squares.sum::<f64>() / shown.samples.len() as f64).sqrt()
+    };
+    Ok(Figure::new("small-motion", 0, "Rests and small reversals")
+        .panel(position)
+        .panel(force)
+        .panel(error)
+        .linked_x()
+        .caption(caption(&shown, rms(&model.force), paper.as_deref().map(rms))))
+}
+
+const TWO_STEPS: &str = "paper's two steps";
+
+/// Force of the paper's element beside the readings less the model's offset, for both keep their own; `None` where the two
+/// steps resolved no deformation.
+fn paper_run(found: &Identification, recording: &Recording) -> Option<Vec<f64>> {
+    let two_steps = found.deformation.as_ref().ok().and_then(|_| found.two_step.stages().ok())?;
+    let Replay { mut force, .. } = replay(two_steps.elements(), recording, found.two_step.offset);
+    force.iter_mut().for_each(|force| *force += found.two_step.offset - found.model.offset);
+    Some(force)
+}
+
+fn caption(shown: &Stretch, model: f64, paper: Option<f64>) -> String {
+    let seen = if shown.seen { "which the model was fitted to" } else { "which the identification has not seen" };
+    let model = significant(model, 2);
+    let errors = match paper {
+        Some(paper) => format!(
+            "Both models run freely from measured positions; the element of the paper's two steps is what the same recordings give \
+             without this fit and without the refinement. Root mean square errors here: {model} N and {} N.",
+            significant(paper, 2)
+        ),
+        None => format!(
+            "The model runs freely from measured positions; the paper's two steps resolve no deformation here, so there is no other \
+             to draw beside it. Root mean square error here: {model} N."
+        ),
+    };
+    format!(
+        "(a) Position, (b) force and (c) measured minus computed force over the {SHOWN:.0} s of {}, {seen}, in which rests and small \
+         reversals are densest ({} partial reversals, {} s at rest or trembling), from {} s on. {errors}",
+        shown.recording.name,
+        shown.partial,
+        significant(shown.held, 2),
+        significant(shown.recording.time[shown.samples.start], 3)
+    )
+}
+
+/// Samples in rests within `reach`, m, tremor included.
+fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
+    let (x, t) = (&recording.position, &recording.time);
+    let mut resting = vec![false; x.len()];
+    for range in recording.unbroken() {
+        let mut from = range.start;
+        while from + 1 < range.end {
+            let until = (from + 1..range.end).find(|i| (x[*i] - x[from]).abs() > reach).unwrap_or(range.end);
+            let rests = t[until - 1] - t[from] >= SHORTEST_REST;
+            if rests {
+                resting[from..until].fill(true);
+            }
+            from = if rests { until } else { from + 1 };
+        }
+    }
+    resting
+}
+
+/// Where most partial reversals and rests are, among samples whose state is known; `None` without both in any stretch.
+fn densest<'a>(found: &Identification, recordings: &'a [Recording], seen: bool) -> Option<Stretch<'a>> {
+    let stretches = recordings.iter().flat_map(|recording| stretches(found, recording, seen));
+    stretches.filter(|s| s.partial > 0 && s.held > 0.0).max_by(|a, b| a.density().total_cmp(&b.density()))
+}
+
+fn stretches<'a>(found: &Identification, recording: &'a Recording, seen: bool) -> Vec<Stretch<'a>> {
+    let widest = 2.0 * found.model.half_width;
+    let x = &recording.position;
+    let passes = passes(recording, reversal_threshold(recording));
+    let partial: Vec<usize> =
+        passes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
+    let resting = resting(recording, RESTING * found.model.half_width);
+    let known = replay(found.stages.elements(), recording, found.model.offset).known;
+    let mut all = Vec::new();
+    for range in known {
+        let end = recording.time[range.end - 1];
+        let starts = (0..).map(|k| recording.time[range.start] + STEP * f64::from(k));
+        for from in starts.take_while(|from| from + SHOWN <= end) {
+            let sample = |time: f64| recording.time.partition_point(|t| *t < time);
+            let samples = sample(from)..sample(from + SHOWN);
+            let held = samples.clone().filter(|i| resting[*i]).count() as f64 * recording.quality.median_interval;
+            let partial = partial.iter().filter(|i| samples.contains(i)).count();
+            all.push(Stretch { recording, samples, partial, held, seen });
+        }
+    }
+    all
+}
