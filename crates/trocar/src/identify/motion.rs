@@ -122,7 +122,7 @@ fn starts(found: &Identification, recordings: &[Recording], options: &IdentifyOp
     if found.deformation.is_ok() {
         all.push(trial(found.model.clone()));
     }
-    if found.refinement.is_none() {
+    if found.deformation.is_err() {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let width = |part: &f64| straight(&found.model, part * ASSUMED_WIDTH * stroke, options.degrees);
         all.extend(WIDTHS.iter().map(|part| trial(width(part))));

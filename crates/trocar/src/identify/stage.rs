@@ -125,6 +125,11 @@ impl Candidate {
         Some(Candidate { rising: rising?, falling: falling?, ..whole })
     }
 
+    /// The same force upon full strokes from an element of another half width, m.
+    pub(super) fn with_half_width(&self, half_width: f64) -> Option<Candidate> {
+        self.rebuilt(1.0, half_width, |d, travel| self.first_upon_stroke(d, travel))
+    }
+
     /// The same with the part `share_of_force` of its force given to a second stage of straight branches, whose half width is
     /// `width` of the first's: full strokes keep their force, partial ones do not.
     pub(super) fn divided(&self, width: f64, share_of_force: f64) -> Option<Candidate> {

@@ -134,10 +134,9 @@ pub(in super::super) struct Chosen {
 pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredient]) -> Option<Chosen> {
     let paper = Scored::new(training, start, NEXT)?;
     let allowed = |i: &Ingredient| !excluded.contains(i);
-    let base = Ingredient::ALL.into_iter().filter(|i| allowed(i) && !Ingredient::LARGER.contains(i));
-    let start = base.fold(paper.fitted.best.clone(), |trial, i| i.starts(&trial).pop().unwrap_or(trial));
     // All at once, since some only pay together; one by one where that leads nowhere.
-    let together = Scored::new(training, &start, FIRST).filter(|all| all.total() < paper.total());
+    let together = with_base(training, &paper.fitted.best, excluded).filter(|all| all.total() < paper.total());
+    let together = together.map(|single| staged(training, &paper, excluded, &single).unwrap_or(single));
     let one_by_one = together.is_none();
     let mut all = together.unwrap_or(paper.clone());
     let mut ingredients = Vec::new();
@@ -154,6 +153,8 @@ pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredie
     if !one_by_one {
         let (smaller, pruned) = pruned(training, &all)?;
         chosen = smaller;
+        // What was kept on top is judged once more with everything else in place.
+        ingredients.retain(|own: &IngredientTrial| pruned.iter().all(|p| p.ingredient != own.ingredient));
         ingredients.extend(pruned);
     }
     let last = Scored::new(training, &chosen, LAST)?;
@@ -167,6 +168,23 @@ pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredie
         converged: last.fitted.converged,
     };
     Some(Chosen { fitted: last.fitted, summary })
+}
+
+/// The fit with all ingredients that are not only tried on top.
+fn with_base(training: &Training, from: &EmsTrial, excluded: &[Ingredient]) -> Option<Scored> {
+    let base = Ingredient::ALL.into_iter().filter(|i| !excluded.contains(i) && !Ingredient::LARGER.contains(i));
+    let start = base.fold(from.clone(), |trial, i| i.starts(&trial).pop().unwrap_or(trial));
+    Scored::new(training, &start, FIRST)
+}
+
+/// The same with a second stage from the beginning, where that is better: one element leads astray what two would be.
+fn staged(training: &Training, paper: &Scored, excluded: &[Ingredient], single: &Scored) -> Option<Scored> {
+    if excluded.contains(&Ingredient::SecondStage) {
+        return None;
+    }
+    let start = best_of(training, &Ingredient::SecondStage.starts(&paper.fitted.best))?;
+    let staged = with_base(training, &start, excluded)?;
+    is_better(single.growth(&staged)).then(|| finer(training, &staged).unwrap_or(staged))
 }
 
 /// The fit with one ingredient more; `None` where it cannot be added.
@@ -200,8 +218,7 @@ fn pruned(training: &Training, all: &Scored) -> Option<(EmsTrial, Vec<Ingredient
     let best = &all.fitted.best;
     let mut chosen = best.clone();
     let mut trials = Vec::new();
-    let present = |i: &Ingredient| i.is_in(&best.layout) && !Ingredient::LARGER.contains(i);
-    for ingredient in Ingredient::ALL.into_iter().filter(present) {
+    for ingredient in Ingredient::ALL.into_iter().filter(|i| i.is_in(&best.layout)) {
         let smaller = Scored::new(training, &ingredient.remove(best)?, NEXT)?;
         let trial = IngredientTrial::new(ingredient, all, &smaller);
         if !trial.kept && ingredient.is_in(&chosen.layout) {
@@ -211,6 +228,9 @@ fn pruned(training: &Training, all: &Scored) -> Option<(EmsTrial, Vec<Ingredient
     }
     Some((chosen, trials))
 }
+
+/// Half widths tried once more, as parts of the best.
+const OTHER_WIDTHS: [f64; 3] = [0.5, 0.7, 1.4];
 
 /// The start that a fit carries farthest: a short one of all, a longer one of the best two.
 pub(super) fn best_of(training: &Training, starts: &[EmsTrial]) -> Option<EmsTrial> {
@@ -222,6 +242,13 @@ pub(super) fn best_of(training: &Training, starts: &[EmsTrial]) -> Option<EmsTri
         fits.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
         fits.into_iter().map(|fitted| fitted.best).take(2).collect::<Vec<_>>()
     };
-    let best_two = carried(starts.to_vec(), SHORT);
-    carried(best_two, NEXT).into_iter().next()
+    let best_two = carried(carried(starts.to_vec(), SHORT), NEXT);
+    // A wide element may stand in for a narrower one: the same full stroke at other widths.
+    let best = best_two.first()?;
+    let other = |part: &f64| {
+        let candidate = best.candidate.with_half_width(part * best.candidate.half_width)?;
+        Some(EmsTrial { candidate, layout: best.layout })
+    };
+    let others = OTHER_WIDTHS.iter().filter_map(other);
+    carried(carried(others.chain([best.clone()]).collect(), SHORT), NEXT).into_iter().next()
 }
