@@ -69,7 +69,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let benches: u64 = std::env::args().nth(1).map_or(Ok(40), |text| text.parse())?;
     let all = (1..=benches).into_par_iter().map(bench).collect::<Result<Vec<Found>, _>>();
     let all = all.map_err(|error| error.to_string())?;
-    println!("| parameter | found | pinned | interval holds the truth | median error |\n| --- | --- | --- | --- | --- |");
+    println!(
+        "| parameter | found | pinned | interval holds the truth | median error |\n| --- | --- | --- | --- | --- |"
+    );
     for (k, name) in NAMES.iter().enumerate() {
         let found: Vec<(f64, &Estimate)> =
             all.iter().filter_map(|bench| Some((bench[k].0, bench[k].1.as_ref()?))).collect();

@@ -16,7 +16,7 @@ use serde::Serialize;
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ASSUMED_WIDTH, plain_training};
 use super::conclude::acceleration_is_resolved;
-use super::output_error::Fitted;
+use super::output_error::{self, Fitted};
 use super::refit::straight;
 use super::{Identification, IdentifyOptions, Parameter, Progress, Segments, Warning, acceleration, along};
 use crate::recording::Recording;
@@ -53,10 +53,12 @@ pub(super) fn extend(
         return found;
     }
     progress("fitting all motion", 0.5);
-    let Some(choose::Chosen { fitted, summary }) = fitted(&found, recordings, segments, options) else { return found };
+    let Some((choose::Chosen { fitted, summary }, two_steps_n)) = fitted(&found, recordings, segments, options) else {
+        return found;
+    };
     let Ok(stages) = fitted.best.candidate.stages() else { return found };
     let residual_rms = super::conclude::residual_rms(recordings, &fitted.best.candidate, &stages);
-    if summary.held_out_chosen_n >= found.residual_rms {
+    if summary.held_out_chosen_n >= two_steps_n {
         return found;
     }
     let mut parameters = numbers::parameters(&fitted);
@@ -78,13 +80,14 @@ pub(super) fn extend(
     found
 }
 
-/// The paper's element fitted from every start, and from the best of them on with the ingredients.
+/// The paper's element fitted from every start, and from the best of them on with the ingredients; and the error, N, that
+/// the two steps leave of the same readings.
 fn fitted(
     found: &Identification,
     recordings: &[Recording],
     segments: &[Segments],
     options: &IdentifyOptions,
-) -> Option<choose::Chosen> {
+) -> Option<(choose::Chosen, f64)> {
     let mut without = options.without.clone();
     if !(options.estimate_hidden_mass && acceleration_is_resolved(recordings)) {
         without.push(Ingredient::HiddenMass);
@@ -100,7 +103,12 @@ fn fitted(
     if !FreeMotion::of(recordings, segments, best.candidate.half_width).is_enough() {
         without.extend(Ingredient::OF_FREE_MOTION);
     }
-    choose::choose(&training(&best.candidate)?, &best, &without)
+    let training = training(&best.candidate)?;
+    let chosen = choose::choose(&training, &best, &without)?;
+    let two_steps = EmsTrial { candidate: found.model.clone(), layout: best.layout };
+    let squares = output_error::cost(&training, &two_steps, |_| true);
+    let two_steps_n = (squares / chosen.fitted.weight()).sqrt();
+    Some((chosen, two_steps_n))
 }
 
 /// The element of the two steps; where they resolved no deformation, straight ones of several widths.

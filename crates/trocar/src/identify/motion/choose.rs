@@ -132,10 +132,12 @@ pub(in super::super) struct Chosen {
 ///
 /// `start` is an element of the paper. `None` when it makes no model that runs.
 pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredient]) -> Option<Chosen> {
-    let paper = Scored::new(training, start, NEXT)?;
+    let bare =
+        excluded.iter().filter(|i| i.is_in(&start.layout)).try_fold(start.clone(), |trial, i| i.remove(&trial))?;
+    let paper = Scored::new(training, &bare, NEXT)?;
     let allowed = |i: &Ingredient| !excluded.contains(i);
     // All at once, since some only pay together; one by one where that leads nowhere.
-    let together = with_base(training, &paper.fitted.best, excluded).filter(|all| all.total() < paper.total());
+    let together = with_base(training, &paper.fitted.best, excluded, FIRST).filter(|all| all.total() < paper.total());
     let together = together.map(|single| staged(training, &paper, excluded, &single).unwrap_or(single));
     let one_by_one = together.is_none();
     let mut all = together.unwrap_or(paper.clone());
@@ -157,7 +159,12 @@ pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredie
         ingredients.retain(|own: &IngredientTrial| pruned.iter().all(|p| p.ingredient != own.ingredient));
         ingredients.extend(pruned);
     }
-    let last = Scored::new(training, &chosen, LAST)?;
+    let mut last = Scored::new(training, &chosen, LAST)?;
+    // Several that can be spared one at a time may not be spared together.
+    if is_better(last.growth(&all)) {
+        ingredients.iter_mut().filter(|t| t.ingredient.is_in(&all.fitted.best.layout)).for_each(|t| t.kept = true);
+        last = Scored::new(training, &all.fitted.best, LAST)?;
+    }
     let summary = MotionFit {
         ingredients,
         held_out_all_n: all.rms(),
@@ -171,10 +178,10 @@ pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredie
 }
 
 /// The fit with all ingredients that are not only tried on top.
-fn with_base(training: &Training, from: &EmsTrial, excluded: &[Ingredient]) -> Option<Scored> {
+fn with_base(training: &Training, from: &EmsTrial, excluded: &[Ingredient], stop: Stop) -> Option<Scored> {
     let base = Ingredient::ALL.into_iter().filter(|i| !excluded.contains(i) && !Ingredient::LARGER.contains(i));
     let start = base.fold(from.clone(), |trial, i| i.starts(&trial).pop().unwrap_or(trial));
-    Scored::new(training, &start, FIRST)
+    Scored::new(training, &start, stop)
 }
 
 /// The same with a second stage from the beginning, where that is better: one element leads astray what two would be.
@@ -183,7 +190,7 @@ fn staged(training: &Training, paper: &Scored, excluded: &[Ingredient], single: 
         return None;
     }
     let start = best_of(training, &Ingredient::SecondStage.starts(&paper.fitted.best))?;
-    let staged = with_base(training, &start, excluded)?;
+    let staged = with_base(training, &start, excluded, NEXT)?;
     is_better(single.growth(&staged)).then(|| finer(training, &staged).unwrap_or(staged))
 }
 

@@ -2,12 +2,12 @@
 
 use trocar_model::SlidingFriction;
 
-use super::super::Parameter;
 use super::super::candidate::{Candidate, EmsTrial, Layout};
 use super::super::conclude::branch_quantities;
 use super::super::output_error::Fitted;
 use super::super::spread::{Reported, Spread};
 use super::super::stage::SecondStage;
+use super::super::{Estimate, Parameter};
 
 /// Name, unit, least sensible value, whether on the logarithm, and how it follows from a candidate.
 type Quantity = (&'static str, &'static str, f64, bool, fn(&Candidate) -> f64);
@@ -85,6 +85,16 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
     all
 }
 
+/// A lag of a sample or two is none that the samples could tell.
+fn shortest_lag(found: &Estimate) -> Estimate {
+    const SHORTEST: f64 = 2e-3;
+    if found.value > SHORTEST {
+        return found.clone();
+    }
+    let longest = if found.pinned { found.ci95[1].max(SHORTEST) } else { SHORTEST };
+    Estimate::from_bounds(found.value, 0.0, longest, found.unit).with_note("too short to tell from none")
+}
+
 /// Main parameters of the fit with intervals: jackknife over clusters, to first order ([`Spread`]).
 pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
     let EmsTrial { candidate: best, layout } = &fitted.best;
@@ -99,6 +109,7 @@ pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
         Parameter { name: name.to_owned(), estimate: spread.estimate(how, &|t| of(&t.candidate)) }
     };
     let mut all: Vec<Parameter> = quantities(*layout).into_iter().map(parameter).collect();
+    all.iter_mut().filter(|p| p.name == "friction_lag_s").for_each(|p| p.estimate = shortest_lag(&p.estimate));
     for quantity in branch_quantities(best) {
         let how = Reported { unit: quantity.unit, log: false, scale: f64::INFINITY, least: f64::NEG_INFINITY };
         let estimate = spread.estimate(how, &|t| (quantity.of)(&t.candidate));
