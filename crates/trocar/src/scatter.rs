@@ -20,7 +20,7 @@
 //! # What a model can reach
 //!
 //! A model that knows the mean of endless repeats scores s on a held-back stroke. One that has learnt the mean from n
-//! repeats scores s·√(1 + 1/n) at best ([`StrokeScatter::best_held_out`]): for n = 5 that is 1.095·s.
+//! repeats scores s·√(1 + 1/n) at best: for n = 5 that is 1.095·s.
 
 use serde::Serialize;
 
@@ -141,12 +141,6 @@ impl StrokeScatter {
     /// Whether sample `i` has a repeat to be compared with.
     pub fn covers(&self, i: usize) -> bool {
         self.squares.get(i).is_some_and(|square| square.is_finite())
-    }
-
-    /// Error, N, on held-back strokes of a model that has learnt the mean of `trained` repeats and nothing else:
-    /// s·√(1 + 1/n).
-    pub fn best_held_out(&self, trained: usize) -> f64 {
-        self.scatter_n * (1.0 + 1.0 / trained as f64).sqrt()
     }
 }
 

@@ -69,8 +69,8 @@ pub struct Whiteness {
     pub ljung_box_p_value: f64,
 }
 
-/// The error beside the scatter between strokes that repeat each other: what no model of the motion can undercut, for the
-/// motion was the same.
+/// The error beside the scatter between strokes that repeat each other: about what no model of the motion can undercut, for the
+/// motion was the same but for speeds up to 25 % apart, whose difference a model may know.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AgainstStrokes {
     /// Strokes (passes from reversal to reversal) that have a repeat.
@@ -90,7 +90,7 @@ impl AgainstStrokes {
         let scatter = StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
         let mut is_scored = vec![false; recording.len()];
         scored.iter().for_each(|i| is_scored[*i] = true);
-        let stroke_scatter_n = scatter.over(|i| is_scored[i])?;
+        let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;
         let rms_n = Sums::of(scored.iter().filter(|i| scatter.covers(**i)).map(|i| (error[*i], 0.0))).rms();
         Some(Self {
             strokes: scatter.passes,
@@ -104,7 +104,7 @@ impl AgainstStrokes {
     /// In words.
     pub fn words(&self) -> String {
         format!(
-            "{:.2} times the scatter of {:.3} N between {} strokes that repeat each other, the floor of any model",
+            "{:.2} times the scatter of {:.3} N between {} strokes that repeat each other (speeds within 25 %): about the floor of any model of the motion",
             self.rms_over_scatter, self.stroke_scatter_n, self.strokes
         )
     }

@@ -36,7 +36,7 @@ pub(super) fn extend(
     // A fit to all motion takes its time, and weighs all positions anyway.
     let rounds = if found.motion.is_some() { 0 } else { ROUNDS };
     for _ in 0..rounds {
-        let levelled: Vec<Recording> = recordings.iter().map(|r| levelled(r, &best.profile)).collect();
+        let levelled: Vec<Recording> = recordings.iter().map(|r| levelled(r, &best.profile, best.offset_n)).collect();
         let Ok(refitted) = again(&levelled) else { break };
         let Ok(fit) = profile(&refitted, recordings) else { break };
         if fit.held_out_rms_n > (1.0 - LEAST_GAIN) * best.held_out_rms_n {
@@ -44,7 +44,13 @@ pub(super) fn extend(
         }
         (found, best) = (refitted, fit);
     }
+    let shift = best.offset_n - found.model.offset;
+    for p in found.parameters.iter_mut().filter(|p| p.name == "offset_n") {
+        p.estimate.value += shift;
+        p.estimate.ci95.iter_mut().for_each(|bound| *bound += shift);
+    }
     found.model.offset = best.offset_n;
+    found.free_parameters += best.profile.free_parameters();
     found.residual_rms = best.rms_n;
     found.travel = Some(best);
     found
@@ -75,11 +81,11 @@ pub(super) fn error(found: &Identification, recordings: &[Recording], lag: f64) 
     (samples > 0).then(|| ((squares / samples as f64).sqrt(), samples))
 }
 
-/// The readings as they would be with the mean level and offset throughout.
-fn levelled(recording: &Recording, profile: &TravelProfile) -> Recording {
+/// The readings as they would be with the mean level throughout; the sensor's `offset`, N, stays.
+fn levelled(recording: &Recording, profile: &TravelProfile, offset: f64) -> Recording {
     let mut levelled = recording.clone();
     for (force, x) in levelled.force.iter_mut().zip(&recording.position) {
-        *force = profile.without(*x, *force);
+        *force = offset + profile.without(*x, *force - offset);
     }
     levelled
 }

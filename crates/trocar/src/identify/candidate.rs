@@ -143,7 +143,7 @@ impl Layout {
         let force = 1e-4 * candidate.insertion.coulomb_force;
         on(&mut candidate.offset, force, -free, free);
         if self.hidden_mass {
-            on(&mut candidate.hidden_mass, 1e-4, -free, free);
+            on(&mut candidate.hidden_mass, 1e-4, 0.0, free);
         }
         on(&mut candidate.insertion.coulomb_force, force, 10.0 * force, free);
         if self.viscous {

@@ -2,7 +2,7 @@
 
 use super::classical::ClassicalData;
 use super::conclude::residual_rms;
-use super::{Identification, IdentifyOptions, along, refit as by_output_error};
+use super::{Identification, IdentifyOptions, along, motion, refit as by_output_error};
 use crate::recording::Recording;
 
 /// Least part by which the error falls.
@@ -24,6 +24,7 @@ pub(super) fn refit(mut found: Identification, recordings: &[Recording], options
         found.parameters.iter().filter(|p| p.name.ends_with("_positive") || p.name.ends_with("_negative"));
     let known: Vec<_> = steady_lines.filter(|p| !fit.parameters.iter().any(|q| q.name == p.name)).cloned().collect();
     found.parameters = fit.parameters.into_iter().chain(known).collect();
+    found.warnings.retain(|w| !motion::fitted_anew(&w.subject, &found.parameters));
     found.warnings.extend(fit.warnings);
     (found.model, found.stages, found.free_parameters) = (fit.model, fit.stages, fit.free_parameters);
     found.residual_rms = rms;

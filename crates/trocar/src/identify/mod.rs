@@ -242,7 +242,8 @@ impl Identification {
 
     /// A remark for the model file where the deformation was not identified.
     pub(crate) fn deformation_note(&self) -> Option<String> {
-        let assumed = self.deformation.as_ref().err().filter(|_| self.motion.is_none());
+        let fitted = self.parameter("half_width_m").is_some_and(|width| width.pinned);
+        let assumed = self.deformation.as_ref().err().filter(|_| !fitted);
         assumed.map(|why| format!("deformation assumed, not identified: {why}"))
     }
 

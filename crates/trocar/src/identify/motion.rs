@@ -46,10 +46,10 @@ pub(super) fn extend(
     let motion = FreeMotion::of(recordings, segments, found.model.half_width);
     found.free_motion = Some(motion);
     // Strokes that repeat are left to the two steps: they tell of nothing else.
-    let unresolved = options.refine && !options.inertia_removed && found.refinement.is_none();
+    let unresolved = found.refinement.is_none() && (!options.inertia_removed || found.steady.means.is_empty());
     let free = unresolved && motion.reversals >= FEWEST_REVERSALS && !along::repeats(recordings);
     let asked_for = motion.is_enough() || free;
-    if !(options.free_motion && asked_for) {
+    if !(options.free_motion && options.refine && asked_for) {
         return found;
     }
     progress("fitting all motion", 0.5);
@@ -59,6 +59,11 @@ pub(super) fn extend(
     let Ok(stages) = fitted.best.candidate.stages() else { return found };
     let residual_rms = super::conclude::residual_rms(recordings, &fitted.best.candidate, &stages);
     if summary.held_out_chosen_n >= two_steps_n {
+        let message = format!(
+            "refused: held-out cycles are predicted to {:.4} N, and the two steps leave {two_steps_n:.4} N of the same readings",
+            summary.held_out_chosen_n
+        );
+        found.warnings.push(Warning { subject: "fit to all motion".to_owned(), message, doubtful: false });
         return found;
     }
     let mut parameters = numbers::parameters(&fitted);
@@ -69,6 +74,15 @@ pub(super) fn extend(
     parameters.extend(known);
     let replaced = |w: &Warning| w.subject == "refinement" || fitted_anew(&w.subject, &parameters);
     found.warnings.retain(|w| !replaced(w));
+    if !fitted.best.layout.yielding {
+        let message =
+            "the minor-loop stiffness is the default (1.01 times the steepest change of the gap between the branches)";
+        found.warnings.push(Warning {
+            subject: "yield_stiffness_n_m".to_owned(),
+            message: message.to_owned(),
+            doubtful: false,
+        });
+    }
     found.warnings.extend(warnings(&fitted, &parameters, &summary));
     found.free_motion = Some(FreeMotion::of(recordings, segments, fitted.best.candidate.half_width));
     found.free_parameters = fitted.best.free_numbers() - 1 - usize::from(fitted.best.layout.hidden_mass);
@@ -139,7 +153,7 @@ fn starts(found: &Identification, recordings: &[Recording], options: &IdentifyOp
 }
 
 /// Whether what a warning is about was fitted anew, and judged anew.
-fn fitted_anew(subject: &str, parameters: &[Parameter]) -> bool {
+pub(super) fn fitted_anew(subject: &str, parameters: &[Parameter]) -> bool {
     let steady_line = subject.ends_with("_positive") || subject.ends_with("_negative");
     subject == "yield_stiffness_n_m" || steady_line || parameters.iter().any(|p| p.name == subject)
 }
@@ -179,9 +193,13 @@ impl FreeMotion {
         let mut all = Self { reversals: 0, partial_reversals: 0, held_s: 0.0 };
         for (recording, segments) in recordings.iter().zip(segments) {
             let x = &recording.position;
-            let partial = |p: &&Pass| (x[p.end - 1] - x[p.start]).abs() < 2.0 * half_width;
-            let inner = segments.passes.len().saturating_sub(2);
-            all.partial_reversals += segments.passes.iter().skip(1).take(inner).filter(partial).count();
+            // From one reversal to the next, without a gap.
+            let partial = |pair: &&[Pass]| {
+                let (pass, next) = (&pair[0], &pair[1]);
+                let whole = pass.starts_at_reversal && next.starts_at_reversal && next.start == pass.end;
+                whole && (x[pass.end] - x[pass.start]).abs() < 2.0 * half_width
+            };
+            all.partial_reversals += segments.passes.windows(2).filter(partial).count();
             all.reversals += segments.passes.iter().filter(|p| p.starts_at_reversal).count();
             all.held_s += held(recording, 0.1 * half_width);
         }

@@ -309,6 +309,9 @@ pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
     fit
 }
 
+/// Part of F_c times the path that shows a force of the wrong sign.
+const CLEARLY: f64 = 0.2;
+
 /// Where no motion is steady: levels to start from, of which nothing is known for certain.
 ///
 /// The force spends its time near the sliding force of either direction: F_0 ± F_c are its 5 % and 95 % quantiles.
@@ -325,11 +328,18 @@ pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, Identif
         let one = |i: usize| (0.5 * (r.force[i] + r.force[i - 1]) - offset) * (r.position[i] - r.position[i - 1]);
         r.unbroken().flat_map(|range| range.start + 1..range.end).map(one).sum()
     };
-    if recordings.iter().map(work).sum::<f64>() < 0.0 {
+    let path = |r: &Recording| -> f64 { r.position.windows(2).map(|x| (x[1] - x[0]).abs()).sum() };
+    let most: f64 = coulomb * recordings.iter().map(path).sum::<f64>();
+    if recordings.iter().map(work).sum::<f64>() < -CLEARLY * most {
         return Err(IdentifyError::ForceSign { coulomb_force: -coulomb });
     }
     let none = |value, unit| Estimate::not_pinned(value, unit, NO_STRETCH);
-    Ok(blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N")))
+    let mut levels = blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N"));
+    let mut speeds: Vec<f64> = recordings.iter().flat_map(|r| local_velocity(r, 0.05)).map(f64::abs).collect();
+    speeds.sort_by(f64::total_cmp);
+    let fast = speeds[(0.95 * (speeds.len() - 1) as f64) as usize].max(1e-3);
+    levels.speed_range_m_s = [0.1 * fast, fast];
+    Ok(levels)
 }
 
 fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {

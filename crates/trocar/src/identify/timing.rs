@@ -43,7 +43,7 @@ const WINDOW: f64 = 0.05;
 pub struct PositionLag {
     /// Time, s, by which the positions were read late.
     pub lag_s: f64,
-    /// Root mean square error, N, of the linear model with this delay.
+    /// Least root mean square error, N, of the linear model, at the delay that it finds best.
     pub rms_n: f64,
     /// The same without a delay.
     pub rms_without_n: f64,
@@ -76,7 +76,7 @@ pub(super) fn settle(found: PositionLag, error: impl Fn(f64) -> Option<(f64, usi
         .map(|found| found.filter(|(_, samples)| 10 * samples >= 9 * most).map_or(f64::INFINITY, |(rms, _)| rms))
         .collect();
     let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
-    let first = errors.iter().position(|error| *error <= (1.0 + AS_GOOD) * least);
+    let first = errors.iter().position(|error| error.is_finite() && *error <= (1.0 + AS_GOOD) * least);
     PositionLag { lag_s: first.map_or(found.lag_s, |k| delays[k]), ..found }
 }
 

@@ -7,6 +7,8 @@ use super::super::output_error::{self, Fitted, Stop};
 use super::super::training::Training;
 use super::ingredient::Ingredient;
 
+/// Fewest clusters that can tell one model from another.
+const FEWEST_CLUSTERS: f64 = 4.0;
 /// Parts in which clusters are held out.
 const FOLDS: usize = 4;
 /// An ingredient is kept if the squares held out grow without it by this part at least...
@@ -113,9 +115,14 @@ impl Scored {
 
     /// Growth of the held-out squares from `other` to this, as a part of the other's, and in its standard errors.
     fn growth(&self, other: &Self) -> (f64, f64) {
-        let differences: Vec<f64> = self.held_out.iter().zip(&other.held_out).map(|(a, b)| a - b).collect();
+        // Clusters without a sample that is scored tell nothing.
+        let scored = self.held_out.iter().zip(&other.held_out).filter(|(a, b)| **a > 0.0 || **b > 0.0);
+        let differences: Vec<f64> = scored.map(|(a, b)| a - b).collect();
         let sum: f64 = differences.iter().sum();
         let n = differences.len() as f64;
+        if n < FEWEST_CLUSTERS {
+            return (0.0, 0.0);
+        }
         let variance = differences.iter().map(|d| (d - sum / n).powi(2)).sum::<f64>() * n / (n - 1.0).max(1.0);
         (sum / other.total(), sum / variance.sqrt().max(f64::MIN_POSITIVE))
     }
@@ -153,7 +160,7 @@ pub(super) fn choose(training: &Training, start: &EmsTrial, excluded: &[Ingredie
     }
     let mut chosen = all.fitted.best.clone();
     if !one_by_one {
-        let (smaller, pruned) = pruned(training, &all)?;
+        let (smaller, pruned) = pruned(training, &all);
         chosen = smaller;
         // What was kept on top is judged once more with everything else in place.
         ingredients.retain(|own: &IngredientTrial| pruned.iter().all(|p| p.ingredient != own.ingredient));
@@ -221,19 +228,19 @@ fn is_better((growth, surety): (f64, f64)) -> bool {
 }
 
 /// The best of all ingredients without those that held-out cycles are predicted as well without, and their trials.
-fn pruned(training: &Training, all: &Scored) -> Option<(EmsTrial, Vec<IngredientTrial>)> {
+fn pruned(training: &Training, all: &Scored) -> (EmsTrial, Vec<IngredientTrial>) {
     let best = &all.fitted.best;
     let mut chosen = best.clone();
     let mut trials = Vec::new();
     for ingredient in Ingredient::ALL.into_iter().filter(|i| i.is_in(&best.layout)) {
-        let smaller = Scored::new(training, &ingredient.remove(best)?, NEXT)?;
+        let Some(smaller) = ingredient.remove(best).and_then(|t| Scored::new(training, &t, NEXT)) else { continue };
         let trial = IngredientTrial::new(ingredient, all, &smaller);
         if !trial.kept && ingredient.is_in(&chosen.layout) {
-            chosen = ingredient.remove(&chosen)?;
+            chosen = ingredient.remove(&chosen).unwrap_or(chosen);
         }
         trials.push(trial);
     }
-    Some((chosen, trials))
+    (chosen, trials)
 }
 
 /// Half widths tried once more, as parts of the best.
