@@ -191,13 +191,17 @@ fn with_base(training: &Training, from: &EmsTrial, excluded: &[Ingredient], stop
     Scored::new(training, &start, stop)
 }
 
-/// The same with a second stage from the beginning, where that is better: one element leads astray what two would be.
+/// The same with a second stage, from the beginning or on top, where that is better: one element leads astray what two would
+/// be, and two what one has found.
 fn staged(training: &Training, paper: &Scored, excluded: &[Ingredient], single: &Scored) -> Option<Scored> {
     if excluded.contains(&Ingredient::SecondStage) {
         return None;
     }
-    let start = best_of(training, &Ingredient::SecondStage.starts(&paper.fitted.best))?;
-    let staged = with_base(training, &start, excluded, NEXT)?;
+    let divided = best_of(training, &Ingredient::SecondStage.starts(&paper.fitted.best));
+    let from_start = divided.and_then(|start| with_base(training, &start, excluded, NEXT));
+    let on_top = enlarged(training, single, Ingredient::SecondStage).map(|(larger, _)| larger);
+    let both = [from_start, on_top].into_iter().flatten();
+    let staged = both.min_by(|a, b| a.total().total_cmp(&b.total()))?;
     is_better(single.growth(&staged)).then(|| finer(training, &staged).unwrap_or(staged))
 }
 
