@@ -232,7 +232,8 @@ proptest! {
             work = go(&element, &mut state, &cycle);
         }
         let scale = params.insertion.static_force.max(params.withdrawal.static_force) * 1e-3;
-        prop_assert!(work > -1e-6 * scale, "{work} J");
+        // What the step's equation is left off by, over a cycle.
+        prop_assert!(work > -1e-5 * scale, "{work} J");
     }
 
     /// Nothing that is not finite, and no rest, can put the state out of bounds.

@@ -2,7 +2,7 @@
 
 use super::classical::ClassicalData;
 use super::conclude::residual_rms;
-use super::{Identification, IdentifyOptions, along, motion, refit as by_output_error};
+use super::{Estimate, Identification, IdentifyOptions, Parameter, along, refit as by_output_error};
 use crate::recording::Recording;
 
 /// Least part by which the error falls.
@@ -23,10 +23,19 @@ pub(super) fn refit(mut found: Identification, recordings: &[Recording], options
     let steady_lines =
         found.parameters.iter().filter(|p| p.name.ends_with("_positive") || p.name.ends_with("_negative"));
     let known: Vec<_> = steady_lines.filter(|p| !fit.parameters.iter().any(|q| q.name == p.name)).cloned().collect();
-    found.parameters = fit.parameters.into_iter().chain(known).collect();
-    found.warnings.retain(|w| !motion::fitted_anew(&w.subject, &found.parameters));
+    let fitted = fit.parameters.into_iter().map(|p| as_steady_state_has_it(p, &found.parameters));
+    found.parameters = fitted.chain(known).collect();
+    found.warnings.retain(|w| w.subject != "half_width_m");
     found.warnings.extend(fit.warnings);
     (found.model, found.stages, found.free_parameters) = (fit.model, fit.stages, fit.free_parameters);
     found.residual_rms = rms;
     found
+}
+
+/// What steady sliding leaves open, such as a slope from one speed, a fit to the same strokes does not pin.
+fn as_steady_state_has_it(fitted: Parameter, before: &[Parameter]) -> Parameter {
+    let open = before.iter().find(|p| p.name == fitted.name && !p.estimate.pinned && p.name != "half_width_m");
+    let Some(note) = open.and_then(|p| p.estimate.note.clone()) else { return fitted };
+    let Estimate { value, unit, .. } = fitted.estimate;
+    Parameter { name: fitted.name, estimate: Estimate::not_pinned(value, unit, note) }
 }

@@ -153,7 +153,7 @@ fn starts(found: &Identification, recordings: &[Recording], options: &IdentifyOp
 }
 
 /// Whether what a warning is about was fitted anew, and judged anew.
-pub(super) fn fitted_anew(subject: &str, parameters: &[Parameter]) -> bool {
+fn fitted_anew(subject: &str, parameters: &[Parameter]) -> bool {
     let steady_line = subject.ends_with("_positive") || subject.ends_with("_negative");
     subject == "yield_stiffness_n_m" || steady_line || parameters.iter().any(|p| p.name == subject)
 }
