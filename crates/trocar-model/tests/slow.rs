@@ -227,13 +227,20 @@ proptest! {
         let mut cycle = cycle;
         let back: f64 = cycle.iter().map(|(distance, _)| distance).sum();
         cycle.push((-back, 1 + (back.abs() / 1e-4) as u32));
-        let mut work = 0.0;
-        for _ in 0..12 {
+        // Short cycles are repeated more often, for creep and arms to settle.
+        let samples: u32 = cycle.iter().map(|(_, samples)| samples).sum();
+        let (mut work, mut before) = (0.0, state);
+        for _ in 0..(18_000 / samples).max(12) {
+            before = state;
             work = go(&element, &mut state, &cycle);
         }
-        let scale = params.insertion.static_force.max(params.withdrawal.static_force) * 1e-3;
-        // What the step's equation is left off by, over a cycle.
-        prop_assert!(work > -1e-5 * scale, "{work} J");
+        let most = params.insertion.static_force.max(params.withdrawal.static_force);
+        // A state that has not quite closed gives back what it had stored.
+        let change = |of: fn(&State) -> f64| (of(&state) - of(&before)).abs();
+        let c = params.deformation.half_width();
+        let stored = most * change(State::deflection)
+            + 2.0 * c * (change(State::yield_force) + change(State::relaxing_force));
+        prop_assert!(work + stored > -1e-6 * most * 1e-3, "{work} J, stored {stored} J");
     }
 
     /// Nothing that is not finite, and no rest, can put the state out of bounds.
