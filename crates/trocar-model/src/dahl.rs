@@ -46,11 +46,11 @@ pub struct Dahl {
 /// Everything that changes while a Dahl model runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DahlState {
-    hysteresis_force: f64,
-    force: f64,
+    pub(crate) hysteresis_force: f64,
+    pub(crate) force: f64,
     /// Of the last motion; 0 before any.
-    direction: f64,
-    remainder: Remainder,
+    pub(crate) direction: f64,
+    pub(crate) remainder: Remainder,
 }
 
 impl DahlState {
@@ -138,10 +138,10 @@ impl Dahl {
 
 /// y = 1 - s·f/F_c, what is left to the Coulomb force in the direction s of motion, in [0, 2].
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Remainder {
-    y: f64,
+pub(crate) struct Remainder {
+    pub(crate) y: f64,
     /// y^-m with m = i - 1: it changes in proportion to the travel, so that the power is taken at reversals only.
-    inverse_power: f64,
+    pub(crate) inverse_power: f64,
 }
 
 impl Remainder {

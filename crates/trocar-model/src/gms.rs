@@ -50,12 +50,12 @@ pub enum SlipRate {
 /// Everything that changes while a [`Gms`] runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GmsState {
-    deflections: [f64; MAX_ELEMENTS],
-    slipping: [bool; MAX_ELEMENTS],
+    pub(crate) deflections: [f64; MAX_ELEMENTS],
+    pub(crate) slipping: [bool; MAX_ELEMENTS],
     /// sgn(v) of the last step: all elements stick anew when it changes.
-    direction: f64,
-    count: usize,
-    force: f64,
+    pub(crate) direction: f64,
+    pub(crate) count: usize,
+    pub(crate) force: f64,
 }
 
 impl GmsState {

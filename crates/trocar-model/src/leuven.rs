@@ -38,10 +38,10 @@ pub struct LeuvenParams {
 /// Everything that changes while a [`Leuven`] runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeuvenState {
-    deflection: f64,
-    forces: [f64; MAX_ELEMENTS],
-    count: usize,
-    force: f64,
+    pub(crate) deflection: f64,
+    pub(crate) forces: [f64; MAX_ELEMENTS],
+    pub(crate) count: usize,
+    pub(crate) force: f64,
 }
 
 impl LeuvenState {

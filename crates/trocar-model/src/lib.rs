@@ -73,6 +73,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod classical;
 pub mod creep;
 pub mod dahl;
 pub mod damping;
@@ -80,6 +81,7 @@ pub mod elastic;
 pub mod ems;
 pub mod error;
 mod exponential;
+pub mod flat;
 pub mod friction;
 pub mod gms;
 pub mod guard;
@@ -90,10 +92,14 @@ pub mod paper_literal;
 pub mod parallel;
 mod plausible;
 pub mod relaxation;
+pub mod seal;
 pub mod sliding;
 mod slip;
 pub mod stribeck;
+pub mod travel;
+pub mod tuning;
 
+pub use classical::{Classical, ClassicalState};
 pub use dahl::{Dahl, DahlParams, DahlState};
 pub use damping::SealDamping;
 pub use elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
@@ -108,5 +114,8 @@ pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement}
 pub use paper_literal::{LiteralState, PaperLiteral};
 pub use parallel::{MAX_STAGES, Parallel, Stages, StagesState, rest_states, step_parallel};
 pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
+pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;
 pub use stribeck::{StaticFriction, StaticState};
+pub use travel::Travel;
+pub use tuning::Tunable;

@@ -82,8 +82,8 @@ pub struct LuGre {
 /// Everything that changes while a LuGre model runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LuGreState {
-    deflection: f64,
-    force: f64,
+    pub(crate) deflection: f64,
+    pub(crate) force: f64,
 }
 
 impl LuGreState {

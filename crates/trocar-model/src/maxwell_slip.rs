@@ -71,9 +71,9 @@ impl Bank {
 /// Everything that changes while a [`MaxwellSlip`] runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaxwellSlipState {
-    forces: [f64; MAX_ELEMENTS],
-    count: usize,
-    force: f64,
+    pub(crate) forces: [f64; MAX_ELEMENTS],
+    pub(crate) count: usize,
+    pub(crate) force: f64,
 }
 
 impl MaxwellSlipState {

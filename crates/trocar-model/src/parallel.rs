@@ -71,6 +71,11 @@ impl Stages {
         &self.elements[..self.count]
     }
 
+    /// State at rest with every element at `deflection`, m; one that is not finite counts as 0.
+    pub fn rest_state(&self, deflection: f64) -> StagesState {
+        StagesState { states: self.elements.map(|element| element.rest_state(deflection)), count: self.count }
+    }
+
     /// The first element.
     pub fn first(&self) -> &Element {
         &self.elements[0]
@@ -86,8 +91,8 @@ impl From<Element> for Stages {
 /// States of [`Stages`], one an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StagesState {
-    states: [State; MAX_STAGES],
-    count: usize,
+    pub(crate) states: [State; MAX_STAGES],
+    pub(crate) count: usize,
 }
 
 impl StagesState {

@@ -32,8 +32,8 @@ pub struct StaticFriction {
 /// Everything that changes while static friction runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StaticState {
-    held_force: f64,
-    force: f64,
+    pub(crate) held_force: f64,
+    pub(crate) force: f64,
 }
 
 impl StaticState {

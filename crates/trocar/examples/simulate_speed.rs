@@ -9,9 +9,9 @@ use std::time::Instant;
 
 use trocar::output::AtomicFile;
 use trocar::recording::{ReadOptions, read};
-use trocar::replay::Deformation;
+
 use trocar::simulate::{Drive, Positions, simulate};
-use trocar_model::{Element, ElementParams, Mode, Parallel};
+use trocar_model::{Deformation, Element, ElementParams, Mode, Parallel};
 
 const ROWS: u32 = 2_000_000;
 

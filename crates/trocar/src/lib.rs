@@ -2,7 +2,6 @@
 
 pub mod analyze;
 pub mod bench;
-pub mod classical;
 pub mod compare;
 pub mod error;
 pub mod identify;

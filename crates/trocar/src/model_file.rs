@@ -14,11 +14,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, MAX_ARMS, ParamError, Piece, Relaxation, RelaxationArm,
-    SealDamping, SlidingFriction,
+    Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError, Piece, Relaxation,
+    RelaxationArm, Seal, SealDamping, SlidingFriction, Stages, Trocar,
 };
 
-use crate::classical::Classical;
 use crate::recording::Recording;
 use crate::travel::TravelProfile;
 
@@ -261,6 +260,20 @@ impl ModelFile {
             Model::Ems(elements) => Ok(elements),
             Model::Classical(model) => Err(ModelFileError::NotEms { kind: model.kind() }),
         }
+    }
+
+    /// The model as every program runs it, with its profile along the way.
+    ///
+    /// # Errors
+    /// [`ModelFileError::Value`] for more than [`MAX_STAGES`] elements.
+    pub fn trocar(&self) -> Result<Trocar<'_>, ModelFileError> {
+        let seal = match &self.model {
+            Model::Ems(elements) => Seal::Ems(Stages::new(elements).ok_or_else(|| {
+                impossible("elements", &format!("at most {MAX_STAGES} can be run here, got {}", elements.len()))
+            })?),
+            Model::Classical(model) => Seal::Classical(*model),
+        };
+        Ok(Trocar::new(seal, self.travel.as_ref().map(TravelProfile::view)))
     }
 
     /// The plausible one-stage 10.5 mm trocar, marked as plausible.

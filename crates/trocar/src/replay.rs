@@ -6,9 +6,8 @@
 
 use std::ops::Range;
 
-use trocar_model::{Element, Friction, Mode, State, rest_states};
+use trocar_model::{Classical, ClassicalState, Deformation, Element, Friction, Mode, State, rest_states};
 
-use crate::classical::{Classical, ClassicalState};
 use crate::recording::Recording;
 use crate::travel::TravelProfile;
 
@@ -42,15 +41,6 @@ pub trait Replayable {
 
     /// How the seal is deformed, for a model that knows; throughout or never.
     fn deformation(state: &Self::State) -> Option<Deformation>;
-}
-
-/// How a seal is deformed.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Deformation {
-    /// Deflection, m.
-    pub deflection: f64,
-    /// Whether it deforms or slides.
-    pub mode: Mode,
 }
 
 /// Elements in parallel; the deflection is that of the first, and the seal slides once all of them do.

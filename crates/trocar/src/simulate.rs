@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use trocar_model::{Friction, GuardState, Mode, Parallel, PlayGuard, State};
+use trocar_model::{Deformation, Friction, GuardState, Mode, Parallel, PlayGuard};
 
 use crate::error::{OutputError, RecordingError};
 use crate::output::AtomicFile;
@@ -17,7 +17,6 @@ use crate::recording::columns::Quantity;
 use crate::recording::line::Line;
 use crate::recording::rows::{Row, RowReader};
 use crate::recording::{LONGEST_STROKE, Place};
-use crate::replay::Deformation;
 
 /// Names of the columns written, with and without a deformation.
 const HEADER: &[u8] = b"time_s,position_m,force_n,deflection_m,mode\n";
@@ -36,6 +35,10 @@ pub trait Drive {
     }
     /// Advances by `displacement` (m) within `duration` (s, positive); returns the force (N) at the end.
     fn step(&mut self, displacement: f64, duration: f64) -> f64;
+    /// The same for a step that ends at `position`, m.
+    fn step_to(&mut self, _position: f64, displacement: f64, duration: f64) -> f64 {
+        self.step(displacement, duration)
+    }
     /// Force after the last step, N.
     fn force(&self) -> f64;
     /// Deformation of the seal after the last step; `None` throughout for a model that knows none.
@@ -90,10 +93,7 @@ impl Drive for Parallel<'_> {
     }
 
     fn deformation(&self) -> Option<Deformation> {
-        let sum: f64 = self.states().iter().map(State::deflection).sum();
-        let sliding = self.states().iter().all(|state| state.mode() == Mode::Sliding);
-        let mode = if sliding { Mode::Sliding } else { Mode::Deforming };
-        Some(Deformation { deflection: sum / self.states().len() as f64, mode })
+        Some(Deformation::of(self.states()))
     }
 }
 
@@ -204,7 +204,10 @@ pub fn simulate(
         if count == 0 {
             drive.start_at(step.position, step.reading);
         }
-        let force = if step.duration > 0.0 { drive.step(step.displacement, step.duration) } else { drive.force() };
+        let force = match step.duration > 0.0 {
+            true => drive.step_to(step.position, step.displacement, step.duration),
+            false => drive.force(),
+        };
         line.number(step.time).number(step.position).number(force);
         if let Some(Deformation { deflection, mode }) = drive.deformation() {
             line.number(deflection).word(word(mode));

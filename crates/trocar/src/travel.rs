@@ -39,7 +39,7 @@
 //! ([`storage_length`], [`TravelProfile::is_passive`]): sufficient, not necessary.
 
 use serde::{Deserialize, Serialize};
-use trocar_model::{Element, SlidingFriction};
+use trocar_model::{Element, SlidingFriction, Travel};
 
 pub use fit::{NoProfile, TravelFit, TravelSample, fit, strokes};
 
@@ -182,19 +182,25 @@ impl TravelProfile {
         &self.level
     }
 
+    /// The profile as the models run along it.
+    pub fn view(&self) -> Travel<'_> {
+        let view = Travel::new(self.from_m, self.to_m, &self.offset_n, &self.level);
+        view.expect("checked when the profile was made")
+    }
+
     /// Level at position `x`, m. A position that is not a number counts as the first knot's.
     pub fn level(&self, x: f64) -> f64 {
-        self.at(&self.level, x)
+        self.view().level(x)
     }
 
     /// F_0 at position `x` (m), N.
     pub fn offset(&self, x: f64) -> f64 {
-        self.at(&self.offset_n, x)
+        self.view().offset(x)
     }
 
     /// Force, N, at position `x` (m) where the seal alone has `seal_force` (N).
     pub fn apply(&self, x: f64, seal_force: f64) -> f64 {
-        self.offset(x) + self.level(x) * seal_force
+        self.view().apply(x, seal_force)
     }
 
     /// Free numbers: one offset and one level a knot, less the mean level and the sensor's offset, which is counted
@@ -217,21 +223,8 @@ impl TravelProfile {
 
     /// The seal's own force, N, behind `force` (N) at position `x` (m).
     pub fn without(&self, x: f64, force: f64) -> f64 {
-        (force - self.offset(x)) / self.level(x)
+        self.view().without(x, force)
     }
-
-    fn at(&self, values: &[f64], x: f64) -> f64 {
-        let (knot, part) = place(self.from_m, self.to_m, values.len(), x);
-        values[knot] + part * (values[knot + 1] - values[knot])
-    }
-}
-
-/// Knot below `x` and the part of the way to the next, 0 to 1, for `knots` of them.
-fn place(from: f64, to: f64, knots: usize, x: f64) -> (usize, f64) {
-    let last = (knots - 1) as f64;
-    let along = ((x - from) / (to - from) * last).max(0.0).min(last);
-    let knot = (along as usize).min(knots - 2);
-    (knot, along - knot as f64)
 }
 
 /// ℓ, m: how far the seal's mid curve falls, over the least force with which it slides, times its half width; 0 for a

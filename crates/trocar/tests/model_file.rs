@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
-use trocar::classical::Classical;
 use trocar::model_file::{Interval, Model, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo};
 use trocar::travel::TravelProfile;
+use trocar_model::Classical;
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS,
     MaxwellSlip, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction,

@@ -4,11 +4,11 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use trocar::classical::Classical;
 use trocar::compare::{Choice, CompareOptions, Entry, compare};
 use trocar::identify::IdentifyOptions;
 use trocar::identify::classical::Kind;
 use trocar::recording::Recording;
+use trocar_model::Classical;
 use trocar_model::friction::Friction;
 use trocar_model::{
     Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, SlidingFriction,

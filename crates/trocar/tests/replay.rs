@@ -1,9 +1,9 @@
 //! Classical models run over recordings: from where on the unknown start no longer matters, and what is scored.
 
-use trocar::classical::Classical;
 use trocar::recording::Recording;
 use trocar::replay::{forgotten_after, replay};
 use trocar::validate::validate;
+use trocar_model::Classical;
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
     MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use trocar::output::{AtomicFile, StagedFolder, remove_unfinished};
 use trocar::recording::{ReadOptions, read};
-use trocar::replay::Deformation;
+
 use trocar::simulate::{Drive, Single, simulate, simulate_file};
-use trocar_model::{Mode, SlidingFriction, StaticFriction};
+use trocar_model::{Deformation, Mode, SlidingFriction, StaticFriction};
 
 /// A spring of 1 kN/m that sticks: force and deflection follow the position, so a row can be checked by hand.
 #[derive(Default)]

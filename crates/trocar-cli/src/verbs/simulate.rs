@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use trocar::classical::Classical;
 use trocar::model_file::{Model, ModelFile};
 use trocar::recording::position_resolution;
-use trocar::replay::{Deformation, start_states};
+use trocar::replay::start_states;
 use trocar::simulate::{Drive, Guarded, Single, simulate_file};
 use trocar::travel::TravelProfile;
-use trocar_model::{Element, LiteralState, Mode, PaperLiteral, PlayGuard, State, step_parallel};
+use trocar_model::Classical;
+use trocar_model::{Deformation, Element, LiteralState, Mode, PaperLiteral, PlayGuard, State, step_parallel};
 
 use crate::Done;
 use crate::console::{BadArgument, Console};
@@ -204,7 +204,11 @@ impl Drive for Natural<'_> {
     }
 
     fn step(&mut self, displacement: f64, duration: f64) -> f64 {
-        self.position += displacement;
+        self.step_to(self.position + displacement, displacement, duration)
+    }
+
+    fn step_to(&mut self, position: f64, displacement: f64, duration: f64) -> f64 {
+        self.position = position;
         step_parallel(self.elements, &mut self.states, displacement, duration);
         self.force()
     }
@@ -215,8 +219,7 @@ impl Drive for Natural<'_> {
     }
 
     fn deformation(&self) -> Option<Deformation> {
-        let deflection = self.states.iter().map(State::deflection).sum::<f64>() / self.states.len() as f64;
-        Some(Deformation { deflection, mode: slides(self.states.iter().map(State::mode)) })
+        Some(Deformation::of(&self.states))
     }
 }
 
@@ -252,11 +255,7 @@ impl Drive for Literal<'_> {
 
     fn deformation(&self) -> Option<Deformation> {
         let deflection = self.states.iter().map(LiteralState::deflection).sum::<f64>() / self.states.len() as f64;
-        Some(Deformation { deflection, mode: slides(self.states.iter().map(LiteralState::mode)) })
+        let slides = self.states.iter().all(|state| state.mode() == Mode::Sliding);
+        Some(Deformation { deflection, mode: if slides { Mode::Sliding } else { Mode::Deforming } })
     }
-}
-
-/// The seal slides once all its elements do.
-fn slides(mut modes: impl Iterator<Item = Mode>) -> Mode {
-    if modes.all(|mode| mode == Mode::Sliding) { Mode::Sliding } else { Mode::Deforming }
 }

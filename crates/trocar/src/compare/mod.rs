@@ -15,7 +15,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::{Friction, Stages};
 
-use crate::classical::Classical;
 use crate::identify::classical::{ClassicalData, ClassicalFit, Kin, Kind};
 use crate::identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
@@ -23,6 +22,7 @@ use crate::identify::{
 use crate::model_file::Model;
 use crate::recording::{Recording, RecordingError};
 use crate::validate::Phases;
+use trocar_model::Classical;
 
 pub use claim::{ReversalMatch, reversal_match};
 pub use split::split;

@@ -3,11 +3,9 @@
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use trocar_model::{
-    Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError, SlipElement,
-    SlipRate, StaticFriction, StribeckCurve,
+    Classical, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError,
+    SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
-
-use crate::classical::Classical;
 
 use super::SlidingText;
 

@@ -7,8 +7,9 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::Serialize;
+use trocar_model::travel::place;
 
-use super::{ProfileError, TravelProfile, mean_along, place};
+use super::{ProfileError, TravelProfile, mean_along};
 use crate::recording::Recording;
 use crate::segment::Pass;
 

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use trocar_model::{Passivity, SlipRate};
 
-use crate::classical::Classical;
 use crate::identify::estimate::Estimate;
 use crate::identify::output_error::{self, Fitted, Free, Stop, Trial};
 use crate::identify::spread::{Reported, Spread};
 use crate::identify::{Parameter, Warning};
+use trocar_model::Classical;
 
 use super::data::ClassicalData;
 use super::kind::{Coordinate, Kind, Quantity, build, coordinates, quantities};

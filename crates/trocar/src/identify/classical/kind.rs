@@ -7,7 +7,7 @@ use trocar_model::{
     SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
-use crate::classical::Classical;
+use trocar_model::Classical;
 
 /// A classical friction model, with its number of elements where it has several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -1,7 +1,7 @@
 //! The friction models of EMS section II as one type, for whoever has to run any of them.
 
-use trocar_model::friction::Friction;
-use trocar_model::{Dahl, Gms, Leuven, LuGre, MaxwellSlip, StaticFriction};
+use crate::friction::Friction;
+use crate::{Dahl, Gms, Leuven, LuGre, MaxwellSlip, StaticFriction};
 
 /// Any of the models that EMS compares itself with.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,0 +1,506 @@
+//! Models and states as rows of numbers, for whoever cannot hold a Rust value: a file beside a binary, the memory of a
+//! WebAssembly module, the serialised state of a co-simulation.
+//!
+//! A row begins with [`FORMAT`], then the kind, then the parameters in SI units in the order of the parameter structs;
+//! numbers of parts stand before the parts. Reading checks everything that building the model checks: the same
+//! parameters give the same model, to the last bit.
+
+use crate::classical::{Classical, ClassicalState};
+use crate::dahl::{Dahl, DahlParams, DahlState, Remainder};
+use crate::damping::SealDamping;
+use crate::elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
+use crate::ems::{Element, ElementParams, Mode, State};
+use crate::error::ParamError;
+use crate::gms::{Gms, GmsElement, GmsState, SlipRate};
+use crate::leuven::{Leuven, LeuvenParams, LeuvenState};
+use crate::lugre::{LuGre, LuGreParams, LuGreState, StribeckCurve};
+use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
+use crate::parallel::{MAX_STAGES, Stages};
+use crate::relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
+use crate::seal::{Seal, SealState, Trocar, TrocarState};
+use crate::sliding::SlidingFriction;
+use crate::stribeck::{StaticFriction, StaticState};
+use crate::travel::Travel;
+
+/// First number of every row: the version of this form.
+pub const FORMAT: f64 = 1.0;
+/// Most numbers of a row without a profile along the way.
+pub const SEAL_NUMBERS: usize = 4 + MAX_STAGES * ELEMENT_NUMBERS;
+/// Numbers of a state, whatever the model: fixed, so that a state fits one place.
+pub const STATE_NUMBERS: usize = 4 + 1 + MAX_STAGES * STATE_OF_ELEMENT;
+
+const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE) + 1 + 3 + 2 * 5 + 2 + 2 * MAX_ARMS;
+const STATE_OF_ELEMENT: usize = 7 + MAX_ARMS;
+
+const EMS: f64 = 0.0;
+const STATIC: f64 = 1.0;
+const DAHL: f64 = 2.0;
+const LUGRE: f64 = 3.0;
+const LEUVEN: f64 = 4.0;
+const MAXWELL_SLIP: f64 = 5.0;
+const GMS: f64 = 6.0;
+
+/// Why a row is no model or no state.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FlatError {
+    /// The row ends too early, or the place for it is too small.
+    Length {
+        /// Numbers there are.
+        found: usize,
+    },
+    /// A number that says what follows is not one of those it may be.
+    Tag {
+        /// Where it stands, from 0.
+        place: usize,
+        /// What was found.
+        found: f64,
+    },
+    /// Parameters that make no model.
+    Parameter(ParamError),
+}
+
+impl From<ParamError> for FlatError {
+    fn from(error: ParamError) -> Self {
+        Self::Parameter(error)
+    }
+}
+
+impl core::fmt::Display for FlatError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Length { found } => write!(f, "{found} numbers are too few"),
+            Self::Tag { place, found } => write!(f, "number {place} says what follows, and cannot be {found}"),
+            Self::Parameter(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for FlatError {}
+
+/// Fills a row from the front.
+struct Writer<'a> {
+    row: &'a mut [f64],
+    count: usize,
+    full: bool,
+}
+
+impl<'a> Writer<'a> {
+    fn new(row: &'a mut [f64]) -> Self {
+        Self { row, count: 0, full: false }
+    }
+
+    fn put(&mut self, values: &[f64]) {
+        for value in values {
+            match self.row.get_mut(self.count) {
+                Some(slot) => *slot = *value,
+                None => self.full = true,
+            }
+            self.count += 1;
+        }
+    }
+
+    fn done(self) -> Result<usize, FlatError> {
+        if self.full { Err(FlatError::Length { found: self.row.len() }) } else { Ok(self.count) }
+    }
+}
+
+/// Takes a row from the front.
+struct Reader<'a> {
+    row: &'a [f64],
+    place: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn new(row: &'a [f64]) -> Self {
+        Self { row, place: 0 }
+    }
+
+    fn slice(&mut self, count: usize) -> Result<&'a [f64], FlatError> {
+        let short = FlatError::Length { found: self.row.len() };
+        let end = self.place.checked_add(count).ok_or(short)?;
+        let values = self.row.get(self.place..end).ok_or(short)?;
+        self.place = end;
+        Ok(values)
+    }
+
+    fn take<const N: usize>(&mut self) -> Result<[f64; N], FlatError> {
+        let mut values = [0.0; N];
+        values.copy_from_slice(self.slice(N)?);
+        Ok(values)
+    }
+
+    fn one(&mut self) -> Result<f64, FlatError> {
+        self.take::<1>().map(|[value]| value)
+    }
+
+    /// A whole number from `least` to `most`.
+    fn count(&mut self, least: usize, most: usize) -> Result<usize, FlatError> {
+        let found = self.one()?;
+        if found >= least as f64 && found <= most as f64 && libm::floor(found) == found {
+            return Ok(found as usize);
+        }
+        Err(FlatError::Tag { place: self.place - 1, found })
+    }
+
+    fn expect(&mut self, value: f64) -> Result<(), FlatError> {
+        let found = self.one()?;
+        if found == value { Ok(()) } else { Err(FlatError::Tag { place: self.place - 1, found }) }
+    }
+}
+
+impl Trocar<'_> {
+    /// Writes the trocar to the front of `row`; returns how many numbers it took.
+    ///
+    /// # Errors
+    /// [`FlatError::Length`] where `row` is too short.
+    pub fn write_numbers(&self, row: &mut [f64]) -> Result<usize, FlatError> {
+        let mut out = Writer::new(row);
+        out.put(&[FORMAT]);
+        write_seal(&mut out, self.seal());
+        match self.travel() {
+            None => out.put(&[0.0]),
+            Some(travel) => {
+                out.put(&[travel.levels().len() as f64, travel.from(), travel.to()]);
+                out.put(travel.offsets());
+                out.put(travel.levels());
+            }
+        }
+        out.done()
+    }
+
+    /// Numbers that [`Trocar::write_numbers`] takes.
+    pub fn count_numbers(&self) -> usize {
+        let mut out = Writer::new(&mut []);
+        write_seal(&mut out, self.seal());
+        2 + out.count + self.travel().map_or(0, |travel| 2 + 2 * travel.levels().len())
+    }
+}
+
+impl<'a> Trocar<'a> {
+    /// The trocar that [`Trocar::write_numbers`] wrote to the front of `row`; a profile along the way stays there.
+    ///
+    /// # Errors
+    /// [`FlatError`]: too short a row, a tag that is none, parameters that make no model.
+    pub fn from_numbers(row: &'a [f64]) -> Result<Self, FlatError> {
+        let mut from = Reader::new(row);
+        from.expect(FORMAT)?;
+        let seal = read_seal(&mut from)?;
+        let place = from.place;
+        let knots = from.count(0, usize::MAX)?;
+        if knots == 0 {
+            return Ok(Self::new(seal, None));
+        }
+        let wrong = FlatError::Tag { place, found: knots as f64 };
+        let [begin, end] = from.take()?;
+        let (offset, level) = (from.slice(knots)?, from.slice(knots)?);
+        let travel = Travel::new(begin, end, offset, level).filter(Travel::is_sound).ok_or(wrong)?;
+        Ok(Self::new(seal, Some(travel)))
+    }
+}
+
+fn write_seal(out: &mut Writer, seal: &Seal) {
+    match seal {
+        Seal::Ems(stages) => {
+            out.put(&[EMS, stages.elements().len() as f64]);
+            stages.elements().iter().for_each(|element| write_element(out, element.params()));
+        }
+        Seal::Classical(model) => write_classical(out, model),
+    }
+}
+
+fn write_element(out: &mut Writer, params: &ElementParams) {
+    let force = &params.deformation;
+    for branch in [force.rising(), force.falling()] {
+        for piece in [branch.left(), branch.right()] {
+            out.put(&[piece.from(), piece.to(), piece.legendre().len() as f64]);
+            out.put(piece.legendre());
+        }
+    }
+    out.put(&[force.yield_stiffness()]);
+    out.put(&params.damping.coefficients);
+    out.put(&sliding_numbers(&params.insertion));
+    out.put(&sliding_numbers(&params.withdrawal));
+    out.put(&[params.creep_velocity, params.friction_lag]);
+    params.relaxation.arms.iter().for_each(|arm| out.put(&[arm.stiffness, arm.time]));
+}
+
+fn sliding_numbers(sliding: &SlidingFriction) -> [f64; 5] {
+    let SlidingFriction { coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping } =
+        *sliding;
+    [coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping]
+}
+
+fn write_classical(out: &mut Writer, model: &Classical) {
+    match model {
+        Classical::Static(model) => {
+            out.put(&[STATIC]);
+            out.put(&sliding_numbers(model.params()));
+        }
+        Classical::Dahl(model) => {
+            let DahlParams { stiffness, coulomb_force, exponent, viscous_damping } = *model.params();
+            out.put(&[DAHL, stiffness, coulomb_force, exponent, viscous_damping]);
+        }
+        Classical::LuGre(model) => {
+            let LuGreParams { stiffness, micro_damping, damping_velocity, sliding, curve } = model.params();
+            let rational = f64::from(u8::from(*curve == StribeckCurve::Rational));
+            out.put(&[LUGRE, *stiffness, *micro_damping, *damping_velocity, rational]);
+            out.put(&sliding_numbers(sliding));
+        }
+        Classical::Leuven(model) => {
+            let LeuvenParams { sliding, exponent, micro_damping } = model.params();
+            out.put(&[LEUVEN, *exponent, *micro_damping]);
+            out.put(&sliding_numbers(sliding));
+            write_bank(out, model.elements());
+        }
+        Classical::MaxwellSlip(model) => {
+            out.put(&[MAXWELL_SLIP, model.viscous_damping()]);
+            write_bank(out, model.elements());
+        }
+        Classical::Gms(model) => {
+            let limited = f64::from(u8::from(model.slip_rate() == SlipRate::Limited));
+            out.put(&[GMS, limited]);
+            out.put(&sliding_numbers(model.sliding()));
+            out.put(&[model.elements().len() as f64]);
+            for GmsElement { stiffness, share, attraction, damping } in model.elements() {
+                out.put(&[*stiffness, *share, *attraction, *damping]);
+            }
+        }
+    }
+}
+
+fn write_bank(out: &mut Writer, elements: &[SlipElement]) {
+    out.put(&[elements.len() as f64]);
+    elements.iter().for_each(|element| out.put(&[element.stiffness, element.limit_force]));
+}
+
+fn read_seal(from: &mut Reader) -> Result<Seal, FlatError> {
+    let place = from.place;
+    let kind = from.one()?;
+    Ok(Seal::Classical(match kind {
+        EMS => return read_stages(from).map(Seal::Ems),
+        STATIC => Classical::Static(StaticFriction::new(read_sliding(from)?)?),
+        DAHL => {
+            let [stiffness, coulomb_force, exponent, viscous_damping] = from.take()?;
+            Classical::Dahl(Dahl::new(DahlParams { stiffness, coulomb_force, exponent, viscous_damping })?)
+        }
+        LUGRE => {
+            let [stiffness, micro_damping, damping_velocity] = from.take()?;
+            let curve = match from.count(0, 1)? {
+                0 => StribeckCurve::Exponential,
+                _ => StribeckCurve::Rational,
+            };
+            let sliding = read_sliding(from)?;
+            Classical::LuGre(LuGre::new(LuGreParams { stiffness, micro_damping, damping_velocity, sliding, curve })?)
+        }
+        LEUVEN => {
+            let [exponent, micro_damping] = from.take()?;
+            let sliding = read_sliding(from)?;
+            let (bank, count) = read_bank(from)?;
+            Classical::Leuven(Leuven::new(&bank[..count], LeuvenParams { sliding, exponent, micro_damping })?)
+        }
+        MAXWELL_SLIP => {
+            let viscous_damping = from.one()?;
+            let (bank, count) = read_bank(from)?;
+            Classical::MaxwellSlip(MaxwellSlip::new(&bank[..count], viscous_damping)?)
+        }
+        GMS => read_gms(from).map(Classical::Gms)?,
+        found => return Err(FlatError::Tag { place, found }),
+    }))
+}
+
+fn read_stages(from: &mut Reader) -> Result<Stages, FlatError> {
+    let place = from.place;
+    let count = from.count(1, MAX_STAGES)?;
+    let first = read_element(from)?;
+    let mut elements = [first; MAX_STAGES];
+    for element in elements.iter_mut().take(count).skip(1) {
+        *element = read_element(from)?;
+    }
+    Stages::new(&elements[..count]).ok_or(FlatError::Tag { place, found: count as f64 })
+}
+
+fn read_element(from: &mut Reader) -> Result<Element, FlatError> {
+    let rising = Branch::new(read_piece(from)?, read_piece(from)?)?;
+    let falling = Branch::new(read_piece(from)?, read_piece(from)?)?;
+    let yield_stiffness = from.one()?;
+    let damping = SealDamping { coefficients: from.take()? };
+    let (insertion, withdrawal) = (read_sliding(from)?, read_sliding(from)?);
+    let [creep_velocity, friction_lag] = from.take()?;
+    let mut relaxation = Relaxation::NONE;
+    for arm in &mut relaxation.arms {
+        let [stiffness, time] = from.take()?;
+        *arm = RelaxationArm { stiffness, time };
+    }
+    let deformation = DeformationForce::new(rising, falling, Some(yield_stiffness))?;
+    let params =
+        ElementParams { deformation, damping, insertion, withdrawal, creep_velocity, friction_lag, relaxation };
+    Ok(Element::new(params)?)
+}
+
+fn read_piece(from: &mut Reader) -> Result<Piece, FlatError> {
+    let [begin, end] = from.take()?;
+    let count = from.count(1, MAX_DEGREE + 1)?;
+    Ok(Piece::new(begin, end, from.slice(count)?)?)
+}
+
+fn read_sliding(from: &mut Reader) -> Result<SlidingFriction, FlatError> {
+    let [coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping] = from.take()?;
+    Ok(SlidingFriction { coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping })
+}
+
+fn read_bank(from: &mut Reader) -> Result<([SlipElement; MAX_ELEMENTS], usize), FlatError> {
+    let count = from.count(1, MAX_ELEMENTS)?;
+    let mut bank = [SlipElement { stiffness: 0.0, limit_force: 0.0 }; MAX_ELEMENTS];
+    for element in bank.iter_mut().take(count) {
+        let [stiffness, limit_force] = from.take()?;
+        *element = SlipElement { stiffness, limit_force };
+    }
+    Ok((bank, count))
+}
+
+fn read_gms(from: &mut Reader) -> Result<Gms, FlatError> {
+    let slip_rate = match from.count(0, 1)? {
+        0 => SlipRate::Free,
+        _ => SlipRate::Limited,
+    };
+    let sliding = read_sliding(from)?;
+    let count = from.count(1, MAX_ELEMENTS)?;
+    let mut elements = [GmsElement { stiffness: 0.0, share: 0.0, attraction: 0.0, damping: 0.0 }; MAX_ELEMENTS];
+    for element in elements.iter_mut().take(count) {
+        let [stiffness, share, attraction, damping] = from.take()?;
+        *element = GmsElement { stiffness, share, attraction, damping };
+    }
+    Ok(Gms::new(&elements[..count], sliding, slip_rate)?)
+}
+
+impl TrocarState {
+    /// The state as numbers; unused ones are 0.
+    pub fn to_numbers(&self) -> [f64; STATE_NUMBERS] {
+        let mut row = [0.0; STATE_NUMBERS];
+        let mut out = Writer::new(&mut row);
+        out.put(&[FORMAT, self.position, self.force]);
+        match &self.seal {
+            SealState::Ems(state) => {
+                out.put(&[EMS, state.count as f64]);
+                state.states().iter().for_each(|state| write_state(&mut out, state));
+            }
+            SealState::Classical(state) => write_classical_state(&mut out, state),
+        }
+        row
+    }
+}
+
+impl Trocar<'_> {
+    /// The state that [`TrocarState::to_numbers`] wrote; it must be one of this model.
+    ///
+    /// # Errors
+    /// [`FlatError::Length`] for too few numbers, [`FlatError::Tag`] for another model's state or a number that is not
+    /// finite.
+    pub fn state_from_numbers(&self, row: &[f64]) -> Result<TrocarState, FlatError> {
+        let row = row.get(..STATE_NUMBERS).ok_or(FlatError::Length { found: row.len() })?;
+        if let Some((place, &found)) = row.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            return Err(FlatError::Tag { place, found });
+        }
+        let mut from = Reader::new(row);
+        from.expect(FORMAT)?;
+        let [position, force] = from.take()?;
+        let seal = match self.seal() {
+            Seal::Ems(stages) => {
+                from.expect(EMS)?;
+                from.expect(stages.elements().len() as f64)?;
+                let mut state = stages.rest_state(0.0);
+                for own in state.states.iter_mut().take(state.count) {
+                    *own = read_state(&mut from)?;
+                }
+                SealState::Ems(state)
+            }
+            Seal::Classical(model) => SealState::Classical(read_classical_state(&mut from, model)?),
+        };
+        Ok(TrocarState { position, force, seal })
+    }
+}
+
+fn write_state(out: &mut Writer, state: &State) {
+    let State { deflection, yield_force, force, slip_velocity, contact_slope, rise, arms, mode } = *state;
+    let sliding = f64::from(u8::from(mode == Mode::Sliding));
+    out.put(&[deflection, yield_force, force, slip_velocity, contact_slope, rise, sliding]);
+    out.put(&arms);
+}
+
+fn read_state(from: &mut Reader) -> Result<State, FlatError> {
+    let [deflection, yield_force, force, slip_velocity, contact_slope, rise] = from.take()?;
+    let mode = match from.count(0, 1)? {
+        0 => Mode::Deforming,
+        _ => Mode::Sliding,
+    };
+    Ok(State { deflection, yield_force, force, slip_velocity, contact_slope, rise, mode, arms: from.take()? })
+}
+
+fn write_classical_state(out: &mut Writer, state: &ClassicalState) {
+    match state {
+        ClassicalState::Static(state) => out.put(&[STATIC, state.held_force, state.force]),
+        ClassicalState::Dahl(state) => {
+            let Remainder { y, inverse_power } = state.remainder;
+            out.put(&[DAHL, state.hysteresis_force, state.force, state.direction, y, inverse_power]);
+        }
+        ClassicalState::LuGre(state) => out.put(&[LUGRE, state.deflection, state.force]),
+        ClassicalState::Leuven(state) => {
+            out.put(&[LEUVEN, state.count as f64, state.deflection, state.force]);
+            out.put(&state.forces);
+        }
+        ClassicalState::MaxwellSlip(state) => {
+            out.put(&[MAXWELL_SLIP, state.count as f64, state.force]);
+            out.put(&state.forces);
+        }
+        ClassicalState::Gms(state) => {
+            out.put(&[GMS, state.count as f64, state.direction, state.force]);
+            out.put(&state.deflections);
+            out.put(&state.slipping.map(|slips| f64::from(u8::from(slips))));
+        }
+    }
+}
+
+fn read_classical_state(from: &mut Reader, model: &Classical) -> Result<ClassicalState, FlatError> {
+    Ok(match model {
+        Classical::Static(_) => {
+            from.expect(STATIC)?;
+            let [held_force, force] = from.take()?;
+            ClassicalState::Static(StaticState { held_force, force })
+        }
+        Classical::Dahl(_) => {
+            from.expect(DAHL)?;
+            let [hysteresis_force, force, direction, y, inverse_power] = from.take()?;
+            let remainder = Remainder { y, inverse_power };
+            ClassicalState::Dahl(DahlState { hysteresis_force, force, direction, remainder })
+        }
+        Classical::LuGre(_) => {
+            from.expect(LUGRE)?;
+            let [deflection, force] = from.take()?;
+            ClassicalState::LuGre(LuGreState { deflection, force })
+        }
+        Classical::Leuven(model) => {
+            from.expect(LEUVEN)?;
+            let count = model.elements().len();
+            from.expect(count as f64)?;
+            let [deflection, force] = from.take()?;
+            ClassicalState::Leuven(LeuvenState { deflection, forces: from.take()?, count, force })
+        }
+        Classical::MaxwellSlip(model) => {
+            from.expect(MAXWELL_SLIP)?;
+            let count = model.elements().len();
+            from.expect(count as f64)?;
+            let force = from.one()?;
+            ClassicalState::MaxwellSlip(MaxwellSlipState { forces: from.take()?, count, force })
+        }
+        Classical::Gms(model) => {
+            from.expect(GMS)?;
+            let count = model.elements().len();
+            from.expect(count as f64)?;
+            let [direction, force] = from.take()?;
+            let deflections = from.take()?;
+            let slipping = from.take::<MAX_ELEMENTS>()?.map(|slips| slips != 0.0);
+            ClassicalState::Gms(GmsState { deflections, slipping, direction, count, force })
+        }
+    })
+}

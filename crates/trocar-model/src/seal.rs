@@ -1,0 +1,241 @@
+//! Any model of this crate as one type, and with it the force of a trocar: what every program that runs a model holds.
+
+use crate::classical::{Classical, ClassicalState};
+use crate::ems::{Element, Mode, State};
+use crate::friction::{Friction, velocity};
+use crate::parallel::{Stages, StagesState};
+use crate::travel::Travel;
+
+/// A friction model: EMS elements in parallel, or a classical one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // one a program, never moved in a loop
+pub enum Seal {
+    /// EMS elements in parallel.
+    Ems(Stages),
+    /// One of the models of EMS section II.
+    Classical(Classical),
+}
+
+/// State of a [`Seal`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // changed in place, step by step
+pub enum SealState {
+    /// Of EMS elements.
+    Ems(StagesState),
+    /// Of a classical model.
+    Classical(ClassicalState),
+}
+
+/// How a seal is deformed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deformation {
+    /// Deflection, m, the mean of several elements.
+    pub deflection: f64,
+    /// Sliding once every element does.
+    pub mode: Mode,
+}
+
+impl Seal {
+    /// State of an undeformed seal at rest.
+    pub fn rest(&self) -> SealState {
+        match self {
+            Self::Ems(stages) => SealState::Ems(stages.rest_state(0.0)),
+            Self::Classical(model) => SealState::Classical(model.rest_at_force(0.0)),
+        }
+    }
+
+    /// State at rest with every element at `deflection`, m; `None` for a classical model, which knows none.
+    pub fn rest_at_deflection(&self, deflection: f64) -> Option<SealState> {
+        match self {
+            Self::Ems(stages) => Some(SealState::Ems(stages.rest_state(deflection))),
+            Self::Classical(_) => None,
+        }
+    }
+}
+
+impl SealState {
+    /// How the seal is deformed; `None` for a classical model, which does not tell.
+    pub fn deformation(&self) -> Option<Deformation> {
+        match self {
+            Self::Ems(state) => Some(Deformation::of(state.states())),
+            Self::Classical(_) => None,
+        }
+    }
+}
+
+impl Deformation {
+    /// Of elements in parallel, at least one.
+    pub fn of(states: &[State]) -> Self {
+        let sum: f64 = states.iter().map(State::deflection).sum();
+        let slides = states.iter().all(|state| state.mode() == Mode::Sliding);
+        let mode = if slides { Mode::Sliding } else { Mode::Deforming };
+        Self { deflection: sum / states.len() as f64, mode }
+    }
+}
+
+impl From<Element> for Seal {
+    fn from(element: Element) -> Self {
+        Self::Ems(element.into())
+    }
+}
+
+impl From<Classical> for Seal {
+    fn from(model: Classical) -> Self {
+        Self::Classical(model)
+    }
+}
+
+impl Friction for Seal {
+    type State = SealState;
+
+    fn rest_at_force(&self, force: f64) -> SealState {
+        match self {
+            Self::Ems(stages) => SealState::Ems(stages.rest_at_force(force)),
+            Self::Classical(model) => SealState::Classical(model.rest_at_force(force)),
+        }
+    }
+
+    /// As for each model; the state of another model is left untouched.
+    fn step(&self, state: &mut SealState, displacement: f64, duration: f64) -> f64 {
+        match (self, state) {
+            (Self::Ems(stages), SealState::Ems(state)) => stages.step(state, displacement, duration),
+            (Self::Classical(model), SealState::Classical(state)) => model.step(state, displacement, duration),
+            (_, foreign) => Self::force(foreign),
+        }
+    }
+
+    fn force(state: &SealState) -> f64 {
+        match state {
+            SealState::Ems(state) => Stages::force(state),
+            SealState::Classical(state) => Classical::force(state),
+        }
+    }
+}
+
+/// A trocar: its seal, and how the force depends on the way.
+///
+/// All programs that run a model run this step, so all give the same numbers.
+///
+/// ```
+/// use trocar_model::{Element, ElementParams, Trocar};
+///
+/// # fn main() -> Result<(), trocar_model::ParamError> {
+/// let trocar = Trocar::new(Element::new(ElementParams::plausible_10_5_mm()?)?, None);
+/// let mut state = trocar.rest(0.1);           // the instrument stands at 100 mm
+/// let force = trocar.step(&mut state, 50e-6, 1e-3);
+/// assert!(force > 0.0 && state.position() == 0.1 + 50e-6);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trocar<'a> {
+    seal: Seal,
+    travel: Option<Travel<'a>>,
+}
+
+/// State of a [`Trocar`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrocarState {
+    pub(crate) position: f64,
+    pub(crate) force: f64,
+    pub(crate) seal: SealState,
+}
+
+impl<'a> Trocar<'a> {
+    /// The trocar of `seal`, with a force that depends on the position where `travel` says so.
+    pub fn new(seal: impl Into<Seal>, travel: Option<Travel<'a>>) -> Self {
+        Self { seal: seal.into(), travel }
+    }
+
+    /// The seal.
+    pub fn seal(&self) -> &Seal {
+        &self.seal
+    }
+
+    /// How the force depends on the position.
+    pub fn travel(&self) -> Option<Travel<'a>> {
+        self.travel
+    }
+
+    /// The same way with another seal.
+    pub fn with_seal(&self, seal: Seal) -> Self {
+        Self { seal, ..*self }
+    }
+
+    /// An undeformed seal at rest on an instrument at `position`, m; one that is not finite counts as 0.
+    pub fn rest(&self, position: f64) -> TrocarState {
+        self.state(position, self.seal.rest())
+    }
+
+    /// At rest at `position` (m) with `force` (N), clamped to what the model can hold; what is not finite counts as 0.
+    pub fn rest_at_force(&self, position: f64, force: f64) -> TrocarState {
+        let position = if position.is_finite() { position } else { 0.0 };
+        let own = self.travel.map_or(force, |travel| travel.without(position, force));
+        self.state(position, self.seal.rest_at_force(own))
+    }
+
+    /// At rest at `position` (m) with every element at `deflection`, m; `None` for a classical model.
+    pub fn rest_at_deflection(&self, position: f64, deflection: f64) -> Option<TrocarState> {
+        Some(self.state(position, self.seal.rest_at_deflection(deflection)?))
+    }
+
+    fn state(&self, position: f64, seal: SealState) -> TrocarState {
+        let position = if position.is_finite() { position } else { 0.0 };
+        TrocarState { position, force: self.force_at(position, &seal), seal }
+    }
+
+    fn force_at(&self, position: f64, seal: &SealState) -> f64 {
+        let own = Seal::force(seal);
+        self.travel.map_or(own, |travel| travel.apply(position, own))
+    }
+
+    /// Advances by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the end, that
+    /// of the instrument on the seal.
+    ///
+    /// A duration that is not positive, or a displacement, duration or velocity that is not finite, leaves the state
+    /// untouched and returns the last force.
+    pub fn step(&self, state: &mut TrocarState, displacement: f64, duration: f64) -> f64 {
+        self.advance(state, state.position + displacement, displacement, duration)
+    }
+
+    /// Advances to `position` (m) within `duration` (s) at constant velocity; as [`Trocar::step`].
+    pub fn step_to(&self, state: &mut TrocarState, position: f64, duration: f64) -> f64 {
+        self.advance(state, position, position - state.position, duration)
+    }
+
+    fn advance(&self, state: &mut TrocarState, position: f64, displacement: f64, duration: f64) -> f64 {
+        if position.is_finite() && velocity(displacement, duration).is_some() {
+            self.seal.step(&mut state.seal, displacement, duration);
+            state.position = position;
+            state.force = self.force_at(position, &state.seal);
+        }
+        state.force
+    }
+
+    /// Advances at constant `velocity` (m/s) for `duration` (s); as [`Trocar::step`].
+    pub fn step_velocity(&self, state: &mut TrocarState, velocity: f64, duration: f64) -> f64 {
+        self.step(state, velocity * duration, duration)
+    }
+}
+
+impl TrocarState {
+    /// Where the instrument is, m.
+    pub fn position(&self) -> f64 {
+        self.position
+    }
+
+    /// Force after the last step, N: that of the instrument on the seal.
+    pub fn force(&self) -> f64 {
+        self.force
+    }
+
+    /// State of the seal.
+    pub fn seal(&self) -> &SealState {
+        &self.seal
+    }
+
+    /// How the seal is deformed; `None` for a classical model.
+    pub fn deformation(&self) -> Option<Deformation> {
+        self.seal.deformation()
+    }
+}

@@ -1,0 +1,182 @@
+//! What every program that runs a model relies on: rows of numbers, states that can be stored, parameters that can be turned.
+
+use proptest::prelude::*;
+use trocar_model::flat::{FlatError, SEAL_NUMBERS, STATE_NUMBERS};
+use trocar_model::{
+    Classical, Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre,
+    LuGreParams, MaxwellSlip, ParamError, Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate,
+    Stages, StaticFriction, StribeckCurve, Travel, Trocar,
+};
+
+const OFFSET: [f64; 3] = [0.1, -0.2, 0.05];
+const LEVEL: [f64; 3] = [0.9, 1.05, 1.0];
+
+fn seals() -> Result<Vec<Seal>, ParamError> {
+    let plausible = ElementParams::plausible_10_5_mm()?;
+    let arms = [RelaxationArm { stiffness: 50.0, time: 0.3 }, RelaxationArm { stiffness: 20.0, time: 4.0 }];
+    let slow = ElementParams { creep_velocity: 1e-4, friction_lag: 0.02, relaxation: Relaxation { arms }, ..plausible };
+    let two = [Element::new(plausible)?, Element::new(slow)?];
+    let sliding = SlidingFriction { static_force: 3.5, ..SlidingFriction::coulomb(3.0, 4.0) };
+    let bank = [1.0, 2.0, 4.0].map(|k| SlipElement { stiffness: 300.0 * k, limit_force: 0.8 * k });
+    let part = |share| GmsElement { stiffness: 200.0, share, attraction: 0.1, damping: 0.5 };
+    let lugre = LuGreParams {
+        stiffness: 900.0,
+        micro_damping: 3.0,
+        damping_velocity: f64::INFINITY,
+        sliding,
+        curve: StribeckCurve::Rational,
+    };
+    let dahl = DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
+    Ok(vec![
+        Element::new(plausible)?.into(),
+        Seal::Ems(Stages::new(&two).expect("two")),
+        Classical::Static(StaticFriction::new(sliding)?).into(),
+        Classical::Dahl(Dahl::new(dahl)?).into(),
+        Classical::LuGre(LuGre::new(lugre)?).into(),
+        Classical::Leuven(Leuven::new(&bank, LeuvenParams { sliding, exponent: 0.9, micro_damping: 1.0 })?).into(),
+        Classical::MaxwellSlip(MaxwellSlip::new(&bank, 2.0)?).into(),
+        Classical::Gms(Gms::new(&[part(0.4), part(0.6)], sliding, SlipRate::Limited)?).into(),
+    ])
+}
+
+fn travel() -> Travel<'static> {
+    Travel::new(-0.02, 0.03, &OFFSET, &LEVEL).expect("two knots or more")
+}
+
+/// A motion with reversals, from a few numbers.
+fn motion(seed: u32) -> impl Iterator<Item = (f64, f64)> {
+    (0..600_u32).map(move |k| {
+        let sign = if ((k + seed) / (20 + seed % 50)).is_multiple_of(2) { 1.0 } else { -1.0 };
+        (sign * 1e-5 * f64::from(1 + (k * 7 + seed) % 40), 1e-3)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn a_row_of_numbers_is_the_same_trocar(seed in 0_u32..1000, with_travel: bool) {
+        for seal in seals().unwrap() {
+            let trocar = Trocar::new(seal, with_travel.then(travel));
+            let mut row = [0.0; SEAL_NUMBERS + 16];
+            let count = trocar.write_numbers(&mut row).unwrap();
+            prop_assert_eq!(count, trocar.count_numbers());
+            let again = Trocar::from_numbers(&row[..count]).unwrap();
+            prop_assert_eq!(again, trocar);
+            let (mut a, mut b) = (trocar.rest(0.0), again.rest(0.0));
+            for (displacement, duration) in motion(seed) {
+                let forces = (trocar.step(&mut a, displacement, duration), again.step(&mut b, displacement, duration));
+                prop_assert_eq!(forces.0.to_bits(), forces.1.to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn a_stored_state_goes_on_as_if_nothing_had_happened(seed in 0_u32..1000, at in 1_usize..599) {
+        for seal in seals().unwrap() {
+            let trocar = Trocar::new(seal, Some(travel()));
+            let (mut whole, mut cut) = (trocar.rest(0.01), trocar.rest(0.01));
+            for (k, (displacement, duration)) in motion(seed).enumerate() {
+                if k == at {
+                    cut = trocar.state_from_numbers(&cut.to_numbers()).unwrap();
+                }
+                trocar.step(&mut whole, displacement, duration);
+                trocar.step(&mut cut, displacement, duration);
+                prop_assert_eq!(whole, cut);
+            }
+        }
+    }
+
+    #[test]
+    fn rubbish_makes_no_trocar_and_no_panic(row in prop::collection::vec(prop_oneof![-2.0..20.0, Just(1.0), Just(0.0), Just(f64::NAN)], 0..120)) {
+        if let Ok(trocar) = Trocar::from_numbers(&row) {
+            let mut state = trocar.rest(0.0);
+            prop_assert!(trocar.step(&mut state, 1e-3, 1e-3).is_finite());
+        }
+        let trocar = Trocar::new(seals().unwrap()[1], None);
+        if let Ok(mut state) = trocar.state_from_numbers(&row) {
+            prop_assert!(trocar.step(&mut state, 1e-3, 1e-3).is_finite());
+        }
+    }
+}
+
+#[test]
+fn a_state_of_another_model_is_refused() {
+    let seals = seals().unwrap();
+    for (i, own) in seals.iter().enumerate() {
+        for (k, other) in seals.iter().enumerate() {
+            let row = Trocar::new(*other, None).rest(0.0).to_numbers();
+            let read = Trocar::new(*own, None).state_from_numbers(&row);
+            assert_eq!(read.is_ok(), i == k, "{i} {k}");
+        }
+    }
+    let short = Trocar::new(seals[0], None).state_from_numbers(&[1.0; STATE_NUMBERS - 1]);
+    assert_eq!(short, Err(FlatError::Length { found: STATE_NUMBERS - 1 }));
+}
+
+#[test]
+fn unturned_parameters_are_the_same_model() {
+    for seal in seals().unwrap() {
+        let values: Vec<f64> = seal.tunables().map(|tunable| tunable.value).collect();
+        assert_eq!(seal.tuned(&values), Ok(seal));
+        assert_eq!(seal.tuned(&[]), Ok(seal));
+    }
+}
+
+/// Every single number can be raised by a tenth; forces stay finite and the model stays a model.
+#[test]
+fn each_parameter_turns_by_itself() {
+    for seal in seals().unwrap() {
+        let before: Vec<f64> = seal.tunables().map(|tunable| tunable.value).collect();
+        for (k, tunable) in seal.tunables().enumerate() {
+            let mut values = before.clone();
+            values[k] = if values[k].is_finite() { 1.1 * values[k] } else { 0.1 };
+            // A lag without creep, and a bank below the static force, are no models.
+            let allowed = seal.tuned(&values);
+            assert!(
+                allowed.is_ok() || tunable.name.contains("static") || tunable.name.contains("coulomb"),
+                "{tunable:?}: {allowed:?}"
+            );
+        }
+    }
+}
+
+/// Steady sliding follows the parameters that were turned, EMS (16).
+#[test]
+fn a_turned_seal_slides_with_its_new_force() {
+    let seal = seals().unwrap()[0];
+    let index = |name: &str| seal.tunables().position(|tunable| tunable.name == name).expect("there is one");
+    let mut values: Vec<f64> = seal.tunables().map(|tunable| tunable.value).collect();
+    values[index("insertion_coulomb_force_n")] = 4.0;
+    values[index("insertion_viscous_damping_n_s_m")] = 10.0;
+    values[index("withdrawal_coulomb_force_n")] = 1.5;
+    values[index("half_width_m")] = 4e-3;
+    let turned = seal.tuned(&values).unwrap();
+    let mut state = turned.rest();
+    let mut slide = |velocity: f64| (0..1000).map(|_| turned.step(&mut state, 1e-3 * velocity, 1e-3)).last();
+    assert!((slide(0.05).unwrap() - (4.0 + 10.0 * 0.05)).abs() < 1e-9);
+    assert!((slide(-0.05).unwrap() - (-1.5 - 5.0 * 0.05)).abs() < 1e-9);
+}
+
+#[test]
+fn inputs_that_are_no_motion_leave_all_as_it_was() {
+    for seal in seals().unwrap() {
+        let trocar = Trocar::new(seal, Some(travel()));
+        let mut state = trocar.rest(0.01);
+        trocar.step(&mut state, 1e-3, 1e-3);
+        let before = state;
+        for (displacement, duration) in [
+            (f64::NAN, 1e-3),
+            (1e-3, f64::NAN),
+            (f64::INFINITY, 1e-3),
+            (1e-3, 0.0),
+            (1e-3, -1.0),
+            (1e-3, f64::INFINITY),
+            (1e308, 1e-308),
+        ] {
+            assert_eq!(trocar.step(&mut state, displacement, duration).to_bits(), before.force().to_bits());
+            trocar.step_to(&mut state, displacement * f64::NAN, duration);
+            assert_eq!(state, before);
+        }
+    }
+}
