@@ -106,6 +106,8 @@ fn truth_text(run: &BenchRun) -> String {
         ("reference_velocity_m_s", &truth.reference_velocity),
         ("motor_force_n", &truth.motor_force),
         ("seal_force_n", &truth.seal_force),
+        ("tissue_force_n", &truth.tissue_force),
+        ("wetting", &truth.wetting),
     ];
     let deflections =
         truth.deflections.iter().enumerate().map(|(i, column)| (format!("deflection_{}_m", i + 1), column));

@@ -25,6 +25,10 @@ pub struct BenchConfig {
     pub rod: Rod,
     /// Slow changes of the seal's force.
     pub fluctuation: Fluctuation,
+    /// Wetting of the seal on the way.
+    pub lubrication: Lubrication,
+    /// What the tip meets beyond the seal.
+    pub tissue: Tissue,
     /// One section per protocol.
     pub protocol: Protocols,
 }
@@ -160,6 +164,54 @@ pub struct Fluctuation {
     pub ripple_fraction: f64,
     /// Length of the ripple in m, positive.
     pub ripple_length_m: f64,
+}
+
+/// Wetting of the seal on the way: its friction falls, the stiffness of its rubber does not.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lubrication {
+    /// Friction of the wet seal over that of the dry one, 0.05 to 2; 1 for none.
+    pub level: f64,
+    /// When the change begins in s after the first sample, ≥ 0.
+    pub onset_s: f64,
+    /// How long it takes in s, ≥ 0.
+    pub spread_s: f64,
+}
+
+/// Law of the tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TissueKind {
+    /// No tissue.
+    None,
+    /// Hunt and Crossley: damping grows with the depth.
+    HuntCrossley,
+    /// Kelvin and Voigt: spring and damper side by side.
+    KelvinVoigt,
+}
+
+/// What the tip meets beyond the seal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tissue {
+    /// Law of the contact.
+    pub kind: TissueKind,
+    /// Position at which the tip touches in m.
+    pub surface_m: f64,
+    /// Static force 10 mm deep in N, positive.
+    pub force_at_10_mm_n: f64,
+    /// Exponent of the depth for Hunt and Crossley, 1 to 3; Kelvin and Voigt have 1.
+    pub exponent: f64,
+    /// Damping over stiffness of Hunt and Crossley in s/m, ≥ 0.
+    pub dissipation_s_m: f64,
+    /// Damping of Kelvin and Voigt in N s/m, ≥ 0.
+    pub damping_n_s_m: f64,
+    /// Constant load on the tip in N, positive against the insertion.
+    pub load_n: f64,
+    /// When that load begins in s after the first sample.
+    pub load_from_s: f64,
+    /// When it ends in s.
+    pub load_until_s: f64,
 }
 
 /// One section per protocol.
@@ -324,6 +376,18 @@ pub enum ConfigError {
     },
 }
 
+/// Keys whose values are words out of a fixed set.
+const WORDS: [(&str, &str); 2] = [("encoder", "rounding"), ("tissue", "kind")];
+
+/// The key whose word `message` complains about.
+fn wrong_word(document: &toml::Table, message: &str) -> &'static str {
+    let quoted = |(section, key): &(&str, &str)| {
+        let word = document.get(*section).and_then(|section| section.get(*key)).and_then(toml::Value::as_str);
+        word.is_some_and(|word| message.contains(&format!("`{word}`, expected")))
+    };
+    if quoted(&WORDS[1]) { "tissue.kind" } else { "encoder.rounding" }
+}
+
 fn line_prefix(line: Option<usize>) -> String {
     line.map_or_else(String::new, |line| format!("line {line}: "))
 }
@@ -348,9 +412,9 @@ impl BenchConfig {
         let lines = Lines { text, root: spans.get_ref() };
         overlay(&mut merged, given, &lines, &mut Vec::new())?;
         // Keys and types are those of the shipped document, so only a word out of a fixed set can still be wrong.
-        let config: Self = merged.try_into().map_err(|error: toml::de::Error| ConfigError::Word {
-            line: lines.of("encoder.rounding").unwrap_or(1),
-            message: format!("encoder.rounding: {}", error.message()),
+        let config: Self = merged.clone().try_into().map_err(|error: toml::de::Error| {
+            let key = wrong_word(&merged, error.message());
+            ConfigError::Word { line: lines.of(key).unwrap_or(1), message: format!("{key}: {}", error.message()) }
         })?;
         config.validate().map_err(|error| match error {
             ConfigError::OutOfRange { key, allowed, found, .. } => {
@@ -432,7 +496,24 @@ impl BenchConfig {
         within("fluctuation.pass_fraction", slow.pass_fraction, 0.0, 0.2)?;
         positive("fluctuation.pass_travel_m", slow.pass_travel_m)?;
         within("fluctuation.ripple_fraction", slow.ripple_fraction, 0.0, 0.2)?;
-        positive("fluctuation.ripple_length_m", slow.ripple_length_m)
+        positive("fluctuation.ripple_length_m", slow.ripple_length_m)?;
+        self.validate_surroundings()
+    }
+
+    fn validate_surroundings(&self) -> Result<(), ConfigError> {
+        let wet = &self.lubrication;
+        within("lubrication.level", wet.level, 0.05, 2.0)?;
+        not_negative("lubrication.onset_s", wet.onset_s)?;
+        not_negative("lubrication.spread_s", wet.spread_s)?;
+        let tissue = &self.tissue;
+        finite("tissue.surface_m", tissue.surface_m)?;
+        positive("tissue.force_at_10_mm_n", tissue.force_at_10_mm_n)?;
+        within("tissue.exponent", tissue.exponent, 1.0, 3.0)?;
+        not_negative("tissue.dissipation_s_m", tissue.dissipation_s_m)?;
+        not_negative("tissue.damping_n_s_m", tissue.damping_n_s_m)?;
+        finite("tissue.load_n", tissue.load_n)?;
+        finite("tissue.load_from_s", tissue.load_from_s)?;
+        finite("tissue.load_until_s", tissue.load_until_s)
     }
 
     fn validate_speeds(&self, section: &str, cycles: &SpeedCycles) -> Result<(), ConfigError> {

@@ -5,14 +5,15 @@
 //! the motion as it does on a rig; what is recorded has passed encoder and force sensor.
 //!
 //! ```text
-//! M dv/dt  = F_motor − d·v − F_guide − F_cogging(x) + (1 − balanced)·M·g − F_gas − F_seal    M = slider + rod
-//! reading  = F_seal + F_gas + m·(dv/dt − g) + tare + noise                                  m = rod
+//! M dv/dt  = F_motor − d·v − F_guide − F_cogging(x) + (1 − balanced)·M·g − F_gas − F_seal − F_tissue   M = slider + rod
+//! reading  = F_seal + F_tissue + F_gas + m·(dv/dt − g) + tare + noise                                m = rod
 //! ```
 //!
 //! | symbol | meaning | unit |
 //! |--------|---------|------|
 //! | x, v | position and velocity, positive on insertion | m, m/s |
 //! | F_seal | force of the rod on the seal, sign of the motion in steady sliding | N |
+//! | F_tissue | force of the tip on the tissue beyond the seal, if there is any | N |
 //! | F_gas | gas pressure on the rod's cross-section, pushes the rod out | N |
 //! | d | drag of guide and eddy currents | N s/m |
 //! | g | gravity component in the direction of insertion | m/s² |
@@ -28,6 +29,7 @@ mod noise;
 pub mod random;
 mod rig;
 mod sensors;
+mod surroundings;
 
 pub use config::{BenchConfig, ConfigError};
 pub use random::{PlausibleSeals, random_plausible_seal, random_seal};
@@ -126,6 +128,10 @@ pub struct Truth {
     pub motor_force: Vec<f64>,
     /// Force of the rod on the seal, with its slow fluctuation, N.
     pub seal_force: Vec<f64>,
+    /// Force of the tip on the tissue, N.
+    pub tissue_force: Vec<f64>,
+    /// Friction of the seal over that of the dry one.
+    pub wetting: Vec<f64>,
     /// Deflection of each element, m: `deflections[element][sample]`.
     pub deflections: Vec<Vec<f64>>,
 }
@@ -236,7 +242,7 @@ impl Log {
 
     fn sample(&mut self, rig: &RigState<'_>) {
         let inertia = self.rod_mass * (rig.acceleration() - self.gravity);
-        let load = rig.seal_force() + self.gas_force + inertia;
+        let load = rig.seal_force() + rig.tissue_force() + self.gas_force + inertia;
         let (reading, saturated) = self.force_reading.read(load);
         let run = &mut self.run;
         run.events.saturated_samples += usize::from(saturated);
@@ -251,6 +257,8 @@ impl Log {
         truth.reference_velocity.push(rig.reference_velocity());
         truth.motor_force.push(rig.motor_force());
         truth.seal_force.push(rig.seal_force());
+        truth.tissue_force.push(rig.tissue_force());
+        truth.wetting.push(rig.wetting());
         for (column, deflection) in truth.deflections.iter_mut().zip(rig.deflections()) {
             column.push(deflection);
         }

@@ -5,6 +5,7 @@ use trocar_model::{Element, SlidingFriction, State, step_parallel};
 use super::config::{BenchConfig, Controller, Motor, PushCycles};
 use super::fluctuation::SealLevel;
 use super::motion::Reference;
+use super::surroundings::{Wetting, tissue_force};
 use super::{BenchError, Log, RigEvents};
 
 /// PI speed controller; holds its integral while the motor is at its limit and the error pushes further.
@@ -75,6 +76,9 @@ pub(super) struct RigState<'a> {
     reference_velocity: f64,
     motor_force: f64,
     seal_force: f64,
+    tissue_force: f64,
+    /// Since the first sample, s; below 0 before.
+    time: f64,
     events: RigEvents,
 }
 
@@ -100,6 +104,8 @@ impl<'a> RigState<'a> {
             reference_velocity: 0.0,
             motor_force: 0.0,
             seal_force: states.iter().map(State::force).sum(),
+            tissue_force: 0.0,
+            time: f64::NEG_INFINITY,
             states,
             events: RigEvents::default(),
         };
@@ -134,6 +140,16 @@ impl<'a> RigState<'a> {
         self.seal_force
     }
 
+    /// Force of the tip on the tissue, N.
+    pub(super) fn tissue_force(&self) -> f64 {
+        self.tissue_force
+    }
+
+    /// Friction of the seal over that of the dry one.
+    pub(super) fn wetting(&self) -> f64 {
+        Wetting::at(&self.config.lubrication, self.time).0
+    }
+
     pub(super) fn deflections(&self) -> impl Iterator<Item = f64> + '_ {
         self.states.iter().map(State::deflection)
     }
@@ -154,6 +170,7 @@ impl<'a> RigState<'a> {
 
     /// Follows `reference` under speed control from the first to the last sample.
     pub(super) fn follow(&mut self, mut reference: Reference, log: &mut Log) {
+        self.time = 0.0;
         let rig = &self.config.rig;
         // The hair keeps a duration of a whole number of samples from being rounded up to one more.
         let samples = (reference.duration() * rig.sample_rate_hz - 1e-6).ceil() as usize;
@@ -171,6 +188,7 @@ impl<'a> RigState<'a> {
     /// Pushes back and forth with constant force.
     pub(super) fn push(&mut self, push: Push, log: &mut Log) -> Result<(), BenchError> {
         let rig = &self.config.rig;
+        self.time = 0.0;
         self.reference_velocity = 0.0;
         self.events.push = (push.insertion, push.withdrawal);
         let longest_pass = (push.cycles.pass_timeout_s * rig.sample_rate_hz).ceil() as usize;
@@ -223,8 +241,11 @@ impl<'a> RigState<'a> {
         self.acceleration = (velocity - self.velocity) / dt;
         self.velocity = velocity;
         self.position = reached;
-        let force = step_parallel(self.seal, &mut self.states, displacement, dt);
-        self.seal_force = force * self.level.advance(displacement, reached);
+        self.time += dt;
+        let wetting = Wetting::at(&self.config.lubrication, self.time);
+        let force = step_parallel(self.seal, &mut self.states, wetting.of_dry(displacement), dt);
+        self.seal_force = wetting.of_wet(force) * self.level.advance(displacement, reached);
+        self.tissue_force = tissue_force(&self.config.tissue, self.time, reached, velocity);
     }
 
     /// Everything that the motor works against apart from inertia, N.
@@ -237,7 +258,7 @@ impl<'a> RigState<'a> {
         let phase = core::f64::consts::TAU * self.position / motor.cogging_pitch_m;
         let cogging = motor.cogging_n * libm::sin(phase);
         let weight = (1.0 - motor.balanced_fraction) * self.moving_mass * rod.gravity_m_s2;
-        guide + cogging - weight + rod.gas_force() + self.seal_force
+        guide + cogging - weight + rod.gas_force() + self.seal_force + self.tissue_force
     }
 }
 
