@@ -37,6 +37,18 @@ impl Classical {
     /// All kinds.
     pub const KINDS: [&str; 6] = [Self::STATIC, Self::DAHL, Self::LUGRE, Self::LEUVEN, Self::MAXWELL_SLIP, Self::GMS];
 
+    /// β, N·s/m: force that grows with the velocity, over the velocity.
+    pub fn viscous_damping(&self) -> f64 {
+        match self {
+            Self::Static(model) => model.params().viscous_damping,
+            Self::Dahl(model) => model.params().viscous_damping,
+            Self::LuGre(model) => model.params().sliding.viscous_damping,
+            Self::Leuven(model) => model.params().sliding.viscous_damping,
+            Self::MaxwellSlip(model) => model.viscous_damping(),
+            Self::Gms(model) => model.sliding().viscous_damping,
+        }
+    }
+
     /// Kind of the model, as in a model file.
     pub fn kind(&self) -> &'static str {
         match self {

@@ -326,6 +326,11 @@ impl Element {
         self.step(state, velocity * duration, duration)
     }
 
+    /// β·v_sl, N: the part of the force that grows with the slip speed, EMS (11).
+    pub fn viscous_force(&self, state: &State) -> f64 {
+        self.sliding(Side::of(state.slip_velocity)).viscous_damping * state.slip_velocity
+    }
+
     pub(crate) fn sliding(&self, side: Side) -> &SlidingFriction {
         side.sliding(&self.params)
     }

@@ -53,6 +53,31 @@ impl Seal {
     }
 }
 
+impl Seal {
+    /// The part of the force that grows with the slip speed, β·v_sl, N; a classical model slips with `velocity`, m/s.
+    pub fn viscous_force(&self, state: &SealState, velocity: f64) -> f64 {
+        match (self, state) {
+            (Self::Ems(stages), SealState::Ems(state)) => {
+                let pairs = stages.elements().iter().zip(state.states());
+                pairs.map(|(element, state)| element.viscous_force(state)).sum()
+            }
+            (Self::Classical(model), _) => model.viscous_damping() * velocity,
+            _ => 0.0,
+        }
+    }
+
+    /// Travel over which the seal turns over after a reversal, m: 2c of the widest element; 0 for a classical model.
+    pub fn deformation_width(&self) -> f64 {
+        match self {
+            Self::Ems(stages) => {
+                let width = |element: &Element| 2.0 * element.params().deformation.half_width();
+                stages.elements().iter().map(width).fold(0.0, f64::max)
+            }
+            Self::Classical(_) => 0.0,
+        }
+    }
+}
+
 impl SealState {
     /// How the seal is deformed; `None` for a classical model, which does not tell.
     pub fn deformation(&self) -> Option<Deformation> {

@@ -3,6 +3,7 @@
 pub mod analyze;
 pub mod bench;
 pub mod compare;
+pub mod compensate;
 pub mod error;
 pub mod identify;
 pub mod model_file;

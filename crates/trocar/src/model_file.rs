@@ -27,8 +27,10 @@ mod friction;
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Newest version read: with a force that depends on the position, and late positions.
-pub const VERSION: u32 = 4;
+/// Newest version read: with the error of the model's force.
+pub const VERSION: u32 = 5;
+/// Version with a force that depends on the position, and late positions.
+const TRAVEL_VERSION: u32 = 4;
 /// Version with creep and relaxation of the elements.
 const SLOW_VERSION: u32 = 3;
 /// Version with classical models.
@@ -75,6 +77,41 @@ pub struct ModelFile {
     pub sensor: Option<SensorInfo>,
     /// Intervals of identified parameters by name with unit, such as `coulomb_force_n`; may be empty.
     pub intervals: BTreeMap<String, Interval>,
+    /// How far off the model's force is.
+    pub force_error: Option<ForceError>,
+}
+
+/// How far off the force of a model is: root mean square of what readings differ from it, by phase.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceError {
+    /// What it was found on.
+    pub source: ErrorSource,
+    /// While the seal bends, N, ≥ 0.
+    pub deforming_n: f64,
+    /// While the instrument slides, N, ≥ 0.
+    pub sliding_n: f64,
+    /// While the instrument is held, N, ≥ 0.
+    pub held_n: f64,
+}
+
+/// What an error was found on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ErrorSource {
+    /// Recordings held back from the identification.
+    Validation,
+    /// The recordings identified from: too small where they are few.
+    Identification,
+    /// Stated by hand.
+    Stated,
+}
+
+impl ForceError {
+    /// The same standard deviation `std_n`, N, in all phases, as somebody states it.
+    pub fn everywhere(std_n: f64) -> Self {
+        Self { source: ErrorSource::Stated, deforming_n: std_n, sliding_n: std_n, held_n: std_n }
+    }
 }
 
 /// How a model came about.
@@ -248,7 +285,7 @@ impl ModelFileError {
 impl ModelFile {
     /// A model, EMS elements or a classical one, without sensor and intervals.
     pub fn new(model: impl Into<Model>, origin: Origin) -> Self {
-        Self { model: model.into(), origin, travel: None, sensor: None, intervals: BTreeMap::new() }
+        Self { model: model.into(), origin, travel: None, sensor: None, intervals: BTreeMap::new(), force_error: None }
     }
 
     /// The EMS elements.
@@ -341,7 +378,8 @@ impl ModelFile {
 
     fn text<F: Serialize>(&self, elements: Option<Vec<ElementText>>, friction: Option<F>) -> String {
         let version = match &elements {
-            _ if self.travel.is_some() || self.sensor.is_some_and(|s| s.position_lag_s != 0.0) => VERSION,
+            _ if self.force_error.is_some() => VERSION,
+            _ if self.travel.is_some() || self.sensor.is_some_and(|s| s.position_lag_s != 0.0) => TRAVEL_VERSION,
             None => CLASSICAL_VERSION,
             Some(elements) if elements.iter().any(ElementText::is_slow) => SLOW_VERSION,
             Some(_) => ELEMENTS_VERSION,
@@ -355,6 +393,7 @@ impl ModelFile {
             elements,
             friction,
             intervals: self.intervals.clone(),
+            force_error: self.force_error,
         };
         let mut text = serde_json::to_string_pretty(&document).expect("every key is a string");
         text.push('\n');
@@ -414,6 +453,8 @@ struct Document<F> {
     friction: Option<F>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     intervals: BTreeMap<String, Interval>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    force_error: Option<ForceError>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -513,8 +554,8 @@ impl<F: FrictionText> Document<F> {
         for (name, interval) in &self.intervals {
             check_interval(name, interval)?;
         }
-        let Self { origin, travel, sensor, intervals, .. } = self;
-        Ok(ModelFile { model, origin, travel, sensor, intervals })
+        let Self { origin, travel, sensor, intervals, force_error, .. } = self;
+        Ok(ModelFile { model, origin, travel, sensor, intervals, force_error })
     }
 
     /// What only the newest version holds.
@@ -526,10 +567,19 @@ impl<F: FrictionText> Document<F> {
         if self.travel.is_some() && self.friction.is_some() {
             return Err(impossible("travel", "is for elements, got a classical model"));
         }
-        for (place, is_used) in [("travel", self.travel.is_some()), ("sensor.position_lag_s", lag != 0.0)] {
-            if is_used && self.version < VERSION {
-                return Err(impossible(place, &format!("needs version {VERSION}, got version {}", self.version)));
+        let used = [
+            ("travel", self.travel.is_some(), TRAVEL_VERSION),
+            ("sensor.position_lag_s", lag != 0.0, TRAVEL_VERSION),
+            ("force_error", self.force_error.is_some(), VERSION),
+        ];
+        for (place, is_used, least) in used {
+            if is_used && self.version < least {
+                return Err(impossible(place, &format!("needs version {least}, got version {}", self.version)));
             }
+        }
+        let error = self.force_error.map_or([0.0; 3], |error| [error.deforming_n, error.sliding_n, error.held_n]);
+        if let Some(found) = error.into_iter().find(|value| *value < 0.0) {
+            return Err(impossible("force_error", &format!("must not be negative, got {found} N")));
         }
         Ok(())
     }

@@ -10,10 +10,10 @@ use crate::identify::{
     DampingTest, DeformationFit, Estimate, FreeMotion, Identification, IdentifyOptions, MotionFit, Parameter,
     PositionLag, Refinement, SteadyFit, Warning,
 };
-use crate::model_file::{Interval, ModelFile, Origin, SensorInfo};
+use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, SensorInfo};
 use crate::recording::{Quality, Recording};
 use crate::travel::TravelFit;
-use crate::validate::Validation;
+use crate::validate::{Validation, validate_along};
 
 /// Value of the key `program`.
 pub(crate) const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
@@ -200,7 +200,26 @@ impl<'a> Outcome<'a> {
         model.sensor = Some(SensorInfo { position_lag_s, ..sensor });
         model.travel = found.profile().cloned();
         model.intervals = intervals(&found.parameters);
+        model.force_error = Some(self.force_error());
         model
+    }
+
+    /// On the recordings held back, or else on those identified from.
+    fn force_error(&self) -> ForceError {
+        let found = self.identification;
+        match self.validation {
+            Some(validation) => validation.force_error(ErrorSource::Validation),
+            None => {
+                let elements = found.stages.elements();
+                let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.hidden_mass, 0.0).ok();
+                let recordings: Vec<Recording> = match found.model.hidden_mass {
+                    0.0 => self.recordings.to_vec(),
+                    _ => self.recordings.iter().filter_map(without_hidden).collect(),
+                };
+                validate_along(elements, found.profile(), &recordings, found.model.offset)
+                    .force_error(ErrorSource::Identification)
+            }
+        }
     }
 
     fn recording_summaries(&self) -> Vec<RecordingSummary<'a>> {

@@ -11,6 +11,7 @@
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use crate::model_file::{ErrorSource, ForceError};
 use crate::recording::{Recording, local_velocity};
 use crate::replay::{Replay, Replayable, replay_along};
 use crate::scatter::StrokeScatter;
@@ -154,6 +155,22 @@ pub struct Validation {
 }
 
 impl Validation {
+    /// The error by phase over all recordings; a phase without samples has that of all.
+    pub fn force_error(&self, source: ErrorSource) -> ForceError {
+        let rms = |part: fn(&Phases) -> Part| {
+            let parts = self.recordings.iter().map(|recording| part(&recording.by_phase));
+            let (squares, samples) = parts.fold((0.0, 0.0), |(squares, samples), part| {
+                let n = part.samples as f64;
+                (squares + n * part.rms_n * part.rms_n, samples + n)
+            });
+            if samples > 0.0 { (squares / samples).sqrt() } else { self.rms_n }
+        };
+        // A model that knows no deflection has one error for all motion.
+        let deforming_n = rms(|phases| phases.moving.unwrap_or(phases.deformation));
+        let sliding_n = rms(|phases| phases.moving.unwrap_or(phases.sliding));
+        ForceError { source, deforming_n, sliding_n, held_n: rms(|phases| phases.hold) }
+    }
+
     /// Whether a recording never let the seal forget its unknown start (exit code 3).
     pub fn is_doubtful(&self) -> bool {
         self.recordings.iter().any(|recording| !recording.warnings.is_empty())

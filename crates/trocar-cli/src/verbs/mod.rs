@@ -3,6 +3,7 @@
 pub(crate) mod analyze;
 pub(crate) mod bench;
 pub(crate) mod compare;
+pub(crate) mod compensate;
 pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod identify;

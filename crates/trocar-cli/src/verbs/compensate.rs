@@ -1,0 +1,116 @@
+//! `trocar compensate`
+
+use std::path::PathBuf;
+
+use trocar::compensate::{CompensateOptions, Compensation, Compensator, Fault, StreamOptions, compensate_file};
+use trocar::model_file::{ErrorSource, ForceError, ModelFile};
+
+use crate::Done;
+use crate::console::Console;
+use crate::input::{finite, not_negative, positive};
+use crate::progress::Progress;
+use crate::table::number;
+
+/// Take the trocar's force out of a force reading: what is left is the tissue's
+///
+/// For a force sensor outside the body. Runs an identified model along the measured motion and writes time_s, position_m,
+/// force_n, trocar_force_n, tissue_force_n, tissue_force_std_n and adapting, one row per input row, without looking ahead: with
+/// '-' as recording and output it answers each row at once. Friction that has changed since the identification (wetting takes 15
+/// to 45 % off) is followed over passes there and back, and never while tissue is touched. Where a reading cannot tell the
+/// tissue's force (none, saturated, frozen) it is nan, and the exit code is 3.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Model file (model.json)
+    model: PathBuf,
+    /// Recording: CSV with time, position and force columns, '-' for standard input
+    recording: PathBuf,
+    /// Result: a CSV file, '-' for standard output
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Reading of the sensor without any force, in N [default: that of the model file]
+    #[arg(long, value_name = "N", value_parser = finite, allow_negative_numbers = true)]
+    offset_n: Option<f64>,
+    /// Mass between sensor and seal, in kg: its inertia is taken out [default: that of the model file]
+    #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
+    moving_mass_kg: Option<f64>,
+    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; 0 leaves the weight in the offset
+    #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
+    gravity_m_s2: f64,
+    /// Largest force the sensor can read, in N: readings there tell no tissue force
+    #[arg(long, value_name = "N", value_parser = positive)]
+    sensor_limit_n: Option<f64>,
+    /// Standard deviation of the model's force, in N [default: that of the model file, by phase]
+    #[arg(long, value_name = "N", value_parser = not_negative, allow_negative_numbers = true)]
+    force_error_n: Option<f64>,
+    /// Keep friction and viscosity as identified
+    #[arg(long)]
+    no_adaptation: bool,
+    /// Names of the columns in order, with units, '-' to skip one: time_s,position_mm,-,force_n
+    #[arg(long, value_name = "NAMES")]
+    columns: Option<String>,
+    /// Reverse the sign of the force, for a sensor mounted the other way round
+    #[arg(long)]
+    flip_force: bool,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+    let model = ModelFile::read(&args.model)?;
+    let options = CompensateOptions {
+        offset_n: args.offset_n,
+        moving_mass_kg: args.moving_mass_kg,
+        gravity_m_s2: args.gravity_m_s2,
+        sensor_limit_n: args.sensor_limit_n,
+        force_error_n: args.force_error_n,
+        adaptation: !args.no_adaptation,
+    };
+    let mut observer = Compensator::new(&model, &options)?;
+    say_what_it_rests_on(console, args, &model);
+    let is_stream = args.recording.as_os_str() == "-";
+    let stream = StreamOptions { columns: args.columns.as_deref(), flip_force: args.flip_force, live: is_stream };
+    let size = std::fs::metadata(&args.recording).map_or(0, |data| data.len());
+    let progress = Progress::new(console);
+    let report = |bytes: u64| progress.report("compensating", if size > 0 { bytes as f64 / size as f64 } else { 0.0 });
+    let done = compensate_file(&args.recording, stream, &mut observer, &args.out, report)?;
+    drop(progress);
+    say_outcome(console, args, &done);
+    let spoilt = done.faults.iter().any(|count| count.fault.spoils_reading() || count.fault == Fault::Gap);
+    Ok(Done::doubtful_if(spoilt))
+}
+
+fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
+    if let (None, Some(ForceError { source: ErrorSource::Identification, .. })) =
+        (args.force_error_n, model.force_error)
+    {
+        console.remark(
+            "note: the band rests on the recordings identified from, without any held back: it may be too narrow; identify \
+             again with --validate",
+        );
+    }
+    if let Some(sensor) = model.sensor.filter(|sensor| sensor.position_lag_s > 0.0) {
+        console.warn(&format!(
+            "the positions of the model's recordings came {:.0} ms late; a live stream cannot wait for them: if these are late too, \
+             expect errors behind reversals",
+            1e3 * sensor.position_lag_s
+        ));
+    }
+}
+
+fn say_outcome(console: &Console, args: &Args, done: &Compensation) {
+    for count in &done.faults {
+        let (words, line, rows) = (count.fault.words(), count.first_line, count.rows);
+        console.warn(&format!("{}: {rows} rows, from line {line} on: {words}", args.recording.display()));
+    }
+    console.remark(&format!("{} rows -> {}", done.rows, args.out.display()));
+    if args.no_adaptation {
+        return;
+    }
+    let drift = done.drift;
+    console.remark(&format!(
+        "friction at the end: {} ± {} of the model's, viscous part {} ± {} (one standard deviation); followed in {:.0} % of the rows",
+        number(drift.level),
+        number(drift.level_std),
+        number(drift.viscosity),
+        number(drift.viscosity_std),
+        100.0 * done.adapting_rows as f64 / done.rows.max(1) as f64
+    ));
+}

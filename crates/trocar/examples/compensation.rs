@@ -1,0 +1,190 @@
+//! Error of the tissue force from a sensor outside the body, compensated in four ways, on the virtual bench.
+//!
+//! ```text
+//! cargo run --release -p trocar --example compensation
+//! ```
+//! The bench identifies a seal from the steady and dynamic experiments and holds the validation back. Then a hand moves the
+//! instrument into tissue and out again, with a load on the tip for a while; half way through the seal is wetted. Every method
+//! gets the same readings; the truth is the bench's own.
+
+use std::error::Error;
+
+use trocar::bench::config::TissueKind;
+use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
+use trocar::compensate::{CompensateOptions, Compensator};
+use trocar::identify::{IdentifyOptions, identify};
+use trocar::model_file::ErrorSource;
+use trocar::model_file::{Model, ModelFile, Origin, OriginKind, SensorInfo};
+use trocar::recording::Recording;
+use trocar::validate::validate_along;
+use trocar_model::{Classical, Element, ElementParams, GuardState, PlayGuard, StaticFriction};
+
+/// Seeds of the runs scored.
+const SEEDS: [u64; 5] = [11, 12, 13, 14, 15];
+/// Travel behind a reversal that counts as its surroundings, m: the seal has turned over.
+const REVERSAL: f64 = 0.016;
+/// Least travel that makes a reversal, m.
+const TURN: f64 = 0.5e-3;
+/// When the seal is wetted, s; from when on it counts as settled.
+const ONSET: f64 = 60.0;
+const SETTLED: f64 = 75.0;
+/// Play that keeps tremor from turning Coulomb friction over, m.
+const PLAY: f64 = 0.5e-3;
+/// Friction of the wet seal over that of the dry one.
+const WET: f64 = 0.65;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let seal = [Element::new(ElementParams::plausible_10_5_mm()?)?];
+    let (ems, coulomb) = models(&seal)?;
+    for (title, kind) in [("Hunt-Crossley", TissueKind::HuntCrossley), ("Kelvin-Voigt", TissueKind::KelvinVoigt)] {
+        let mut scores = Scores::default();
+        for seed in SEEDS {
+            let record = run(&surgery(kind), Protocol::Surgeon, &seal, seed)?;
+            score(&record, [&ems, &coulomb], &mut scores)?;
+        }
+        scores.print(title);
+    }
+    Ok(())
+}
+
+/// The EMS element from the bench's experiments, and Coulomb and viscous friction of the same sliding force.
+fn models(seal: &[Element]) -> Result<(ModelFile, ModelFile), Box<dyn Error>> {
+    let config = BenchConfig::default();
+    let record = |protocol| -> Result<Recording, Box<dyn Error>> {
+        let made = run(&config, protocol, seal, 1)?.to_recording("bench")?;
+        Ok(made.without_moving_mass(config.rod.mass_kg, 0.0)?)
+    };
+    let found =
+        identify(&[record(Protocol::Steady)?, record(Protocol::Dynamic)?], &IdentifyOptions::default(), &|_, _| {})?;
+    let sensor =
+        Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: config.rod.mass_kg, position_lag_s: 0.0 });
+    let held_back = [record(Protocol::Validation)?, record(Protocol::Surgeon)?];
+    let file = |model: Model, error| ModelFile {
+        sensor,
+        force_error: Some(error),
+        ..ModelFile::new(model, Origin::new(OriginKind::Identified))
+    };
+    let elements = found.stages.elements();
+    let error = validate_along(elements, None, &held_back, found.model.offset).force_error(ErrorSource::Validation);
+    let sliding = found.element().params().insertion;
+    let coulomb = Classical::Static(StaticFriction::new(sliding)?);
+    let coarse = validate_along(&coulomb, None, &held_back, found.model.offset).force_error(ErrorSource::Validation);
+    Ok((file(Model::Ems(elements.to_vec()), error), file(Model::Classical(coulomb), coarse)))
+}
+
+fn surgery(kind: TissueKind) -> BenchConfig {
+    let mut config = BenchConfig::default();
+    config.protocol.surgeon.duration_s = 120.0;
+    config.tissue.kind = kind;
+    config.tissue.surface_m = 0.09;
+    (config.tissue.load_n, config.tissue.load_from_s, config.tissue.load_until_s) = (1.0, 30.0, 45.0);
+    (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) = (WET, ONSET, 5.0);
+    config
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    squares: f64,
+    count: f64,
+}
+
+impl Sum {
+    fn add(&mut self, value: f64) {
+        self.squares += value * value;
+        self.count += 1.0;
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self { squares: self.squares + other.squares, count: self.count + other.count }
+    }
+
+    fn rms(self) -> f64 {
+        (self.squares / self.count.max(1.0)).sqrt()
+    }
+}
+
+/// Samples within [`REVERSAL`] behind a turn of at least [`TURN`].
+fn behind_reversals(position: &[f64]) -> Vec<bool> {
+    let (mut turned, mut direction, mut extreme) = (f64::NAN, 0.0, position[0]);
+    let mut marks = Vec::with_capacity(position.len());
+    for &x in position {
+        if direction * (x - extreme) >= 0.0 && direction != 0.0 {
+            extreme = x;
+        } else if (x - extreme).abs() > TURN {
+            (turned, direction, extreme) = (extreme, (x - extreme).signum(), x);
+        }
+        marks.push((x - turned).abs() < REVERSAL);
+    }
+    marks
+}
+
+/// Squares by method, part of the run (dry, changing, wet) and whether behind a reversal; covered samples by part.
+#[derive(Default)]
+struct Scores {
+    errors: [[[Sum; 2]; 3]; 5],
+    covered: [Sum; 3],
+}
+
+const METHODS: [&str; 5] = ["none", "Coulomb", "Coulomb behind a play of 0.5 mm", "EMS", "EMS and adaptation"];
+
+/// Every method along one run.
+fn score(record: &BenchRun, [ems, coulomb]: [&ModelFile; 2], scores: &mut Scores) -> Result<(), Box<dyn Error>> {
+    let fixed = CompensateOptions { adaptation: false, ..CompensateOptions::default() };
+    let adapting = CompensateOptions::default();
+    let mut sign = Compensator::new(coulomb, &fixed)?;
+    let mut behind_play = Compensator::new(coulomb, &fixed)?;
+    let mut element = Compensator::new(ems, &fixed)?;
+    let mut observer = Compensator::new(ems, &adapting)?;
+    let (guard, mut play) = (PlayGuard::new(PLAY)?, GuardState::default());
+    let offset = ems.sensor.map_or(0.0, |sensor| sensor.offset_n);
+    let behind = behind_reversals(&record.truth.position);
+    let mut filtered = record.position[0];
+    for k in 0..record.time.len() {
+        let (x, y) = (record.position[k], record.force[k]);
+        let duration = if k == 0 { 0.0 } else { record.time[k] - record.time[k - 1] };
+        filtered += guard.displacement(&mut play, x);
+        let truth = record.truth.tissue_force[k];
+        let said = observer.step(x, y, duration);
+        let errors = [
+            y - offset - truth,
+            sign.step(x, y, duration).tissue_force - truth,
+            behind_play.step(filtered, y, duration).tissue_force - truth,
+            element.step(x, y, duration).tissue_force - truth,
+            said.tissue_force - truth,
+        ];
+        let time = record.time[k];
+        if time < 5.0 {
+            continue;
+        }
+        let part = usize::from(time >= ONSET) + usize::from(time >= SETTLED);
+        for (sum, error) in scores.errors.iter_mut().zip(errors) {
+            sum[part][usize::from(behind[k])].add(error);
+        }
+        scores.covered[part].add(f64::from(u8::from(errors[4].abs() <= 1.96 * said.std)));
+    }
+    Ok(())
+}
+
+impl Scores {
+    fn print(&self, title: &str) {
+        let runs = SEEDS.len();
+        println!(
+            "\n{title}: RMS error of the tissue force, N, {runs} runs of 120 s; friction falls to {WET} from {ONSET} s on"
+        );
+        println!(
+            "| compensation | dry | 15 s of change | wet | reversals, dry | reversals, change | reversals, wet | dry reversals, of none |"
+        );
+        println!("|---|---|---|---|---|---|---|---|");
+        let rms = |sums: &[&Sum]| sums.iter().fold(Sum::default(), |a, b| a.plus(**b)).rms();
+        for (name, sum) in METHODS.into_iter().zip(&self.errors) {
+            let whole = sum.iter().map(|part| rms(&[&part[0], &part[1]]));
+            let behind = sum.iter().map(|part| part[1].rms());
+            let cells: Vec<String> = whole.chain(behind).map(|value| format!("{value:.3}")).collect();
+            println!("| {name} | {} | {:.3} |", cells.join(" | "), sum[0][1].rms() / self.errors[0][0][1].rms());
+        }
+        let [dry, change, wet] = self.covered.map(|sum| 100.0 * sum.squares / sum.count.max(1.0));
+        println!(
+            "the 95 % band of EMS and adaptation holds the truth in {dry:.1} % of the samples dry, {change:.1} % in the change, {wet:.1} % wet"
+        );
+    }
+}

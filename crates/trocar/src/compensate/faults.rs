@@ -1,0 +1,122 @@
+//! What cannot be right about a sample.
+
+/// Fastest motion of an instrument, m/s; beyond it the encoder has jumped.
+const FASTEST: f64 = 3.0;
+/// Longest time between samples over which the way is known, s.
+const LONGEST_GAP: f64 = 0.2;
+/// A force reading that stays the same for as long, s, and for as many samples ...
+const FROZEN_FOR: f64 = 0.05;
+const FROZEN_SAMPLES: u32 = 20;
+/// ... while the model's force changes by more than this, N, and by as many standard deviations, is frozen.
+const FROZEN_CHANGE: f64 = 0.2;
+const FROZEN_SIGMAS: f64 = 5.0;
+
+/// What cannot be right about a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Fault {
+    /// The reading is not a finite number.
+    NoReading,
+    /// The position is not a finite number: the model waits.
+    NoPosition,
+    /// Time stands still or runs backwards: the model waits.
+    NoDuration,
+    /// The reading is at the sensor's limit: the force is larger.
+    Saturated,
+    /// The reading has not changed although the force must have.
+    Frozen,
+    /// The position moved faster than 3 m/s: taken as a new zero of the encoder, not as a motion.
+    Jump,
+    /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
+    Gap,
+}
+
+impl Fault {
+    /// All faults.
+    pub const ALL: [Self; 7] =
+        [Self::NoReading, Self::NoPosition, Self::NoDuration, Self::Saturated, Self::Frozen, Self::Jump, Self::Gap];
+
+    /// Whether the reading tells nothing of the tissue.
+    pub fn spoils_reading(self) -> bool {
+        matches!(self, Self::NoReading | Self::NoPosition | Self::Saturated | Self::Frozen)
+    }
+
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::NoReading => "no force reading: no tissue force",
+            Self::NoPosition => "no position: no tissue force, the model waits",
+            Self::NoDuration => "time does not go on: the model waits",
+            Self::Saturated => "the force reading is at the sensor's limit: no tissue force",
+            Self::Frozen => "the force reading is frozen while the force must have changed: no tissue force",
+            Self::Jump => "the position jumps faster than 3 m/s: taken as a new zero of the encoder, not as a motion",
+            Self::Gap => "more than 0.2 s without a sample: the seal's state is unknown until it has slid",
+        }
+    }
+}
+
+/// Looks after the samples.
+#[derive(Debug, Clone)]
+pub(super) struct Watch {
+    limit: f64,
+    least_change: f64,
+    same: Option<Same>,
+}
+
+/// A stretch of equal readings.
+#[derive(Debug, Clone, Copy)]
+struct Same {
+    reading: f64,
+    time: f64,
+    samples: u32,
+    /// Range of the model's force, N.
+    low: f64,
+    high: f64,
+}
+
+impl Watch {
+    pub(super) fn new(limit: Option<f64>, sigma: f64) -> Self {
+        let least_change = FROZEN_CHANGE.max(FROZEN_SIGMAS * sigma);
+        Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None }
+    }
+
+    /// The gravest fault of a sample.
+    pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> Option<Fault> {
+        if !position.is_finite() {
+            return Some(Fault::NoPosition);
+        }
+        if let Some(before) = before {
+            if !(duration > 0.0 && duration.is_finite()) {
+                return Some(Fault::NoDuration);
+            }
+            if (position - before).abs() > FASTEST * duration {
+                return Some(Fault::Jump);
+            }
+            if duration > LONGEST_GAP {
+                return Some(Fault::Gap);
+            }
+        }
+        if !force.is_finite() {
+            return Some(Fault::NoReading);
+        }
+        if force.abs() >= self.limit {
+            return Some(Fault::Saturated);
+        }
+        self.is_frozen(force, duration).then_some(Fault::Frozen)
+    }
+
+    fn is_frozen(&mut self, force: f64, duration: f64) -> bool {
+        let Some(same) = self.same.as_mut().filter(|same| same.reading == force) else {
+            self.same = None;
+            return false;
+        };
+        same.time += duration;
+        same.samples += 1;
+        same.time >= FROZEN_FOR && same.samples >= FROZEN_SAMPLES && same.high - same.low > self.least_change
+    }
+
+    /// Takes note of the model's force, N, behind a reading.
+    pub(super) fn follow(&mut self, model: f64, force: f64) {
+        let same = self.same.get_or_insert(Same { reading: force, time: 0.0, samples: 1, low: model, high: model });
+        (same.low, same.high) = (same.low.min(model), same.high.max(model));
+    }
+}

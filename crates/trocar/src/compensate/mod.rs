@@ -1,0 +1,375 @@
+//! The force on the tissue, from a force sensor outside the body: what the sensor reads less what the trocar takes.
+//!
+//! ```text
+//! F_tissue = reading − F_offset − m·(a + g) − F_trocar           force of the instrument on the tissue, N
+//! F_trocar = F_0(x) + level(x)·[λ·(F − F_β) + ν·F_β]             F of the model driven by x/λ, F_β its viscous part
+//! ```
+//!
+//! | symbol | meaning | unit |
+//! |--------|---------|------|
+//! | λ | friction of the seal over that of the model; wetting lowers it | 1 |
+//! | ν | viscous part over that of the model | 1 |
+//! | m, a, g | mass between sensor and seal, its acceleration, gravity on the reading | kg, m/s² |
+//!
+//! λ scales forces and deflections alike, since wetting changes the friction and not the stiffness of the rubber:
+//! F_wet(x) = λ·F(x/λ). Both are followed in use ([`adapt`]) and are 1 without adaptation.
+//!
+//! # The band
+//!
+//! ```text
+//! std² = σ_phase² + (F − F_β)²·var λ + F_β²·var ν + spread²
+//! ```
+//! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]); var λ and var ν are those of the
+//! estimates, or come from the intervals of the parameters; spread is how far apart the forces of extreme starts are as long as
+//! the seal has not slid.
+//!
+//! # Faults
+//!
+//! A step never fails. What cannot be right is named ([`Fault`]), and the tissue force is NaN where the reading cannot tell it.
+//! The model goes on with the motion as long as there is one.
+//!
+//! - **Real time**: after [`Compensator::new`] nothing is allocated, and the work of a step is bounded.
+//! - **Limits**: a tissue force that turns with the motion and is as large both ways is friction by all that a sensor outside
+//!   can tell.
+
+use trocar_model::{Deformation, Friction, Mode, Seal, SealState, Travel};
+
+pub use adapt::Drift;
+pub use faults::Fault;
+pub use stream::{Compensation, FaultCount, StreamOptions, compensate_file, compensate_stream};
+
+use adapt::{Adapter, Sliding};
+use faults::Watch;
+use inertia::Inertia;
+
+use crate::model_file::{ForceError, Interval, ModelFile, ModelFileError};
+
+pub mod adapt;
+mod faults;
+mod inertia;
+mod stream;
+
+/// Speed below which the instrument counts as held, m/s.
+const HOLD_SPEED: f64 = 1e-3;
+/// Extreme starts count as one when their forces agree within this, N.
+const FORGOTTEN: f64 = 1e-3;
+/// 95 % quantile of a normal law, half-sided.
+const NORMAL_95: f64 = 1.96;
+
+/// How a compensator is set up; everything that is `None` comes from the model file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CompensateOptions {
+    /// Reading without any force, N.
+    pub offset_n: Option<f64>,
+    /// Mass between sensor and seal, kg, ≥ 0.
+    pub moving_mass_kg: Option<f64>,
+    /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset.
+    pub gravity_m_s2: f64,
+    /// Largest force the sensor can read, N.
+    pub sensor_limit_n: Option<f64>,
+    /// Standard deviation of the model's force in all phases, N.
+    pub force_error_n: Option<f64>,
+    /// Whether λ and ν follow the readings.
+    pub adaptation: bool,
+}
+
+impl Default for CompensateOptions {
+    /// Everything as the model file says, with adaptation.
+    fn default() -> Self {
+        Self {
+            offset_n: None,
+            moving_mass_kg: None,
+            gravity_m_s2: 0.0,
+            sensor_limit_n: None,
+            force_error_n: None,
+            adaptation: true,
+        }
+    }
+}
+
+/// Why a model cannot compensate.
+#[non_exhaustive]
+#[derive(Debug, thiserror::Error)]
+pub enum CompensateError {
+    /// The model cannot be run.
+    #[error(transparent)]
+    Model(#[from] ModelFileError),
+    /// Nothing says how far off the model's force is.
+    #[error(
+        "the model does not say how far off its force is (force_error)\n\nhint: identify it again with --validate, or state the \
+         standard deviation with --force-error-n"
+    )]
+    NoForceError,
+    /// A value out of its range.
+    #[error("{name} must be {allowed}, got {found}")]
+    OutOfRange {
+        /// Name with its unit.
+        name: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+        /// What was found.
+        found: f64,
+    },
+}
+
+/// What a compensator says after each sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Force of the instrument on seal and trocar, N.
+    pub trocar_force: f64,
+    /// Force of the instrument on the tissue, N; NaN where the reading cannot tell.
+    pub tissue_force: f64,
+    /// Standard deviation of both, N.
+    pub std: f64,
+    /// Whether λ and ν are being followed: frozen while tissue is touched or the motion tells nothing of them.
+    pub adapting: bool,
+    /// What cannot be right about this sample.
+    pub fault: Option<Fault>,
+}
+
+/// What the observer holds fixed.
+#[derive(Debug, Clone)]
+struct Setup<'a> {
+    seal: Seal,
+    travel: Option<Travel<'a>>,
+    offset: f64,
+    error: ForceError,
+    adaptation: bool,
+}
+
+/// An observer of the tissue force; see the module's documentation.
+#[derive(Debug, Clone)]
+pub struct Compensator<'a> {
+    setup: Setup<'a>,
+    /// Of the model driven by x/λ.
+    state: SealState,
+    /// The same from extreme starts, as long as they differ.
+    extremes: Option<[SealState; 2]>,
+    position: Option<f64>,
+    speed: f64,
+    inertia: Inertia,
+    adapter: Adapter,
+    watch: Watch,
+    time: f64,
+    last: Estimate,
+}
+
+impl<'a> Compensator<'a> {
+    /// An observer with the model of `file`; it starts with the first sample.
+    ///
+    /// # Errors
+    /// [`CompensateError`]: a model with too many elements or without a stated error, an option out of its range.
+    pub fn new(file: &'a ModelFile, options: &CompensateOptions) -> Result<Self, CompensateError> {
+        let trocar = file.trocar()?;
+        let sensor = file.sensor;
+        let offset = finite("offset_n", options.offset_n.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
+        let mass = options.moving_mass_kg.or(sensor.map(|s| s.moving_mass_kg)).unwrap_or(0.0);
+        let mass = not_negative("moving_mass_kg", mass)?;
+        let gravity = finite("gravity_m_s2", options.gravity_m_s2)?;
+        let limit = options.sensor_limit_n.map(|limit| positive("sensor_limit_n", limit)).transpose()?;
+        let error = match options.force_error_n {
+            Some(std) => ForceError::everywhere(not_negative("force_error_n", std)?),
+            None => file.force_error.ok_or(CompensateError::NoForceError)?,
+        };
+        let seal = *trocar.seal();
+        let spread = ["coulomb_force_n", "viscous_damping_n_s_m"].map(|name| relative_std(file, name));
+        let state = seal.rest_at_force(0.0);
+        Ok(Self {
+            setup: Setup { seal, travel: trocar.travel(), offset, error, adaptation: options.adaptation },
+            state,
+            extremes: None,
+            position: None,
+            speed: 0.0,
+            inertia: Inertia::new(mass, gravity),
+            adapter: Adapter::new(options.adaptation, spread, error.sliding_n),
+            watch: Watch::new(limit, error.sliding_n),
+            time: 0.0,
+            last: Estimate { trocar_force: 0.0, tissue_force: f64::NAN, std: f64::NAN, adapting: false, fault: None },
+        })
+    }
+
+    /// Where λ and ν stand.
+    pub fn drift(&self) -> Drift {
+        self.adapter.drift()
+    }
+
+    /// Whether the last pair of passes told that tissue is touched.
+    pub fn is_in_contact(&self) -> bool {
+        self.adapter.is_in_contact()
+    }
+
+    /// What was said last.
+    pub fn last(&self) -> Estimate {
+        self.last
+    }
+
+    /// Takes the next sample: `position` (m) and reading `force` (N), `duration` (s) after the last one.
+    ///
+    /// The first sample starts the observer, whatever its duration. A duration that is not positive and finite, or a
+    /// position that is not finite, leaves the model where it is.
+    pub fn step(&mut self, position: f64, force: f64, duration: f64) -> Estimate {
+        let fault = self.watch.look(self.position, position, force, duration);
+        match (self.position, fault) {
+            (None, _) if position.is_finite() => self.start(position, force),
+            (Some(_), Some(Fault::Jump)) => self.rebase(position),
+            (Some(_), Some(Fault::Gap)) => {
+                self.move_to(position, duration);
+                self.forget();
+            }
+            (Some(_), _) => self.move_to(position, duration),
+            _ => {}
+        }
+        self.last = self.estimate(force, fault);
+        self.last
+    }
+
+    /// At rest with the first reading; extreme starts beside it tell what that leaves open.
+    fn start(&mut self, position: f64, force: f64) {
+        let reading = if force.is_finite() { force - self.setup.offset } else { 0.0 };
+        let own = self.setup.travel.map_or(reading, |travel| travel.without(position, reading));
+        self.state = self.setup.seal.rest_at_force(own);
+        self.position = Some(position);
+        self.inertia.restart(self.time, position);
+        self.forget();
+    }
+
+    /// The position was set anew; nothing moved.
+    fn rebase(&mut self, position: f64) {
+        self.position = Some(position);
+        self.inertia.restart(self.time, position);
+        self.adapter.break_off();
+    }
+
+    /// The state is anybody's guess until the seal has slid.
+    fn forget(&mut self) {
+        self.extremes = Some(extremes(&self.setup.seal));
+        self.adapter.break_off();
+    }
+
+    fn move_to(&mut self, position: f64, duration: f64) {
+        let Some(before) = self.position else { return };
+        let displacement = position - before;
+        if !(duration > 0.0 && duration.is_finite() && displacement.is_finite()) {
+            return;
+        }
+        let level = self.adapter.drift().level;
+        let own = displacement / level;
+        self.setup.seal.step(&mut self.state, own, duration);
+        if let Some(extremes) = &mut self.extremes {
+            extremes.iter_mut().for_each(|state| {
+                self.setup.seal.step(state, own, duration);
+            });
+            if spread(extremes, &self.state) * level < FORGOTTEN {
+                self.extremes = None;
+            }
+        }
+        self.position = Some(position);
+        self.speed = displacement / duration;
+        self.time += duration;
+        self.inertia.advance(self.time, position);
+        self.adapter.pass(duration);
+    }
+
+    fn estimate(&mut self, force: f64, fault: Option<Fault>) -> Estimate {
+        let Some(position) = self.position else { return Estimate { fault, ..self.last } };
+        let Drift { level, viscosity, level_std, viscosity_std } = self.adapter.drift();
+        let along = |seal: f64| self.setup.travel.map_or(seal, |travel| travel.apply(position, seal));
+        let slope = self.setup.travel.map_or(1.0, |travel| travel.level(position));
+        let viscous = level * self.setup.seal.viscous_force(&self.state, self.speed / level);
+        let dry = level * Seal::force(&self.state) - viscous;
+        let trocar_force = along(dry + viscosity * viscous);
+        let own = force - self.setup.offset - self.inertia.force();
+        let reading = if fault.is_some_and(Fault::spoils_reading) { f64::NAN } else { own };
+        let spread = level * self.extremes.as_ref().map_or(0.0, |starts| spread(starts, &self.state));
+        let sigma = self.setup.error.in_phase(self.phase());
+        let parameters = (dry / level * level_std).powi(2) + (viscous * viscosity_std).powi(2);
+        let std = (sigma * sigma + slope * slope * (parameters + spread * spread)).sqrt();
+        if let (Some(direction), true) = (self.settled(), reading.is_finite()) {
+            let seal = self.setup.travel.map_or(reading, |travel| travel.without(position, reading));
+            self.adapter.take(position, direction, Sliding { reading: seal, dry: dry / level, viscous });
+        }
+        let tissue_force = reading - trocar_force;
+        self.watch.follow(trocar_force, force);
+        Estimate { trocar_force, tissue_force, std, adapting: self.adapter.is_adapting(), fault }
+    }
+
+    fn phase(&self) -> Phase {
+        if self.speed.abs() < HOLD_SPEED {
+            return Phase::Held;
+        }
+        match self.state.deformation() {
+            Some(Deformation { mode: Mode::Deforming, .. }) => Phase::Deforming,
+            _ => Phase::Sliding,
+        }
+    }
+
+    /// Direction of a slide that is beyond doubt.
+    fn settled(&mut self) -> Option<bool> {
+        let slides = self.setup.adaptation
+            && self.extremes.is_none()
+            && self.phase() == Phase::Sliding
+            && self.state.deformation().is_none_or(|seal| seal.mode == Mode::Sliding);
+        self.adapter.settle(slides, self.speed > 0.0, self.position.unwrap_or(0.0), self.setup.seal.deformation_width())
+    }
+}
+
+/// What the seal does, as far as the error of a model depends on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// The seal bends.
+    Deforming,
+    /// The instrument slides; all motion of a model that knows no deflection.
+    Sliding,
+    /// The instrument is held.
+    Held,
+}
+
+impl ForceError {
+    /// The error in `phase`, N.
+    fn in_phase(&self, phase: Phase) -> f64 {
+        match phase {
+            Phase::Deforming => self.deforming_n,
+            Phase::Sliding => self.sliding_n,
+            Phase::Held => self.held_n,
+        }
+    }
+}
+
+/// As far apart as the seal can be.
+fn extremes(seal: &Seal) -> [SealState; 2] {
+    let width = 0.5 * seal.deformation_width();
+    let at = |sign: f64| seal.rest_at_deflection(sign * width);
+    [-1.0, 1.0].map(|sign| at(sign).unwrap_or_else(|| seal.rest_at_force(sign * f64::MAX)))
+}
+
+/// Half the range of the forces, N: at most the standard deviation of anything between.
+fn spread(extremes: &[SealState; 2], state: &SealState) -> f64 {
+    let forces = [Seal::force(&extremes[0]), Seal::force(&extremes[1]), Seal::force(state)];
+    let (low, high) = forces.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
+    0.5 * (high - low)
+}
+
+/// Standard deviation over value from the 95 % intervals of a parameter, the larger of both directions; 0 without bounds.
+fn relative_std(file: &ModelFile, name: &str) -> f64 {
+    let of = |interval: &Interval| {
+        let [Some(low), Some(high)] = interval.ci95 else { return 0.0 };
+        if interval.value == 0.0 { 0.0 } else { ((high - low) / (2.0 * NORMAL_95 * interval.value)).abs() }
+    };
+    file.intervals.iter().filter(|(key, _)| key.starts_with(name)).map(|(_, interval)| of(interval)).fold(0.0, f64::max)
+}
+
+fn finite(name: &'static str, value: f64) -> Result<f64, CompensateError> {
+    check(name, value, value.is_finite(), "a finite number")
+}
+
+fn not_negative(name: &'static str, value: f64) -> Result<f64, CompensateError> {
+    check(name, value, value.is_finite() && value >= 0.0, "0 or more")
+}
+
+fn positive(name: &'static str, value: f64) -> Result<f64, CompensateError> {
+    check(name, value, value.is_finite() && value > 0.0, "above 0")
+}
+
+fn check(name: &'static str, value: f64, allowed: bool, range: &'static str) -> Result<f64, CompensateError> {
+    if allowed { Ok(value) } else { Err(CompensateError::OutOfRange { name, allowed: range, found: value }) }
+}

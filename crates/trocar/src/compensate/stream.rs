@@ -1,0 +1,198 @@
+//! A recording, or a live stream, through the observer: row by row and in constant memory.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+use super::{Compensator, Drift, Fault};
+use crate::error::RecordingError;
+use crate::output::AtomicFile;
+use crate::recording::Place;
+use crate::recording::columns::Quantity;
+use crate::recording::line::Line;
+use crate::recording::rows::RowReader;
+use crate::simulate::SimulateError;
+
+/// Names of the columns written.
+const HEADER: &[u8] = b"time_s,position_m,force_n,trocar_force_n,tissue_force_n,tissue_force_std_n,adapting\n";
+
+/// Rows between two reports of progress.
+const REPORT_EVERY: u64 = 1 << 16;
+
+/// Rows with one fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FaultCount {
+    /// The fault.
+    pub fault: Fault,
+    /// Line of the first.
+    pub first_line: u64,
+    /// How many.
+    pub rows: u64,
+}
+
+/// What a stream came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compensation {
+    /// Rows read and written.
+    pub rows: u64,
+    /// Rows in which level and viscosity were followed.
+    pub adapting_rows: u64,
+    /// Faults met, in the order of [`Fault::ALL`].
+    pub faults: Vec<FaultCount>,
+    /// Where level and viscosity ended.
+    pub drift: Drift,
+}
+
+/// How a stream is read and written.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct StreamOptions<'a> {
+    /// Names of the columns of a stream without a header.
+    pub columns: Option<&'a str>,
+    /// Reverse the sign of the force, for a sensor mounted the other way round.
+    pub flip_force: bool,
+    /// Hand on each row at once: for a stream that a person or a controller waits for.
+    pub live: bool,
+}
+
+/// Runs `observer` along the file `recording` and writes `output`; `-` is standard input or output.
+///
+/// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress` is told the bytes read so
+/// far, now and then.
+///
+/// # Errors
+/// [`SimulateError::Motion`] for a file that cannot be read, a time that is not finite or goes back;
+/// [`SimulateError::Output`] when the result cannot be written. Neither leaves an output file.
+pub fn compensate_file(
+    recording: &Path,
+    options: StreamOptions,
+    observer: &mut Compensator,
+    output: &Path,
+    progress: impl FnMut(u64),
+) -> Result<Compensation, SimulateError> {
+    let file = recording.display().to_string();
+    let mut result = AtomicFile::create(output)?;
+    let summary = if file == "-" {
+        compensate_stream(&file, io::stdin().lock(), options, observer, &mut result, progress)?
+    } else {
+        let input = File::open(recording).map_err(|source| RecordingError::Open { file: file.clone(), source })?;
+        compensate_stream(&file, input, options, observer, &mut result, progress)?
+    };
+    result.commit()?;
+    Ok(summary)
+}
+
+/// The same from any stream into an [`AtomicFile`], which stays uncommitted. `file` names the stream in messages.
+///
+/// # Errors
+/// As for [`compensate_file`].
+pub fn compensate_stream(
+    file: &str,
+    input: impl Read,
+    options: StreamOptions,
+    observer: &mut Compensator,
+    output: &mut AtomicFile,
+    mut progress: impl FnMut(u64),
+) -> Result<Compensation, SimulateError> {
+    let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
+    let mut rows = RowReader::open(file, input, options.columns, &needed, false)?;
+    let mut out = Rows { output, line: Line::default(), live: options.live };
+    out.head()?;
+    let sign = if options.flip_force { -1.0 } else { 1.0 };
+    let mut count = Counter::default();
+    let mut before = None;
+    while let Some(row) = rows.next_row()? {
+        let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
+        let force = sign * row.get(Quantity::Force);
+        let duration = duration(file, row.line, before, time)?;
+        before = Some(time);
+        let estimate = observer.step(position, force, duration);
+        count.take(row.line, &estimate);
+        out.row(
+            [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std],
+            estimate.adapting,
+        )?;
+        if count.rows % REPORT_EVERY == 0 {
+            progress(rows.bytes_read());
+        }
+    }
+    out.end()?;
+    Ok(count.summary(observer.drift()))
+}
+
+/// Time since the row before, s; 0 for the first and for a repeated time.
+fn duration(file: &str, line: u64, before: Option<f64>, time: f64) -> Result<f64, RecordingError> {
+    let file = || file.to_owned();
+    if !time.is_finite() {
+        let found = if time.is_nan() { "empty or nan" } else { "infinite" };
+        return Err(RecordingError::NonFinite { file: file(), line, quantity: "time", found });
+    }
+    match before {
+        Some(from) if time < from => {
+            Err(RecordingError::TimeGoesBack { file: file(), place: Place::Line(line), from, to: time })
+        }
+        Some(from) => Ok(time - from),
+        None => Ok(0.0),
+    }
+}
+
+/// Rows on their way out.
+struct Rows<'a> {
+    output: &'a mut AtomicFile,
+    line: Line,
+    live: bool,
+}
+
+impl Rows<'_> {
+    fn head(&mut self) -> Result<(), SimulateError> {
+        let outcome = self.output.write_all(HEADER);
+        Ok(outcome.map_err(|source| self.output.write_error(source))?)
+    }
+
+    fn row(&mut self, numbers: [f64; 6], adapting: bool) -> Result<(), SimulateError> {
+        for number in numbers {
+            match number.is_finite() {
+                true => self.line.number(number),
+                false => self.line.word("nan"),
+            };
+        }
+        self.line.word(if adapting { "1" } else { "0" });
+        let mut outcome = self.line.finish(self.output);
+        if self.live {
+            outcome = outcome.and_then(|()| self.line.flush(self.output)).and_then(|()| self.output.flush());
+        }
+        Ok(outcome.map_err(|source| self.output.write_error(source))?)
+    }
+
+    fn end(&mut self) -> Result<(), SimulateError> {
+        let outcome = self.line.flush(self.output);
+        Ok(outcome.map_err(|source| self.output.write_error(source))?)
+    }
+}
+
+#[derive(Default)]
+struct Counter {
+    rows: u64,
+    adapting_rows: u64,
+    /// First line and rows, by fault.
+    faults: [Option<(u64, u64)>; Fault::ALL.len()],
+}
+
+impl Counter {
+    fn take(&mut self, line: u64, estimate: &super::Estimate) {
+        self.rows += 1;
+        self.adapting_rows += u64::from(estimate.adapting);
+        if let Some(fault) = estimate.fault {
+            let (first, rows) = self.faults[fault as usize].unwrap_or((line, 0));
+            self.faults[fault as usize] = Some((first, rows + 1));
+        }
+    }
+
+    fn summary(self, drift: Drift) -> Compensation {
+        let found = |fault: Fault| {
+            let (first_line, rows) = self.faults[fault as usize]?;
+            Some(FaultCount { fault, first_line, rows })
+        };
+        let faults = Fault::ALL.into_iter().filter_map(found).collect();
+        Compensation { rows: self.rows, adapting_rows: self.adapting_rows, faults, drift }
+    }
+}
