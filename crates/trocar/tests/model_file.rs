@@ -2,7 +2,9 @@
 
 use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
-use trocar::model_file::{Interval, Model, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo};
+use trocar::model_file::{
+    ErrorSource, ForceError, Interval, Model, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo,
+};
 use trocar::travel::TravelProfile;
 use trocar_model::Classical;
 use trocar_model::{
@@ -85,6 +87,31 @@ fn profiles_that_make_no_seal_are_refused() {
     assert!(!schema().is_valid(&value(&classical.to_json())));
     let error = ModelFile::from_json(&classical.to_json()).unwrap_err().to_string();
     assert!(error.starts_with("travel: is for elements"), "{error}");
+}
+
+/// A model that says how far off its force is.
+fn with_error() -> ModelFile {
+    let mut file = along();
+    let source = ErrorSource::Validation;
+    file.force_error = Some(ForceError { source, deforming_n: 0.1 / 3.0, sliding_n: 0.02, held_n: 0.0 });
+    file
+}
+
+#[test]
+fn errors_that_are_none_are_refused() {
+    let cases = [
+        ("/version", json!(4), "force_error: needs version 5, got version 4"),
+        ("/force_error/held_n", json!(-0.1), "force_error: must not be negative, got -0.1 N"),
+        ("/force_error/source", json!("guess"), "unknown variant `guess`"),
+    ];
+    for (pointer, replacement, expected) in cases {
+        let document = broken(&with_error(), pointer, Some(replacement));
+        let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{pointer}: {error}");
+    }
+    assert_eq!(value(&with_error().to_json())["version"], 5, "an older program says that it is too old");
+    assert!(schema().is_valid(&value(&with_error().to_json())));
+    assert_eq!(ModelFile::from_json(&with_error().to_json()).unwrap(), with_error());
 }
 
 /// Numbers that are not short in decimals.
@@ -257,10 +284,10 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(5)), "written by a newer trocar: model version 5, this one reads 4"),
-        ("/version", Some(json!(0)), "\"version\" must be 1 to 4, got 0"),
-        ("/version", Some(json!("1")), "\"version\" must be 1 to 4, got \"1\""),
-        ("/version", None, "\"version\" must be 1 to 4, got nothing"),
+        ("/version", Some(json!(6)), "written by a newer trocar: model version 6, this one reads 5"),
+        ("/version", Some(json!(0)), "\"version\" must be 1 to 5, got 0"),
+        ("/version", Some(json!("1")), "\"version\" must be 1 to 5, got \"1\""),
+        ("/version", None, "\"version\" must be 1 to 5, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),

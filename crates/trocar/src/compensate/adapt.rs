@@ -20,22 +20,22 @@
 //!
 //! - **Bounds**: λ in [0.1, 2], ν in [0, 4].
 //! - **Outliers**: an innovation beyond 3 standard deviations is left out; eight in a row without load are a change of the
-//!   friction, and the prior is opened.
+//!   friction, and the prior is opened. A change that leaves no slides to learn from is found by [`super::bank`].
 //! - **Memory** is fixed: 512 cells of either direction, the oldest are overwritten.
 //! - **Limit**: a tissue force that turns with the motion and is as large both ways is taken for friction.
 
 /// Length of a cell, m.
-const CELL: f64 = 1e-3;
+pub(super) const CELL: f64 = 1e-3;
 /// Cells remembered.
-const CELLS: usize = 512;
+pub(super) const CELLS: usize = 512;
 /// Longest time between the crossings of a pair, s.
-const LONGEST_AGE: f64 = 20.0;
+pub(super) const LONGEST_AGE: f64 = 20.0;
 /// Time after the last pair that was learnt from during which λ and ν count as followed, s.
 const EXCITED: f64 = 5.0;
 /// Errors of the model are correlated along the way: as many neighbouring pairs count as one.
 const CORRELATED: f64 = 32.0;
 /// Load, over its standard deviation, from which on tissue is touched.
-const CONTACT: f64 = 3.0;
+pub(super) const CONTACT: f64 = 3.0;
 /// Innovation over its standard deviation that is no longer believed.
 const OUTLIER: f64 = 3.0;
 /// Outliers in a row that are a change.
@@ -252,6 +252,14 @@ impl Adapter {
                 self.covariance[k][j] -= gain[k] * gain[j] / variance;
             }
         }
+    }
+
+    /// Goes over to another level of friction, which the prior's spread leaves open again.
+    pub(super) fn restart_at(&mut self, level: f64) {
+        self.break_off();
+        self.outliers = 0;
+        self.estimate[0] = level;
+        self.covariance = [[PRIOR[0] * PRIOR[0], 0.0], [0.0, PRIOR[1] * PRIOR[1]]];
     }
 
     /// A change was seen: the prior is as wide as any change may be.

@@ -10,6 +10,8 @@ const FROZEN_SAMPLES: u32 = 20;
 /// ... while the model's force changes by more than this, N, and by as many standard deviations, is frozen.
 const FROZEN_CHANGE: f64 = 0.2;
 const FROZEN_SIGMAS: f64 = 5.0;
+/// Part of the readings before it that differ from their predecessor: a sensor without noise may well stay the same.
+const LIVELY: f64 = 0.5;
 
 /// What cannot be right about a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -60,6 +62,9 @@ pub(super) struct Watch {
     limit: f64,
     least_change: f64,
     same: Option<Same>,
+    /// Readings so far, and those that differ from their predecessor.
+    readings: f64,
+    changes: f64,
 }
 
 /// A stretch of equal readings.
@@ -76,7 +81,7 @@ struct Same {
 impl Watch {
     pub(super) fn new(limit: Option<f64>, sigma: f64) -> Self {
         let least_change = FROZEN_CHANGE.max(FROZEN_SIGMAS * sigma);
-        Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None }
+        Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None, readings: 0.0, changes: 0.0 }
     }
 
     /// The gravest fault of a sample.
@@ -107,11 +112,16 @@ impl Watch {
     fn is_frozen(&mut self, force: f64, duration: f64) -> bool {
         let Some(same) = self.same.as_mut().filter(|same| same.reading == force) else {
             self.same = None;
+            self.readings += 1.0;
+            self.changes += 1.0;
             return false;
         };
         same.time += duration;
         same.samples += 1;
-        same.time >= FROZEN_FOR && same.samples >= FROZEN_SAMPLES && same.high - same.low > self.least_change
+        let long = same.time >= FROZEN_FOR && same.samples >= FROZEN_SAMPLES;
+        let frozen = long && same.high - same.low > self.least_change && self.changes > LIVELY * self.readings;
+        self.readings += f64::from(u8::from(!frozen));
+        frozen
     }
 
     /// Takes note of the model's force, N, behind a reading.

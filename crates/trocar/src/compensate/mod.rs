@@ -17,11 +17,12 @@
 //! # The band
 //!
 //! ```text
-//! std² = σ_phase² + (F − F_β)²·var λ + F_β²·var ν + spread²
+//! std² = σ_phase² + (F − F_β)²·var λ + F_β²·var ν + spread² + doubt²
 //! ```
 //! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]); var λ and var ν are those of the
 //! estimates, or come from the intervals of the parameters; spread is how far apart the forces of extreme starts are as long as
-//! the seal has not slid.
+//! the seal has not slid; doubt is by how much the last passes there and back contradict the present λ ([`bank`]).
+//! A change of the friction is not in the band before the first place is passed both ways after it.
 //!
 //! # Faults
 //!
@@ -39,12 +40,14 @@ pub use faults::Fault;
 pub use stream::{Compensation, FaultCount, StreamOptions, compensate_file, compensate_stream};
 
 use adapt::{Adapter, Sliding};
+use bank::Bank;
 use faults::Watch;
 use inertia::Inertia;
 
 use crate::model_file::{ForceError, Interval, ModelFile, ModelFileError};
 
 pub mod adapt;
+mod bank;
 mod faults;
 mod inertia;
 mod stream;
@@ -149,6 +152,7 @@ pub struct Compensator<'a> {
     speed: f64,
     inertia: Inertia,
     adapter: Adapter,
+    bank: Bank,
     watch: Watch,
     time: f64,
     last: Estimate,
@@ -181,6 +185,7 @@ impl<'a> Compensator<'a> {
             position: None,
             speed: 0.0,
             inertia: Inertia::new(mass, gravity),
+            bank: Bank::new(&seal, error.sliding_n),
             adapter: Adapter::new(options.adaptation, spread, error.sliding_n),
             watch: Watch::new(limit, error.sliding_n),
             time: 0.0,
@@ -228,6 +233,7 @@ impl<'a> Compensator<'a> {
         let reading = if force.is_finite() { force - self.setup.offset } else { 0.0 };
         let own = self.setup.travel.map_or(reading, |travel| travel.without(position, reading));
         self.state = self.setup.seal.rest_at_force(own);
+        self.bank.start(&self.setup.seal, own);
         self.position = Some(position);
         self.inertia.restart(self.time, position);
         self.forget();
@@ -238,12 +244,14 @@ impl<'a> Compensator<'a> {
         self.position = Some(position);
         self.inertia.restart(self.time, position);
         self.adapter.break_off();
+        self.bank.break_off();
     }
 
     /// The state is anybody's guess until the seal has slid.
     fn forget(&mut self) {
         self.extremes = Some(extremes(&self.setup.seal));
         self.adapter.break_off();
+        self.bank.break_off();
     }
 
     fn move_to(&mut self, position: f64, duration: f64) {
@@ -268,6 +276,9 @@ impl<'a> Compensator<'a> {
         self.time += duration;
         self.inertia.advance(self.time, position);
         self.adapter.pass(duration);
+        if self.setup.adaptation {
+            self.bank.advance(&self.setup.seal, displacement, duration);
+        }
     }
 
     fn estimate(&mut self, force: f64, fault: Option<Fault>) -> Estimate {
@@ -283,14 +294,28 @@ impl<'a> Compensator<'a> {
         let spread = level * self.extremes.as_ref().map_or(0.0, |starts| spread(starts, &self.state));
         let sigma = self.setup.error.in_phase(self.phase());
         let parameters = (dry / level * level_std).powi(2) + (viscous * viscosity_std).powi(2);
-        let std = (sigma * sigma + slope * slope * (parameters + spread * spread)).sqrt();
-        if let (Some(direction), true) = (self.settled(), reading.is_finite()) {
+        let doubt = self.bank.doubt(level);
+        let std = (sigma * sigma + slope * slope * (parameters + spread * spread + doubt)).sqrt();
+        if self.setup.adaptation && reading.is_finite() {
             let seal = self.setup.travel.map_or(reading, |travel| travel.without(position, reading));
-            self.adapter.take(position, direction, Sliding { reading: seal, dry: dry / level, viscous });
+            self.learn(position, Sliding { reading: seal, dry: dry / level, viscous });
         }
         let tissue_force = reading - trocar_force;
         self.watch.follow(trocar_force, force);
         Estimate { trocar_force, tissue_force, std, adapting: self.adapter.is_adapting(), fault }
+    }
+
+    fn learn(&mut self, position: f64, now: Sliding) {
+        if let Some(inserts) = self.settled() {
+            self.adapter.take(position, inserts, now);
+        }
+        if self.extremes.is_none() && self.speed != 0.0 {
+            self.bank.take(position, self.speed > 0.0, now.reading);
+        }
+        if let Some((level, state)) = self.bank.better_than(self.adapter.drift().level) {
+            self.state = state;
+            self.adapter.restart_at(level);
+        }
     }
 
     fn phase(&self) -> Phase {
@@ -305,8 +330,7 @@ impl<'a> Compensator<'a> {
 
     /// Direction of a slide that is beyond doubt.
     fn settled(&mut self) -> Option<bool> {
-        let slides = self.setup.adaptation
-            && self.extremes.is_none()
+        let slides = self.extremes.is_none()
             && self.phase() == Phase::Sliding
             && self.state.deformation().is_none_or(|seal| seal.mode == Mode::Sliding);
         self.adapter.settle(slides, self.speed > 0.0, self.position.unwrap_or(0.0), self.setup.seal.deformation_width())

@@ -1,0 +1,403 @@
+//! The observer of the tissue force: what it must find, what it must never learn, and faults of sensors.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use proptest::prelude::*;
+use trocar::bench::config::TissueKind;
+use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
+use trocar::compensate::{CompensateError, CompensateOptions, Compensator, Estimate, Fault};
+use trocar::identify::{IdentifyOptions, identify};
+use trocar::model_file::{ErrorSource, ForceError, Model, ModelFile, Origin, OriginKind, SensorInfo};
+use trocar::recording::{ReadOptions, Recording, read};
+use trocar::validate::validate_along;
+use trocar_model::{Classical, Element, ElementParams, SlidingFriction, StaticFriction};
+
+/// Normal quantile of a band of 95 %.
+const BAND: f64 = 1.96;
+
+fn seal() -> [Element; 1] {
+    [Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()]
+}
+
+fn surgeon(duration_s: f64, change: impl FnOnce(&mut BenchConfig)) -> BenchConfig {
+    let mut config = BenchConfig::default();
+    config.protocol.surgeon.duration_s = duration_s;
+    change(&mut config);
+    config
+}
+
+/// Identified on the bench from steady and dynamic, validated on validation and surgeon: what a user has.
+static MODEL: LazyLock<ModelFile> = LazyLock::new(|| {
+    let config = BenchConfig::default();
+    let record = |protocol| {
+        let recording = run(&config, protocol, &seal(), 1).unwrap().to_recording("bench").unwrap();
+        recording.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
+    };
+    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    let found = identify(&[record(Protocol::Steady), record(Protocol::Dynamic)], &options, &|_, _| {}).unwrap();
+    let elements = found.stages.elements();
+    let held_back = [record(Protocol::Validation), record(Protocol::Surgeon)];
+    let validation = validate_along(elements, None, &held_back, found.model.offset);
+    let mut file = ModelFile::new(elements.to_vec(), Origin::new(OriginKind::Identified));
+    file.sensor =
+        Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: config.rod.mass_kg, position_lag_s: 0.0 });
+    file.force_error = Some(validation.force_error(ErrorSource::Validation));
+    file
+});
+
+fn observe<'a>(observer: &'a mut Compensator<'_>, run: &'a BenchRun) -> Vec<Estimate> {
+    let duration = |k: usize| if k == 0 { 0.0 } else { run.time[k] - run.time[k - 1] };
+    (0..run.time.len()).map(|k| observer.step(run.position[k], run.force[k], duration(k))).collect()
+}
+
+fn observer(adaptation: bool) -> Compensator<'static> {
+    Compensator::new(&MODEL, &CompensateOptions { adaptation, ..CompensateOptions::default() }).unwrap()
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (squares, count) = values.fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
+    (squares / f64::max(count, 1.0)).sqrt()
+}
+
+/// Within this of the truth the tissue force counts as found: about twice the noise of the bench's sensor, N.
+const FOUND: f64 = 0.06;
+
+/// In tissue of either law the error stays that of the model, though the tissue takes many times the friction.
+#[test]
+fn the_tissue_force_is_found() {
+    for kind in [TissueKind::HuntCrossley, TissueKind::KelvinVoigt] {
+        let config = surgeon(60.0, |config| {
+            config.tissue.kind = kind;
+            config.tissue.surface_m = 0.07;
+        });
+        let record = run(&config, Protocol::Surgeon, &seal(), 21).unwrap();
+        let truth = &record.truth.tissue_force;
+        assert!(rms(truth.iter().copied()) > 1.0, "there is tissue to be found");
+        for adaptation in [false, true] {
+            let said = observe(&mut observer(adaptation), &record);
+            let known = (0..said.len()).filter(|k| record.time[*k] > 8.0);
+            let error = rms(known.clone().map(|k| said[k].tissue_force - truth[k]));
+            assert!(error < FOUND, "{kind:?} {adaptation}: {error}");
+            let covered = known.clone().filter(|k| (said[*k].tissue_force - truth[*k]).abs() < BAND * said[*k].std);
+            let coverage = covered.count() as f64 / known.count() as f64;
+            assert!((0.92..=0.999).contains(&coverage), "{kind:?} {adaptation}: {coverage}");
+        }
+    }
+}
+
+/// A constant load held for a minute of any motion is tissue: λ and ν stay where they were, and the load stays to be seen.
+#[test]
+fn a_constant_load_for_a_minute_is_never_learnt() {
+    for (load, seed) in [(2.0, 31), (-1.0, 32), (0.5, 33), (0.2, 34)] {
+        let config = surgeon(100.0, |config| {
+            (config.tissue.load_n, config.tissue.load_from_s, config.tissue.load_until_s) = (load, 30.0, 90.0);
+        });
+        let record = run(&config, Protocol::Surgeon, &seal(), seed).unwrap();
+        let mut observer = observer(true);
+        let said = observe(&mut observer, &record);
+        let drift = observer.drift();
+        assert!((drift.level - 1.0).abs() < 0.03, "{load} N: {drift:?}");
+        assert!((drift.viscosity - 1.0).abs() < 0.35, "{load} N: {drift:?}");
+        let held = (0..said.len()).filter(|k| (35.0..88.0).contains(&record.time[*k]));
+        let mean = held.clone().map(|k| said[k].tissue_force).sum::<f64>() / held.clone().count() as f64;
+        assert!((mean - load).abs() < FOUND, "{load} N: {mean}");
+        if load.abs() > 1.0 {
+            let followed = held.clone().filter(|k| said[*k].adapting).count() as f64 / held.count() as f64;
+            assert!(followed < 0.1, "frozen while touched: {followed}");
+        }
+    }
+}
+
+/// The same for a load during one long slide, where nothing tells friction from tissue: nothing is learnt at all.
+#[test]
+fn one_way_tells_nothing() {
+    let file = &*MODEL;
+    let mut observer = observer(true);
+    let element = seal()[0];
+    let mut state = element.rest_state(0.0);
+    let offset = file.sensor.unwrap().offset_n;
+    for k in 0..60_000 {
+        let load = if k > 2000 { 1.5 } else { 0.0 };
+        let force = element.step(&mut state, 2e-6, 1e-3) + load + offset;
+        observer.step(2e-6 * f64::from(k), force, 1e-3);
+    }
+    let drift = observer.drift();
+    assert_eq!((drift.level, drift.viscosity), (1.0, 1.0));
+    assert!(!observer.last().adapting, "poor excitation");
+    assert!(observer.last().tissue_force > 1.3);
+}
+
+/// A seal that is wetted or oiled is followed within a few strokes, whatever the tissue.
+#[test]
+fn a_change_of_the_friction_is_followed() {
+    for (wet, seed) in [(0.85, 41), (0.55, 42), (0.25, 43), (1.4, 44)] {
+        let config = surgeon(110.0, |config| {
+            (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) = (wet, 20.0, 3.0);
+            config.tissue.kind = TissueKind::KelvinVoigt;
+            config.tissue.surface_m = 0.1;
+        });
+        let record = run(&config, Protocol::Surgeon, &seal(), seed).unwrap();
+        let mut observer = observer(true);
+        let said = observe(&mut observer, &record);
+        let drift = observer.drift();
+        assert!((drift.level - wet).abs() < 0.03 + 3.0 * drift.level_std, "{wet}: {drift:?}");
+        let truth = &record.truth.tissue_force;
+        let late = (0..said.len()).filter(|k| record.time[*k] > 60.0);
+        let error = rms(late.clone().map(|k| said[k].tissue_force - truth[k]));
+        let fixed = observe(&mut self::observer(false), &record);
+        let without = rms(late.map(|k| fixed[k].tissue_force - truth[k]));
+        assert!(error < 2.0 * FOUND && error < 0.5 * without, "{wet}: {error} N, {without} N without adaptation");
+    }
+}
+
+/// Until the seal has slid nobody knows its force, and the band says so.
+#[test]
+fn the_band_is_wide_until_the_seal_has_slid() {
+    let record = run(&surgeon(20.0, |_| {}), Protocol::Surgeon, &seal(), 51).unwrap();
+    let said = observe(&mut observer(true), &record);
+    assert!(said[0].std > 1.0, "{}", said[0].std);
+    assert!(said.last().unwrap().std < 0.6);
+}
+
+/// Strong samples: any two of position, reading and duration may be wrong at any time.
+fn samples() -> impl Strategy<Value = Vec<(f64, f64, f64)>> {
+    let number = |usual: std::ops::Range<f64>| prop_oneof![8 => usual, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(f64::NEG_INFINITY), 1 => Just(0.0), 1 => Just(1e300), 1 => Just(-1e300), 1 => Just(f64::MIN_POSITIVE)];
+    prop::collection::vec((number(-0.05..0.05), number(-10.0..10.0), number(0.0..0.01)), 0..200)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+
+    /// Whatever comes, the observer lives on: afterwards a clean stroke finds the tissue as if nothing had happened.
+    #[test]
+    fn no_sample_spoils_the_observer(samples in samples()) {
+        let mut observer = observer(true);
+        for (position, force, duration) in samples {
+            let said = observer.step(position, force, duration);
+            prop_assert!(said.trocar_force.is_finite());
+            prop_assert!(said.tissue_force.is_finite() || said.fault.is_some(), "{said:?}");
+        }
+        let drift = observer.drift();
+        prop_assert!((0.1..=2.0).contains(&drift.level) && (0.0..=4.0).contains(&drift.viscosity));
+        prop_assert!(drift.level_std.is_finite() && drift.viscosity_std.is_finite());
+        let offset = MODEL.sensor.unwrap().offset_n;
+        for k in 0..800 {
+            // A reading that never changes would be a fault of its own.
+            observer.step(1e-4 * f64::from(k), offset + 1e-3 * f64::from(k % 2), 1e-3);
+        }
+        let last = observer.last();
+        prop_assert!(last.fault.is_none() && last.tissue_force.is_finite() && last.std < 2.0, "{last:?}");
+    }
+}
+
+/// Plays a clean recording with one thing wrong with it from 20 s on, and gives what was said.
+fn with_fault(change: impl Fn(usize, &mut f64, &mut f64, &mut f64)) -> (BenchRun, Vec<Estimate>) {
+    let record = run(&surgeon(40.0, |_| {}), Protocol::Surgeon, &seal(), 61).unwrap();
+    let options = CompensateOptions { sensor_limit_n: Some(15.0), adaptation: false, ..CompensateOptions::default() };
+    let mut observer = Compensator::new(&MODEL, &options).unwrap();
+    let mut said = Vec::new();
+    for k in 0..record.time.len() {
+        let mut duration = if k == 0 { 0.0 } else { 1e-3 };
+        let (mut x, mut y) = (record.position[k], record.force[k]);
+        change(k, &mut x, &mut y, &mut duration);
+        said.push(observer.step(x, y, duration));
+    }
+    (record, said)
+}
+
+/// Error of the samples without fault, N, after the first 8 s.
+fn clean_error(said: &[Estimate]) -> f64 {
+    rms(said.iter().skip(8000).filter(|e| e.fault.is_none()).map(|e| e.tissue_force))
+}
+
+#[test]
+fn a_dropout_of_50_ms_is_bridged() {
+    let (_, said) = with_fault(|k, x, y, _| {
+        if (20_000..20_050).contains(&k) {
+            (*x, *y) = (f64::NAN, f64::NAN);
+        }
+    });
+    let faults = said.iter().filter(|e| e.fault == Some(Fault::NoPosition)).count();
+    assert_eq!(faults, 50);
+    assert!(said[20_020].tissue_force.is_nan() && said[20_020].trocar_force.is_finite());
+    assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
+}
+
+#[test]
+fn a_frozen_force_is_noticed_once_the_motion_goes_on() {
+    let held = std::cell::Cell::new(0.0);
+    let (_, said) = with_fault(|k, _, y, _| {
+        if k == 20_000 {
+            held.set(*y);
+        } else if (20_000..30_000).contains(&k) {
+            *y = held.get();
+        }
+    });
+    let frozen = said[20_000..30_000].iter().filter(|e| e.fault == Some(Fault::Frozen)).count();
+    assert!(frozen > 5_000, "{frozen}");
+    assert!(said[31_000..].iter().all(|e| e.fault.is_none()), "over when the reading changes");
+}
+
+#[test]
+fn saturation_tells_no_tissue_force() {
+    let (_, said) = with_fault(|k, _, y, _| {
+        if (20_000..20_100).contains(&k) {
+            *y = 15.0;
+        }
+    });
+    assert!(said[20_000..20_100].iter().all(|e| e.fault == Some(Fault::Saturated) && e.tissue_force.is_nan()));
+    assert!(clean_error(&said) < FOUND);
+}
+
+/// A new zero of the encoder is no motion of 50 mm, and one wild reading none there and back.
+#[test]
+fn an_encoder_jump_moves_nothing() {
+    let (_, said) = with_fault(|k, x, _, _| {
+        if k >= 20_000 {
+            *x += 0.05;
+        }
+        if k == 25_000 {
+            *x = -3.0;
+        }
+    });
+    let jumps: Vec<usize> = (0..said.len()).filter(|k| said[*k].fault == Some(Fault::Jump)).collect();
+    assert_eq!(jumps, [20_000, 25_000, 25_001]);
+    assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
+}
+
+/// Times that jitter by half an interval cost nothing: the model takes displacements.
+#[test]
+fn clock_jitter_costs_nothing() {
+    let (_, said) = with_fault(|k, _, _, duration| {
+        if k > 0 {
+            *duration = 1e-3 * (1.0 + 0.5 * f64::from((k as u32 * 7919) % 11) / 10.0 - 0.25);
+        }
+    });
+    assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
+}
+
+#[test]
+fn time_that_stands_still_moves_nothing() {
+    let (_, said) = with_fault(|k, _, _, duration| {
+        if k == 20_000 {
+            *duration = 0.0;
+        }
+        if k == 20_001 {
+            *duration = -1.0;
+        }
+    });
+    assert!(said[20_000..20_002].iter().all(|e| e.fault == Some(Fault::NoDuration)));
+    assert!(clean_error(&said) < FOUND);
+}
+
+/// After a gap the seal may be anywhere, and the band says so until it has slid.
+#[test]
+fn a_gap_opens_the_band() {
+    let record = run(&surgeon(40.0, |_| {}), Protocol::Surgeon, &seal(), 62).unwrap();
+    let mut observer = observer(false);
+    let mut said = Vec::new();
+    for k in (0..record.time.len()).filter(|k| !(20_000..22_000).contains(k)) {
+        let duration = match k {
+            0 => 0.0,
+            22_000 => 2.001,
+            _ => 1e-3,
+        };
+        said.push(observer.step(record.position[k], record.force[k], duration));
+    }
+    assert_eq!(said[20_000].fault, Some(Fault::Gap));
+    assert!(said[20_001].std > 0.5 && said.last().unwrap().std < FOUND);
+}
+
+#[test]
+fn what_cannot_compensate_is_refused() {
+    let mut plausible = ModelFile::plausible_10_5_mm().unwrap();
+    let error =
+        |file: &ModelFile, options: CompensateOptions| Compensator::new(file, &options).unwrap_err().to_string();
+    let none = Compensator::new(&plausible, &CompensateOptions::default()).unwrap_err();
+    assert!(matches!(none, CompensateError::NoForceError) && none.to_string().contains("--force-error-n"));
+    plausible.force_error = Some(ForceError::everywhere(0.1));
+    for (options, expected) in [
+        (
+            CompensateOptions { offset_n: Some(f64::NAN), ..CompensateOptions::default() },
+            "offset_n must be a finite number, got NaN",
+        ),
+        (
+            CompensateOptions { moving_mass_kg: Some(-1.0), ..CompensateOptions::default() },
+            "moving_mass_kg must be 0 or more, got -1",
+        ),
+        (
+            CompensateOptions { sensor_limit_n: Some(0.0), ..CompensateOptions::default() },
+            "sensor_limit_n must be above 0, got 0",
+        ),
+        (
+            CompensateOptions { force_error_n: Some(-0.1), ..CompensateOptions::default() },
+            "force_error_n must be 0 or more, got -0.1",
+        ),
+    ] {
+        assert_eq!(error(&plausible, options), expected);
+    }
+    plausible.model = Model::Ems(vec![seal()[0]; 5]);
+    assert!(error(&plausible, CompensateOptions::default()).contains("at most 4"));
+}
+
+/// A classical model compensates too, as far as it goes.
+#[test]
+fn a_classical_model_runs() {
+    let sliding = SlidingFriction::coulomb(3.0, 5.0);
+    let mut file =
+        ModelFile::new(Classical::Static(StaticFriction::new(sliding).unwrap()), Origin::new(OriginKind::HandMade));
+    file.force_error = Some(ForceError::everywhere(0.05));
+    let mut observer = Compensator::new(&file, &CompensateOptions::default()).unwrap();
+    for k in 0..2000 {
+        let turn = if (k / 500) % 2 == 0 { 1.0 } else { -1.0 };
+        let position = 1e-4 * f64::from(if (k / 500) % 2 == 0 { k % 500 } else { 500 - k % 500 });
+        observer.step(position, turn * (2.0 * 3.0 + 5.0 * 0.1), 1e-3);
+    }
+    assert!((observer.drift().level - 2.0).abs() < 0.1, "{:?}", observer.drift());
+}
+
+/// On recordings of a seal that is no EMS element, without tissue: what is left is within the band, and friction stays.
+#[test]
+fn an_alien_seal_without_tissue() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings/seal_a");
+    if !folder.exists() {
+        assert!(std::env::var_os("TROCAR_REQUIRE_SHARED").is_none(), "the recordings are missing");
+        println!("skipped: no recordings beside the checkout");
+        return;
+    }
+    let record = |name: &str| -> Recording { read(&folder.join(name), &ReadOptions::default()).unwrap() };
+    let lighter = |r: Recording| r.without_moving_mass(0.04, 0.0).unwrap();
+    let training = [lighter(record("steady.csv")), lighter(record("dynamic.csv"))];
+    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    let found = identify(&training, &options, &|_, _| {}).unwrap();
+    let elements = found.stages.elements();
+    let surgeon = record("surgeon.csv");
+    let half = surgeon.len() / 2;
+    let held_back = lighter(surgeon.part(0..half, "first half").unwrap());
+    let validation = validate_along(elements, None, &[held_back], found.model.offset);
+    let mut file = ModelFile::new(elements.to_vec(), Origin::new(OriginKind::Identified));
+    file.sensor = Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: 0.04, position_lag_s: 0.0 });
+    file.force_error = Some(validation.force_error(ErrorSource::Validation));
+    for adaptation in [false, true] {
+        let options = CompensateOptions { adaptation, ..CompensateOptions::default() };
+        let mut observer = Compensator::new(&file, &options).unwrap();
+        let (mut errors, mut covered) = (Vec::new(), 0);
+        for k in half..surgeon.len() {
+            let duration = if k == half { 0.0 } else { surgeon.time[k] - surgeon.time[k - 1] };
+            let said = observer.step(surgeon.position[k], surgeon.force[k], duration);
+            if surgeon.time[k] > surgeon.time[half] + 8.0 {
+                errors.push(said.tissue_force);
+                covered += usize::from(said.tissue_force.abs() < BAND * said.std);
+            }
+        }
+        let (error, coverage) = (rms(errors.iter().copied()), covered as f64 / errors.len() as f64);
+        let drift = observer.drift();
+        println!("adaptation {adaptation}: {error:.3} N rms, 95 % band holds {:.1} %, {drift:?}", 100.0 * coverage);
+        // The two steps of the paper leave 0.2 N on this seal in a hand's motion, more in this half than in the other: the
+        // band that the other half gives cannot hold all of it.
+        assert!(error < 0.25, "{error}");
+        assert!(coverage > 0.75, "{coverage}");
+        assert!((drift.level - 1.0).abs() < 0.1, "{drift:?}");
+    }
+}
