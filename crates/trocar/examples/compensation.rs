@@ -1,13 +1,18 @@
 //! Error of the tissue force from a sensor outside the body, compensated in four ways, on the virtual bench.
 //!
 //! ```text
-//! cargo run --release -p trocar --example compensation
+//! cargo run --release -p trocar --example compensation [-- FOLDER]
 //! ```
+//! prints the tables of docs/compensation.md, and writes its drawing to `FOLDER/figures/compensation.svg`.
+//!
 //! The bench identifies a seal from the steady and dynamic experiments and holds the validation back. Then a hand moves the
 //! instrument into tissue and out again, with a load on the tip for a while; half way through the seal is wetted. Every method
 //! gets the same readings; the truth is the bench's own.
 
 use std::error::Error;
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
 
 use trocar::bench::config::TissueKind;
 use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
@@ -16,11 +21,14 @@ use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ErrorSource;
 use trocar::model_file::{Model, ModelFile, Origin, OriginKind, SensorInfo};
 use trocar::recording::Recording;
+use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, write_document};
 use trocar::validate::validate_along;
 use trocar_model::{Classical, Element, ElementParams, GuardState, PlayGuard, StaticFriction};
 
 /// Seeds of the runs scored.
 const SEEDS: [u64; 5] = [11, 12, 13, 14, 15];
+/// Normal quantile of a band of 95 %.
+const BAND: f64 = 1.96;
 /// Travel behind a reversal that counts as its surroundings, m: the seal has turned over.
 const REVERSAL: f64 = 0.016;
 /// Least travel that makes a reversal, m.
@@ -44,7 +52,76 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         scores.print(title);
     }
+    print_cost(&ems, &seal)?;
+    if let Some(folder) = std::env::args().nth(1) {
+        let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, &seal, SEEDS[0])?;
+        let section = Section::new("Compensation").figure(draw(&record, &ems)?);
+        let document = Document { title: "Compensation".into(), sections: vec![section], ..Document::default() };
+        write_document(Path::new(&folder), &document)?;
+    }
     Ok(())
+}
+
+/// Time of a step, median over repetitions.
+fn print_cost(ems: &ModelFile, seal: &[Element]) -> Result<(), Box<dyn Error>> {
+    let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, seal, SEEDS[0])?;
+    for (name, adaptation) in [("fixed", false), ("adapting", true)] {
+        let options = CompensateOptions { adaptation, ..CompensateOptions::default() };
+        let mut times = Vec::new();
+        for _ in 0..11 {
+            let mut observer = Compensator::new(ems, &options)?;
+            let start = Instant::now();
+            for (x, y) in record.position.iter().zip(&record.force) {
+                black_box(observer.step(*x, *y, 1e-3));
+            }
+            times.push(1e9 * start.elapsed().as_secs_f64() / record.time.len() as f64);
+        }
+        times.sort_by(f64::total_cmp);
+        println!("one sample, {name}: {:.0} ns (median of 11 runs)", times[5]);
+    }
+    Ok(())
+}
+
+/// Six seconds into the tissue dry and as long wet: motion, reading, tissue, level.
+fn draw(record: &BenchRun, ems: &ModelFile) -> Result<Figure, Box<dyn Error>> {
+    let mut observer = Compensator::new(ems, &CompensateOptions::default())?;
+    let mut said = Vec::new();
+    for k in 0..record.time.len() {
+        let estimate = observer.step(record.position[k], record.force[k], if k == 0 { 0.0 } else { 1e-3 });
+        said.push((estimate, observer.drift()));
+    }
+    let shown: Vec<usize> = (0..record.time.len()).step_by(20).collect();
+    let of = |value: &dyn Fn(usize) -> f64| shown.iter().map(|k| value(*k)).collect::<Vec<f64>>();
+    let time = of(&|k| record.time[k]);
+    let line = |name: &str, role, value: &dyn Fn(usize) -> f64| Series::line(name, role, time.clone(), of(value));
+    let band = |name: &str, low: &dyn Fn(usize) -> f64, high: &dyn Fn(usize) -> f64| {
+        Series::band(name, Role::Model, time.clone(), of(low), of(high))
+    };
+    let panel = |name: &str, unit: &str| Panel::new(Axis::new("time", "s"), Axis::new(name, unit));
+    let position =
+        panel("position", "mm").series(line("position", Role::Measured, &|k| 1e3 * record.position[k])).aspect(0.16);
+    let reading = panel("force", "N")
+        .series(line("reading", Role::Measured, &|k| record.force[k]))
+        .series(line("trocar, computed", Role::Deflection, &|k| said[k].0.trocar_force))
+        .aspect(0.3);
+    // The band before the first slide would hide the rest.
+    let std = |k: usize| BAND * said[k].0.std.min(1.0);
+    let tissue = panel("tissue force", "N")
+        .series(band("95 % band", &|k| said[k].0.tissue_force - std(k), &|k| said[k].0.tissue_force + std(k)))
+        .series(line("computed", Role::Model, &|k| said[k].0.tissue_force))
+        .series(line("truth", Role::Reference, &|k| record.truth.tissue_force[k]))
+        .aspect(0.3);
+    let spread = |k: usize| BAND * said[k].1.level_std;
+    let level = panel("level of friction", "1")
+        .series(band("95 % band", &|k| said[k].1.level - spread(k), &|k| said[k].1.level + spread(k)))
+        .series(line("followed", Role::Model, &|k| said[k].1.level))
+        .series(line("truth", Role::Reference, &|k| record.truth.wetting[k]))
+        .aspect(0.2);
+    let caption = "(a) A hand's motion on the virtual bench, with tissue from 90 mm on (Hunt and Crossley) and a load of 1 N on the tip from 30 to 45 s; \
+                   (b) reading of the sensor outside the body and the trocar's force as computed from the motion; (c) what is left for the \
+                   tissue, beside the truth; (d) the seal's friction over that of the model: from 60 to 65 s the seal is wetted.";
+    let figure = Figure::new("compensation", 1, "The tissue's force from a sensor outside the body");
+    Ok(figure.panel(position).panel(reading).panel(tissue).panel(level).linked_x().caption(caption))
 }
 
 /// The EMS element from the bench's experiments, and Coulomb and viscous friction of the same sliding force.
@@ -160,7 +237,7 @@ fn score(record: &BenchRun, [ems, coulomb]: [&ModelFile; 2], scores: &mut Scores
         for (sum, error) in scores.errors.iter_mut().zip(errors) {
             sum[part][usize::from(behind[k])].add(error);
         }
-        scores.covered[part].add(f64::from(u8::from(errors[4].abs() <= 1.96 * said.std)));
+        scores.covered[part].add(f64::from(u8::from(errors[4].abs() <= BAND * said.std)));
     }
     Ok(())
 }
