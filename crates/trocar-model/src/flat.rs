@@ -399,7 +399,9 @@ impl Trocar<'_> {
     /// finite.
     pub fn state_from_numbers(&self, row: &[f64]) -> Result<TrocarState, FlatError> {
         let row = row.get(..STATE_NUMBERS).ok_or(FlatError::Length { found: row.len() })?;
-        if let Some((place, &found)) = row.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+        // All at once first: a program may do this before every step.
+        let finite = row.iter().fold(true, |finite, value| finite & value.is_finite());
+        if !finite && let Some((place, &found)) = row.iter().enumerate().find(|(_, value)| !value.is_finite()) {
             return Err(FlatError::Tag { place, found });
         }
         let mut from = Reader::new(row);
@@ -409,7 +411,7 @@ impl Trocar<'_> {
             Seal::Ems(stages) => {
                 from.expect(EMS)?;
                 from.expect(stages.elements().len() as f64)?;
-                let mut state = stages.rest_state(0.0);
+                let mut state = stages.state(core::iter::empty());
                 for own in state.states.iter_mut().take(state.count) {
                     *own = read_state(&mut from)?;
                 }

@@ -2,6 +2,7 @@
 
 use crate::ems::{Element, State};
 use crate::friction::Friction;
+use crate::relaxation::MAX_ARMS;
 
 /// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of the forces (N).
 ///
@@ -73,7 +74,14 @@ impl Stages {
 
     /// State at rest with every element at `deflection`, m; one that is not finite counts as 0.
     pub fn rest_state(&self, deflection: f64) -> StagesState {
-        StagesState { states: self.elements.map(|element| element.rest_state(deflection)), count: self.count }
+        self.state(self.elements().iter().map(|element| element.rest_state(deflection)))
+    }
+
+    /// One state an element; the places past them are all alike.
+    pub(crate) fn state(&self, states: impl Iterator<Item = State>) -> StagesState {
+        let mut own = [State::stuck(0.0, 0.0, 0.0, [0.0; MAX_ARMS]); MAX_STAGES];
+        own.iter_mut().zip(states).for_each(|(place, state)| *place = state);
+        StagesState { states: own, count: self.count }
     }
 
     /// The first element.
@@ -107,9 +115,7 @@ impl Friction for Stages {
 
     /// Each element bears the share of its static forces.
     fn rest_at_force(&self, force: f64) -> StagesState {
-        let mut states = [self.elements[0].rest_at_force(0.0); MAX_STAGES];
-        states.iter_mut().zip(rest_states(self.elements(), force)).for_each(|(state, at_rest)| *state = at_rest);
-        StagesState { states, count: self.count }
+        self.state(rest_states(self.elements(), force))
     }
 
     fn step(&self, state: &mut StagesState, displacement: f64, duration: f64) -> f64 {
