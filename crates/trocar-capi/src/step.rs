@@ -1,0 +1,194 @@
+//! What runs in the loop: no allocation, bounded work.
+
+use trocar_model::{Trocar, TrocarState};
+
+use crate::model::Model;
+use crate::pointer::{Array, ArrayMut, Place};
+use crate::state::{State, Words};
+use crate::status::{Status, guarded};
+
+/// Where a step ends, by the state it begins from.
+struct Motion {
+    /// m
+    position: f64,
+    /// m
+    displacement: f64,
+    /// s
+    duration: f64,
+}
+
+impl Motion {
+    /// What the model would leave untouched without a word is told here.
+    fn check(&self) -> Result<(), Status> {
+        let Self { position, displacement, duration } = self;
+        if ![position, displacement, duration].iter().all(|number| number.is_finite()) {
+            return Err(Status::NotFinite);
+        }
+        if *duration <= 0.0 {
+            return Err(Status::DurationNotPositive);
+        }
+        if (displacement / duration).is_finite() { Ok(()) } else { Err(Status::NotFinite) }
+    }
+}
+
+/// One step for C.
+///
+/// # Safety
+/// By the rule of the crate.
+unsafe fn step(
+    model: *const Model,
+    state: *mut State,
+    force_n: *mut f64,
+    motion: impl FnOnce(&TrocarState) -> Motion,
+    advance: impl FnOnce(&Trocar, &mut TrocarState) -> f64,
+) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        let mut place = unsafe { Place::new(force_n) }?;
+        place.set(0.0);
+        // SAFETY: by the rule of the crate.
+        let words = unsafe { Words::new(state) }?;
+        place.set(words.last_force());
+        // SAFETY: by the rule of the crate.
+        let model = unsafe { Model::lent(model) }?;
+        let taken = words.taken(model)?;
+        let mut state = taken.read(model)?;
+        motion(&state).check()?;
+        let force = advance(&model.trocar, &mut state);
+        if !force.is_finite() {
+            return Err(Status::NotAState);
+        }
+        taken.write(&state);
+        place.set(force);
+        Ok(())
+    })
+}
+
+/// Advances by displacement_m (m, positive is insertion) within duration_s (s, above 0) at constant velocity, and gives
+/// the force at the end to *force_n: N, that of the instrument on the seal, positive on insertion; the instrument feels
+/// its negative. No allocation, bounded work. Where the call is refused the state stays as it was and *force_n is the
+/// last force, or 0 where there is no state.
+///
+/// Refuses: TROCAR_STATUS_NOT_FINITE, TROCAR_STATUS_DURATION_NOT_POSITIVE, TROCAR_STATUS_NOT_A_STATE, TROCAR_STATUS_OTHER_MODEL, TROCAR_STATUS_STATE_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_step(
+    model: *const Model,
+    state: *mut State,
+    displacement_m: f64,
+    duration_s: f64,
+    force_n: *mut f64,
+) -> Status {
+    let motion = |state: &TrocarState| Motion {
+        position: state.position() + displacement_m,
+        displacement: displacement_m,
+        duration: duration_s,
+    };
+    // SAFETY: by the rule of the crate.
+    unsafe { step(model, state, force_n, motion, |trocar, state| trocar.step(state, displacement_m, duration_s)) }
+}
+
+/// The same to position_m (m) instead of by a displacement: the one to use with an encoder, for its errors do not add up.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_step_to(
+    model: *const Model,
+    state: *mut State,
+    position_m: f64,
+    duration_s: f64,
+    force_n: *mut f64,
+) -> Status {
+    let motion = |state: &TrocarState| Motion {
+        position: position_m,
+        displacement: position_m - state.position(),
+        duration: duration_s,
+    };
+    // SAFETY: by the rule of the crate.
+    unsafe { step(model, state, force_n, motion, |trocar, state| trocar.step_to(state, position_m, duration_s)) }
+}
+
+/// The same at velocity_m_s (m/s, positive is insertion) for duration_s.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_step_velocity(
+    model: *const Model,
+    state: *mut State,
+    velocity_m_s: f64,
+    duration_s: f64,
+    force_n: *mut f64,
+) -> Status {
+    let motion = |state: &TrocarState| Motion {
+        position: state.position() + velocity_m_s * duration_s,
+        displacement: velocity_m_s * duration_s,
+        duration: duration_s,
+    };
+    let advance = |trocar: &Trocar, state: &mut TrocarState| trocar.step_velocity(state, velocity_m_s, duration_s);
+    // SAFETY: by the rule of the crate.
+    unsafe { step(model, state, force_n, motion, advance) }
+}
+
+/// Many steps: from start_time_s (s), where state stands, on to position_m[i] (m) at time_s[i] (s) for each i below count;
+/// force_n[i] is the force there. The same forces as from trocar_step_to(), to the last bit. A row with the time and
+/// position of the one before repeats the force. force_n may be the array position_m; no array may overlap the state.
+///
+/// Stops at the first row that cannot be followed, with the status of that step; *done (may be NULL) is the number of
+/// forces written, and state stands after the last of them.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_simulate(
+    model: *const Model,
+    state: *mut State,
+    start_time_s: f64,
+    count: usize,
+    time_s: *const f64,
+    position_m: *const f64,
+    force_n: *mut f64,
+    done: *mut usize,
+) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        let mut done = if done.is_null() { None } else { Some(unsafe { Place::new(done) }?) };
+        let mut report = |rows| done.iter_mut().for_each(|done| done.set(rows));
+        report(0);
+        // SAFETY: by the rule of the crate.
+        let (model, words) = unsafe { (Model::lent(model)?, Words::new(state)?) };
+        // SAFETY: by the rule of the crate.
+        let (times, positions) = unsafe { (Array::new(time_s, count)?, Array::new(position_m, count)?) };
+        // SAFETY: by the rule of the crate.
+        let mut forces = unsafe { ArrayMut::new(force_n, count) }?;
+        let taken = words.taken(model)?;
+        let mut state = taken.read(model)?;
+        let mut run = Run { trocar: &model.trocar, state: &mut state, time: start_time_s };
+        let rows = times.iter().zip(positions.iter()).enumerate();
+        let outcome = rows.into_iter().try_for_each(|(row, (time, position))| {
+            forces.set(row, run.follow(time, position)?);
+            report(row + 1);
+            Ok(())
+        });
+        taken.write(&state);
+        outcome
+    })
+}
+
+/// A state on its way along rows.
+struct Run<'a> {
+    trocar: &'a Trocar<'static>,
+    state: &'a mut TrocarState,
+    /// Time of the row before, s.
+    time: f64,
+}
+
+impl Run<'_> {
+    /// Force at the next row, N.
+    fn follow(&mut self, time: f64, position: f64) -> Result<f64, Status> {
+        let displacement = position - self.state.position();
+        let duration = time - self.time;
+        if duration == 0.0 && displacement == 0.0 {
+            return Ok(self.state.force());
+        }
+        Motion { position, displacement, duration }.check()?;
+        let mut next = *self.state;
+        let force = self.trocar.step_to(&mut next, position, duration);
+        if !force.is_finite() {
+            return Err(Status::NotAState);
+        }
+        (*self.state, self.time) = (next, time);
+        Ok(force)
+    }
+}
