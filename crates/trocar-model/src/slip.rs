@@ -235,6 +235,8 @@ impl Element {
         let force = elastic + arms.force(deflection - z) + damping.force(motion.velocity - s * u); // EMS (14)
         let arms = arms.forces(deflection - z);
         let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
+        // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a state to be finite numbers.
+        let contact_slope = contact_slope.max(-f64::MAX);
         State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, rise, arms, mode }
     }
 

@@ -100,6 +100,30 @@ proptest! {
     }
 }
 
+/// A Stribeck curve with an exponent below 1 falls at an infinite rate where the slip begins and ends.
+#[test]
+fn a_contact_that_lets_go_at_once_is_stored_like_any_other() {
+    let sharp = SlidingFriction {
+        coulomb_force: 2.4,
+        static_force: 3.0,
+        stribeck_velocity: 0.01,
+        stribeck_exponent: 0.8,
+        viscous_damping: 5.0,
+    };
+    for creep_velocity in [0.0, 1e-4] {
+        let plausible = ElementParams::plausible_10_5_mm().unwrap();
+        let params = ElementParams { insertion: sharp, withdrawal: sharp, creep_velocity, ..plausible };
+        let trocar = Trocar::new(Element::new(params).unwrap(), None);
+        let (mut whole, mut cut) = (trocar.rest(0.0), trocar.rest(0.0));
+        for (displacement, duration) in (0..40).flat_map(motion) {
+            cut = trocar.state_from_numbers(&cut.to_numbers()).unwrap();
+            trocar.step(&mut whole, 0.1 * displacement, duration);
+            trocar.step(&mut cut, 0.1 * displacement, duration);
+            assert_eq!(whole, cut);
+        }
+    }
+}
+
 #[test]
 fn a_state_of_another_model_is_refused() {
     let seals = seals().unwrap();
