@@ -401,7 +401,7 @@ trocar_status trocar_step_velocity(const trocar_model *model,
  * position of the one before repeats the force. force_n may be the array position_m; no array may overlap the state.
  *
  * Stops at the first row that cannot be followed, with the status of that step; *done (may be NULL) is the number of
- * forces written, and state stands after the last of them.
+ * forces that count, and state stands after the last of them.
  */
 trocar_status trocar_simulate(const trocar_model *model,
                               trocar_state *state,

@@ -11,7 +11,7 @@
 //!
 //! - **A state is numbers, not a copy of the Rust value.** C owns that memory and may hand over any bytes. Some bytes are
 //!   no Rust enum, and to read them as one would be undefined; any bytes are numbers, and numbers can be checked. A step
-//!   therefore reads and writes [`STATE_NUMBERS`] of them, some 50 ns. [`trocar_simulate`] does so once for a whole array.
+//!   therefore reads and writes [`STATE_NUMBERS`] of them, some 80 ns. [`trocar_simulate`] does so once for a whole array.
 //! - **The mark of a state is also its lock.** Two threads stepping one state is a mistake of the caller; it is told
 //!   ([`Status::StateBusy`]) instead of mixing two steps. All words of a state are read and written as atomics, so even
 //!   that mistake is defined.

@@ -1,6 +1,7 @@
 //! Models: read once, immutable, shared by as many states and threads as there are.
 
-use std::ffi::{CString, OsStr, c_char};
+use std::ffi::{CStr, CString, OsStr, c_char};
+use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::slice;
 use std::sync::Arc;
@@ -18,14 +19,22 @@ const MARK: u64 = u64::from_le_bytes(*b"TROCARM1");
 /// A model: a seal, and how its force depends on the way. Made by trocar_model_load() and its like, ended by
 /// trocar_model_free(), immutable in between: any number of threads may use one at the same time.
 pub struct Model {
+    content: Content,
+}
+
+/// The mark stands first: whatever a wrong pointer points to, no more than its first word is read.
+#[repr(C)]
+pub(crate) struct Content {
     mark: u64,
     /// What its states carry: the same for all models tuned from one.
     pub(crate) tag: u64,
     pub(crate) trocar: Trocar<'static>,
-    /// What `trocar` borrows from.
+    #[allow(dead_code)] // kept alive: `trocar` borrows from it
     numbers: Arc<[f64]>,
     tunables: Vec<TunableText>,
 }
+
+const _: () = assert!(offset_of!(Model, content) == 0 && offset_of!(Content, mark) == 0);
 
 struct TunableText {
     name: CString,
@@ -65,7 +74,7 @@ impl Model {
         let trocar = Trocar::from_numbers(own).map_err(internal)?;
         let tag = tag.unwrap_or_else(|| tag_of(&numbers));
         let tunables = trocar.seal().tunables().map(TunableText::new).collect();
-        Ok(Box::new(Self { mark: MARK, tag, trocar, numbers, tunables }))
+        Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, numbers, tunables } }))
     }
 
     fn from_file(file: &ModelFile) -> Result<Box<Self>, Failure> {
@@ -74,22 +83,16 @@ impl Model {
 
     /// # Safety
     /// `model` must be null, misaligned, or readable for the size of a model during `'a`.
-    pub(crate) unsafe fn lent<'a>(model: *const Self) -> Result<&'a Self, Status> {
+    pub(crate) unsafe fn lent<'a>(model: *const Self) -> Result<&'a Content, Status> {
         let model = looked_at(model)?;
         // The mark first: what is no model must not be read as one.
         // SAFETY: not null, aligned; the rest by contract.
-        let mark = unsafe { (&raw const (*model).mark).read() };
+        let mark = unsafe { model.cast::<u64>().read() };
         if mark != MARK {
             return Err(Status::NotAModel);
         }
         // SAFETY: it bears the mark of a model, which nobody else writes.
-        Ok(unsafe { &*model })
-    }
-
-    /// Numbers of the model itself, so that equal models have equal tags.
-    #[cfg(test)]
-    fn numbers(&self) -> &[f64] {
-        &self.numbers
+        Ok(unsafe { &(*model).content })
     }
 }
 
@@ -144,7 +147,7 @@ unsafe fn hand_over(place: *mut *mut Model, made: impl FnOnce() -> Result<Box<Mo
 }
 
 /// A path as the system has it: bytes on Unix, UTF-8 elsewhere.
-fn path_of(text: &std::ffi::CStr) -> Result<PathBuf, Failure> {
+fn path_of(text: &CStr) -> Result<PathBuf, Failure> {
     #[cfg(unix)]
     {
         use std::os::unix::ffi::OsStrExt;
@@ -271,7 +274,7 @@ pub unsafe extern "C" fn trocar_model_free(model: *mut Model) -> Status {
         let mut model = unsafe { Box::from_raw(model) };
         // SAFETY: the place of a live value. Volatile, or the compiler drops a write that nobody may read; it serves
         // whoever frees twice.
-        unsafe { (&raw mut model.mark).write_volatile(0) };
+        unsafe { (&raw mut model.content.mark).write_volatile(0) };
         Ok(())
     })
 }
@@ -280,7 +283,7 @@ pub unsafe extern "C" fn trocar_model_free(model: *mut Model) -> Status {
 /// NULL for a pointer that is no model.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_model_kind(model: *const Model) -> *const c_char {
-    const KINDS: [(&str, &std::ffi::CStr); 6] = [
+    const KINDS: [(&str, &CStr); 6] = [
         ("static", c"static"),
         ("dahl", c"dahl"),
         ("lugre", c"lugre"),
@@ -328,11 +331,14 @@ mod tests {
 
     #[test]
     fn a_model_owns_what_it_borrows_from() {
-        let file = ModelFile::plausible_10_5_mm().unwrap();
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems_travel.json");
+        let file = ModelFile::read(Path::new(path)).unwrap();
         let Ok(model) = Model::from_file(&file) else { panic!("refused") };
+        assert_eq!(model.content.trocar, file.trocar().unwrap());
+        let forces = |trocar: &Trocar| trocar.step(&mut trocar.rest(0.1), 0.01, 0.1);
+        let expected = forces(&file.trocar().unwrap());
         drop(file);
         let moved = *model;
-        assert_eq!(moved.trocar.count_numbers(), moved.numbers().len());
-        assert_eq!(Trocar::from_numbers(moved.numbers()).unwrap(), moved.trocar);
+        assert_eq!(forces(&moved.content.trocar), expected);
     }
 }

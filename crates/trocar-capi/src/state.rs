@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering, fence};
 use trocar_model::{Mode, TrocarState};
 
 use crate::message::{Failure, Message};
-use crate::model::Model;
+use crate::model::{Content, Model};
 use crate::pointer::{Array, ArrayMut, Place};
 use crate::status::{Status, guarded};
 
@@ -77,7 +77,7 @@ impl<'a> Words<'a> {
     }
 
     /// Takes the state for one call; it must be one of `model`.
-    pub(crate) fn taken(&self, model: &Model) -> Result<Taken<'_, 'a>, Status> {
+    pub(crate) fn taken(&self, model: &Content) -> Result<Taken<'_, 'a>, Status> {
         match self.word(0).compare_exchange(MARK, BUSY, Ordering::Acquire, Ordering::Relaxed) {
             Ok(_) => {}
             Err(BUSY) => return Err(Status::StateBusy),
@@ -115,7 +115,7 @@ impl<'a> Words<'a> {
     }
 
     /// The state as `model` knows it.
-    fn decoded(&self, model: &Model) -> Result<TrocarState, Status> {
+    fn decoded(&self, model: &Content) -> Result<TrocarState, Status> {
         let numbers = self.read_all()?;
         if self.word(TAG).load(Ordering::Relaxed) != model.tag {
             return Err(Status::OtherModel);
@@ -130,7 +130,7 @@ impl<'a> Words<'a> {
     }
 
     /// Fills the memory, whatever it held.
-    fn fill(&self, model: &Model, state: &TrocarState) {
+    fn fill(&self, model: &Content, state: &TrocarState) {
         self.word(0).store(0, Ordering::Relaxed);
         fence(Ordering::Release);
         (NUMBERS + STATE_NUMBERS..WORDS).for_each(|index| self.word(index).store(0, Ordering::Relaxed));
@@ -150,7 +150,7 @@ impl<'a> Words<'a> {
 pub(crate) struct Taken<'w, 'a>(&'w Words<'a>);
 
 impl Taken<'_, '_> {
-    pub(crate) fn read(&self, model: &Model) -> Result<TrocarState, Status> {
+    pub(crate) fn read(&self, model: &Content) -> Result<TrocarState, Status> {
         let numbers: [f64; STATE_NUMBERS] = std::array::from_fn(|index| self.0.number(NUMBERS + index));
         model.trocar.state_from_numbers(&numbers).map_err(|_| Status::NotAState)
     }
@@ -174,7 +174,7 @@ unsafe fn begin(
     model: *const Model,
     state: *mut State,
     numbers: &[f64],
-    start: impl FnOnce(&Model) -> Option<TrocarState>,
+    start: impl FnOnce(&Content) -> Option<TrocarState>,
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
@@ -206,7 +206,7 @@ pub unsafe extern "C" fn trocar_state_init_at_force(
     position_m: f64,
     force_n: f64,
 ) -> Status {
-    let start = |model: &Model| Some(model.trocar.rest_at_force(position_m, force_n));
+    let start = |model: &Content| Some(model.trocar.rest_at_force(position_m, force_n));
     // SAFETY: by the rule of the crate.
     unsafe { begin(model, state, &[position_m, force_n], start) }
 }
@@ -221,7 +221,7 @@ pub unsafe extern "C" fn trocar_state_init_at_deflection(
     position_m: f64,
     deflection_m: f64,
 ) -> Status {
-    let start = |model: &Model| model.trocar.rest_at_deflection(position_m, deflection_m);
+    let start = |model: &Content| model.trocar.rest_at_deflection(position_m, deflection_m);
     // SAFETY: by the rule of the crate.
     unsafe { begin(model, state, &[position_m, deflection_m], start) }
 }

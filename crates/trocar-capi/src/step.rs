@@ -129,7 +129,7 @@ pub unsafe extern "C" fn trocar_step_velocity(
 /// position of the one before repeats the force. force_n may be the array position_m; no array may overlap the state.
 ///
 /// Stops at the first row that cannot be followed, with the status of that step; *done (may be NULL) is the number of
-/// forces written, and state stands after the last of them.
+/// forces that count, and state stands after the last of them.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_simulate(
     model: *const Model,
@@ -161,7 +161,11 @@ pub unsafe extern "C" fn trocar_simulate(
             report(row + 1);
             Ok(())
         });
-        taken.write(&state);
+        if outcome == Err(Status::NotAState) {
+            report(0);
+        } else {
+            taken.write(&state);
+        }
         outcome
     })
 }
@@ -183,12 +187,8 @@ impl Run<'_> {
             return Ok(self.state.force());
         }
         Motion { position, displacement, duration }.check()?;
-        let mut next = *self.state;
-        let force = self.trocar.step_to(&mut next, position, duration);
-        if !force.is_finite() {
-            return Err(Status::NotAState);
-        }
-        (*self.state, self.time) = (next, time);
-        Ok(force)
+        let force = self.trocar.step_to(self.state, position, duration);
+        self.time = time;
+        if force.is_finite() { Ok(force) } else { Err(Status::NotAState) }
     }
 }

@@ -1,0 +1,351 @@
+//! Programs in C and C++ against the installed library: they compile without a warning, and give the numbers of Rust.
+#![cfg(unix)]
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::mem::offset_of;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use trocar::model_file::ModelFile;
+use trocar_c::{State, Status, Tunable};
+
+/// Where the library was installed, and a folder for programs.
+struct Installed {
+    prefix: PathBuf,
+    programs: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Link {
+    Shared,
+    Static,
+}
+
+fn here(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn conformance(path: &str) -> PathBuf {
+    here("../../conformance").join(path)
+}
+
+/// Whether `tool` is there; where not, the test is skipped, or fails if it is `needed` by the continuous integration.
+fn has(tool: &str, needed: bool) -> bool {
+    let found = Command::new(tool).arg("--version").output().is_ok_and(|ran| ran.status.success());
+    if !found {
+        println!("skipped: no {tool}");
+        assert!(!needed || std::env::var("CI").as_deref() != Ok("true"), "CI has no {tool}");
+    }
+    found
+}
+
+/// The library that cargo built for this test, installed by the script that users run.
+fn installed() -> &'static Installed {
+    static INSTALLED: OnceLock<Installed> = OnceLock::new();
+    INSTALLED.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let test = std::env::current_exe().unwrap();
+        let (prefix, programs) = (folder.path().join("prefix"), folder.path().join("programs"));
+        fs::create_dir(&programs).unwrap();
+        done(Command::new(here("install")).arg(&prefix).arg("--from").arg(test.parent().unwrap()));
+        Installed { prefix, programs, _folder: folder }
+    })
+}
+
+fn done(command: &mut Command) -> Output {
+    let ran = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
+    assert!(ran.status.success(), "{command:?}\n{}\n{out}{err}", ran.status);
+    ran
+}
+
+fn words_of(output: &[u8]) -> Vec<String> {
+    String::from_utf8_lossy(output).split_whitespace().map(ToOwned::to_owned).collect()
+}
+
+/// What the installed pkg-config file says about linking the static library.
+fn static_libraries(prefix: &Path) -> Vec<String> {
+    let text = fs::read_to_string(prefix.join("lib/pkgconfig/trocar-static.pc")).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix("Libs: ${libdir}/libtrocar_c.a")).unwrap();
+    words_of(line.as_bytes())
+}
+
+/// Compiles a program of this crate; a warning is an error.
+fn compiled(source: &str, link: Link, more: &[&str]) -> PathBuf {
+    let Installed { prefix, programs, .. } = installed();
+    let is_c = source.ends_with(".c");
+    let name = format!("{}{}{}", source.replace(['/', '.'], "_"), link as u8, more.concat().replace(['/', ' '], "_"));
+    let program = programs.join(name);
+    let mut command = Command::new(if is_c { "gcc" } else { "g++" });
+    command.args([if is_c { "-std=c99" } else { "-std=c++17" }, "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]);
+    command.args(more).arg("-I").arg(prefix.join("include")).arg(here(source)).arg("-o").arg(&program);
+    let lib = prefix.join("lib");
+    match link {
+        Link::Shared => {
+            command.arg("-L").arg(&lib).arg("-ltrocar_c").arg(format!("-Wl,-rpath,{}", lib.display()));
+        }
+        Link::Static => {
+            command.arg(lib.join("libtrocar_c.a")).args(static_libraries(prefix));
+        }
+    }
+    done(command.args(["-lpthread", "-lm"]));
+    program
+}
+
+fn compilers() -> bool {
+    has("gcc", true) && has("g++", true)
+}
+
+fn models() -> Vec<PathBuf> {
+    let mut files: Vec<_> = fs::read_dir(conformance("models")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 14, "{} models", files.len());
+    files
+}
+
+/// Forces of the Rust core along the motion for all programs.
+fn reference(model: &Path) -> Vec<u64> {
+    let file = ModelFile::read(model).unwrap();
+    let trocar = file.trocar().unwrap();
+    let motion = fs::read_to_string(conformance("motion.csv")).unwrap();
+    let row = |line: &str| {
+        let (time, position) = line.split_once(',').unwrap();
+        (time.parse::<f64>().unwrap(), position.parse::<f64>().unwrap())
+    };
+    let rows: Vec<_> = motion.lines().skip(1).map(row).collect();
+    let mut state = trocar.rest(rows[0].1);
+    let first = [state.force().to_bits()];
+    let steps = rows.windows(2).map(|pair| trocar.step_to(&mut state, pair[1].1, pair[1].0 - pair[0].0).to_bits());
+    first.into_iter().chain(steps).collect()
+}
+
+#[test]
+fn every_model_gives_the_forces_of_rust_to_the_last_bit() {
+    if !compilers() {
+        return;
+    }
+    let (c, cpp) = ("examples/c/drive.c", "examples/cpp/drive.cpp");
+    let drivers = [
+        (compiled(c, Link::Shared, &[]), "steps"),
+        (compiled(c, Link::Static, &[]), "array"),
+        (compiled(cpp, Link::Shared, &[]), ""),
+        (compiled(cpp, Link::Static, &[]), ""),
+    ];
+    for model in models() {
+        let expected = reference(&model);
+        for (driver, mode) in &drivers {
+            let mut command = Command::new(driver);
+            command.arg(&model).arg(conformance("motion.csv")).args((!mode.is_empty()).then_some(mode));
+            let forces: Vec<u64> = words_of(&done(&mut command).stdout)
+                .iter()
+                .map(|word| word.parse::<f64>().unwrap().to_bits())
+                .collect();
+            assert_eq!(forces.len(), expected.len());
+            let apart = forces.iter().zip(&expected).position(|(a, b)| a != b);
+            assert_eq!(apart, None, "{command:?}: first row apart");
+        }
+    }
+}
+
+#[test]
+fn the_loops_run_and_agree() {
+    if !compilers() {
+        return;
+    }
+    let (c, cpp) = ("examples/c/loop.c", "examples/cpp/loop.cpp");
+    let programs = [(c, Link::Shared), (c, Link::Static), (cpp, Link::Shared), (cpp, Link::Static)];
+    let outputs: Vec<String> = programs
+        .iter()
+        .map(|(source, link)| String::from_utf8(done(&mut Command::new(compiled(source, *link, &[]))).stdout).unwrap())
+        .collect();
+    // F_c + beta·v of the made-up trocar at 40 mm/s, then F_c held.
+    assert!(
+        outputs[0].contains("1000 ms   140.0 mm    3.200 N") && outputs[0].contains("2000 ms   140.0 mm    3.000 N")
+    );
+    assert!(outputs.iter().all(|output| *output == outputs[0]), "{outputs:?}");
+
+    let mut wrong = Command::new(compiled(c, Link::Shared, &[]));
+    let refused = wrong.arg(here("Cargo.toml")).output().unwrap();
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(1) && told.contains("Cargo.toml: line 1 column"), "{told}");
+}
+
+/// A model file of a version that does not exist yet.
+fn newer_model() -> PathBuf {
+    let text = fs::read_to_string(conformance("models/ems.json")).unwrap();
+    let path = installed().programs.join("newer.json");
+    fs::write(&path, text.replacen("\"version\": 1", "\"version\": 99", 1)).unwrap();
+    path
+}
+
+#[test]
+fn faults_of_the_caller_are_told_and_harm_nothing() {
+    if !compilers() {
+        return;
+    }
+    for link in [Link::Shared, Link::Static] {
+        done(Command::new(compiled("tests/c/faults.c", link, &[])).arg(newer_model()));
+    }
+    if has("valgrind", false) {
+        let program = compiled("tests/c/faults.c", Link::Shared, &["-g"]);
+        let mut command = Command::new("valgrind");
+        command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]).arg(program).arg(newer_model());
+        done(&mut command);
+    }
+}
+
+#[test]
+fn threads_share_a_model_and_are_told_of_a_shared_state() {
+    if !compilers() {
+        return;
+    }
+    let program = compiled("tests/c/threads.c", Link::Shared, &[]);
+    for model in ["ems", "ems_stages", "ems_travel", "gms"] {
+        done(Command::new(&program).arg(conformance(&format!("models/{model}.json"))));
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn nothing_allocates_after_loading() {
+    if !compilers() {
+        return;
+    }
+    let wrap = ["malloc", "calloc", "realloc", "posix_memalign", "free"].map(|name| format!("-Wl,--wrap={name}"));
+    let program = compiled("tests/c/allocation.c", Link::Static, &wrap.each_ref().map(String::as_str));
+    done(Command::new(program).args(models()));
+}
+
+#[test]
+fn the_cpp_wrapper_owns_refuses_tunes_and_saves() {
+    if !compilers() {
+        return;
+    }
+    for (link, more) in [(Link::Shared, vec![]), (Link::Static, vec!["-fno-exceptions", "-fno-rtti"])] {
+        let program = compiled("tests/cpp/wrapper.cpp", link, &more);
+        done(Command::new(program).arg(conformance("models/ems_stribeck.json")));
+    }
+}
+
+#[test]
+fn c_and_rust_lay_out_alike() {
+    if !compilers() {
+        return;
+    }
+    let program = compiled("tests/c/layout.c", Link::Shared, &["-std=c11"]);
+    let expected = [
+        size_of::<State>(),
+        size_of::<Status>(),
+        size_of::<Tunable>(),
+        offset_of!(Tunable, description),
+        offset_of!(Tunable, value),
+        offset_of!(Tunable, least),
+        offset_of!(Tunable, above_least),
+        offset_of!(Tunable, element),
+    ];
+    let found: Vec<usize> =
+        words_of(&done(&mut Command::new(program)).stdout).iter().map(|word| word.parse().unwrap()).collect();
+    assert_eq!(found, expected);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn the_library_exports_the_functions_of_the_header_and_no_other() {
+    if !has("nm", true) || !has("readelf", true) {
+        return;
+    }
+    let library = installed().prefix.join("lib/libtrocar_c.so");
+    let listed = done(Command::new("nm").args(["-D", "--defined-only"]).arg(&library));
+    let exported: BTreeSet<String> = String::from_utf8_lossy(&listed.stdout)
+        .lines()
+        .filter_map(|line| line.split(' ').nth(2).map(str::to_owned))
+        .collect();
+    let header = fs::read_to_string(here("include/trocar.h")).unwrap();
+    let declared: BTreeSet<String> = header
+        .lines()
+        .filter(|line| !line.starts_with([' ', '#', '/']))
+        .filter_map(|line| line.split_once('(').and_then(|(start, _)| start.rsplit([' ', '*']).next()))
+        .filter(|name| name.starts_with("trocar_"))
+        .map(str::to_owned)
+        .collect();
+    assert!(declared.len() > 20);
+    assert_eq!(exported, declared);
+    let dynamic = done(Command::new("readelf").arg("-d").arg(&library));
+    let soname = format!("[libtrocar_c.so.{}]", trocar_c::ABI_VERSION);
+    assert!(String::from_utf8_lossy(&dynamic.stdout).contains(&soname), "no {soname}");
+}
+
+#[test]
+fn pkg_config_knows_both_libraries() {
+    if !compilers() || !has("pkg-config", false) {
+        return;
+    }
+    let Installed { prefix, programs, .. } = installed();
+    for (package, run_path) in [("trocar", true), ("trocar-static", false)] {
+        let mut ask = Command::new("pkg-config");
+        ask.env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig")).args(["--cflags", "--libs", package]);
+        let flags = words_of(&done(&mut ask).stdout);
+        let program = programs.join(format!("by_{package}"));
+        let mut build = Command::new("gcc");
+        build.arg("-std=c99").arg(here("examples/c/loop.c")).arg("-o").arg(&program).args(flags);
+        if run_path {
+            build.arg(format!("-Wl,-rpath,{}", prefix.join("lib").display()));
+        }
+        done(&mut build);
+        done(&mut Command::new(program));
+    }
+}
+
+/// CMake as installed, or one of our own in the target folder.
+fn cmake() -> Option<PathBuf> {
+    if Command::new("cmake").arg("--version").output().is_ok_and(|ran| ran.status.success()) {
+        return Some("cmake".into());
+    }
+    // <target>/<profile>/deps/<this test>
+    let test = std::env::current_exe().unwrap();
+    let folder = test.ancestors().nth(3)?.join("cmake-venv");
+    let program = folder.join("bin/cmake");
+    if !program.exists() {
+        let made = Command::new("python3").args(["-m", "venv"]).arg(&folder).output();
+        let mut pip = Command::new(folder.join("bin/python"));
+        pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "cmake==3.31.6"]);
+        let ready = made.is_ok_and(|ran| ran.status.success()) && pip.output().is_ok_and(|ran| ran.status.success());
+        if !ready {
+            println!("skipped: no cmake, and no way to install it by python3 -m venv and pip");
+            return None;
+        }
+    }
+    Some(program)
+}
+
+#[test]
+fn cmake_finds_both_libraries() {
+    if !compilers() || !has("make", true) {
+        return;
+    }
+    let Some(cmake) = cmake() else { return };
+    let Installed { prefix, programs, .. } = installed();
+    let build = programs.join("cmake");
+    let mut configure = Command::new(&cmake);
+    configure.args(["-G", "Unix Makefiles", "-S"]).arg(here("examples")).arg("-B").arg(&build);
+    done(configure.arg(format!("-DCMAKE_PREFIX_PATH={}", prefix.display())));
+    done(Command::new(&cmake).arg("--build").arg(&build));
+    let run = |name: &str| done(&mut Command::new(build.join(name))).stdout;
+    let first = run("loop_c_shared");
+    assert!(["loop_c_static", "loop_cpp_shared", "loop_cpp_static"].iter().all(|name| run(name) == first));
+
+    // A version that is not this one is refused.
+    let config = prefix.join("lib/cmake/trocar/trocarConfigVersion.cmake");
+    let text = format!(
+        "set(PACKAGE_FIND_VERSION 0.2)\nset(PACKAGE_FIND_VERSION_MAJOR 0)\nset(PACKAGE_FIND_VERSION_MINOR 2)\n\
+         include({})\nmessage(\"compatible: ${{PACKAGE_VERSION_COMPATIBLE}}\")\n",
+        config.display()
+    );
+    let script = programs.join("version.cmake");
+    fs::write(&script, text).unwrap();
+    let told = done(Command::new(&cmake).arg("-P").arg(script)).stderr;
+    assert!(String::from_utf8_lossy(&told).contains("compatible: FALSE"));
+}

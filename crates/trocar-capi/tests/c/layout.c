@@ -1,0 +1,18 @@
+/* What the compiler of C makes of the header, for comparison with Rust. */
+#include <stddef.h>
+#include <stdio.h>
+
+#include <trocar.h>
+
+_Static_assert(sizeof(trocar_state) == TROCAR_STATE_SIZE, "size of a state");
+_Static_assert(_Alignof(trocar_state) == _Alignof(double), "alignment of a state");
+
+int main(void)
+{
+    printf("%lu %lu %lu %lu %lu %lu %lu %lu\n", (unsigned long)sizeof(trocar_state),
+           (unsigned long)sizeof(trocar_status), (unsigned long)sizeof(trocar_tunable),
+           (unsigned long)offsetof(trocar_tunable, description), (unsigned long)offsetof(trocar_tunable, value),
+           (unsigned long)offsetof(trocar_tunable, least), (unsigned long)offsetof(trocar_tunable, above_least),
+           (unsigned long)offsetof(trocar_tunable, element));
+    return 0;
+}
