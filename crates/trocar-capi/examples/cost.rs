@@ -1,0 +1,89 @@
+//! What the C interface costs: `cargo run --release -p trocar-capi --example cost`.
+//!
+//! Nanoseconds a step of the Rust core, of `trocar_step_to`, and of `trocar_simulate`, on the same strokes at 1 kHz in
+//! turn; the fastest of the repetitions.
+
+use std::error::Error;
+use std::ffi::{CString, c_char};
+use std::fs;
+use std::hint::black_box;
+use std::path::Path;
+use std::ptr::{from_mut, null_mut};
+use std::time::Instant;
+
+use trocar::model_file::ModelFile;
+use trocar_c::{Model, State, Status, trocar_model_load, trocar_simulate, trocar_state_init, trocar_step_to};
+
+const STEPS: usize = 20_000;
+const REPETITIONS: usize = 25;
+const START: f64 = 0.1;
+const PERIOD: f64 = 1e-3;
+
+/// As C calls it: through a pointer that the compiler cannot look behind.
+type StepTo = unsafe extern "C" fn(*const Model, *mut State, f64, f64, *mut f64) -> Status;
+
+/// Strokes of 40 mm at 50 mm/s with a triangular tremor of 0.2 mm at 8 Hz, as in `examples/c/bench.c`.
+fn motion() -> Vec<f64> {
+    let stroke = |k: usize| if k % 1600 < 800 { k % 1600 } else { 1600 - k % 1600 } as f64;
+    let tremor = |k: usize| if k % 125 < 62 { (k % 125) as f64 / 62.0 } else { (125 - k % 125) as f64 / 63.0 };
+    (0..STEPS).map(|k| START + 50e-6 * stroke(k) + 2e-4 * tremor(k)).collect()
+}
+
+fn loaded(path: &Path) -> Result<*mut Model, Box<dyn Error>> {
+    let (text, mut model) = (CString::new(path.to_string_lossy().into_owned())?, null_mut());
+    let mut message: [c_char; 512] = [0; 512];
+    // SAFETY: a text with its NUL, a place for the model, and one for a message.
+    let status = unsafe { trocar_model_load(text.as_ptr(), from_mut(&mut model), message.as_mut_ptr(), message.len()) };
+    if status == Status::Ok { Ok(model) } else { Err(format!("{}: {status:?}", path.display()).into()) }
+}
+
+fn fastest(best: &mut f64, run: impl FnOnce()) {
+    let start = Instant::now();
+    run();
+    *best = best.min(start.elapsed().as_secs_f64() * 1e9 / STEPS as f64);
+}
+
+fn report(path: &Path) -> Result<(), Box<dyn Error>> {
+    let (positions, times) = (motion(), (1..=STEPS).map(|k| PERIOD * k as f64).collect::<Vec<f64>>());
+    let file = ModelFile::read(path)?;
+    let (trocar, model) = (file.trocar()?, loaded(path)?);
+    let step_to: StepTo = black_box(trocar_step_to);
+    let (mut state, mut forces) = (State { words: [0; 48] }, vec![0.0; STEPS]);
+    let mut best = [f64::INFINITY; 3];
+    for _ in 0..REPETITIONS {
+        let mut own = trocar.rest(START);
+        fastest(&mut best[0], || {
+            for (position, force) in positions.iter().zip(&mut forces) {
+                *force = trocar.step_to(&mut own, *position, PERIOD);
+            }
+        });
+        // SAFETY: a loaded model and a state.
+        unsafe { trocar_state_init(model, &raw mut state, START) };
+        fastest(&mut best[1], || {
+            for (position, force) in positions.iter().zip(&mut forces) {
+                // SAFETY: a loaded model, a state, a place for a number.
+                unsafe { step_to(model, &raw mut state, *position, PERIOD, from_mut(force)) };
+            }
+        });
+        // SAFETY: a loaded model and a state.
+        unsafe { trocar_state_init(model, &raw mut state, START) };
+        fastest(&mut best[2], || {
+            let (time, position, force) = (times.as_ptr(), positions.as_ptr(), forces.as_mut_ptr());
+            // SAFETY: a loaded model, a state, arrays of STEPS numbers each.
+            unsafe { trocar_simulate(model, &raw mut state, 0.0, STEPS, time, position, force, null_mut()) };
+        });
+        black_box(&forces);
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    println!("{name:16} {:8.1} {:8.1} {:8.1}", best[0], best[1], best[2]);
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models");
+    let mut paths: Vec<_> =
+        fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<Result<_, std::io::Error>>()?;
+    paths.sort();
+    println!("ns per step          Rust        C  C array");
+    paths.iter().try_for_each(|path| report(path))
+}
