@@ -81,6 +81,7 @@ fn compiled(source: &str, link: Link, more: &[&str]) -> PathBuf {
     let program = programs.join(name);
     let mut command = Command::new(if is_c { "gcc" } else { "g++" });
     command.args([if is_c { "-std=c99" } else { "-std=c++17" }, "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]);
+    // A joined absolute path is that path.
     command.args(more).arg("-I").arg(prefix.join("include")).arg(here(source)).arg("-o").arg(&program);
     let lib = prefix.join("lib");
     match link {
@@ -171,6 +172,24 @@ fn the_loops_run_and_agree() {
     let refused = wrong.arg(here("Cargo.toml")).output().unwrap();
     let told = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(refused.status.code() == Some(1) && told.contains("Cargo.toml: line 1 column"), "{told}");
+}
+
+#[test]
+fn the_code_of_the_documentation_compiles_and_runs() {
+    if !compilers() {
+        return;
+    }
+    let text = fs::read_to_string(here("../../docs/c-and-cpp.md")).unwrap();
+    let folder = &installed().programs;
+    fs::copy(conformance("models/ems.json"), folder.join("model.json")).unwrap();
+    for language in ["c", "cpp"] {
+        let code = text.split_once(&format!("```{language}\n")).unwrap().1.split_once("```").unwrap().0;
+        let source = folder.join(format!("documentation.{language}"));
+        fs::write(&source, code).unwrap();
+        let program = compiled(source.to_str().unwrap(), Link::Shared, &[]);
+        let ran = done(Command::new(program).current_dir(folder));
+        assert_eq!(words_of(&ran.stdout), ["3.200", "N"]);
+    }
 }
 
 /// A model file of a version that does not exist yet.
