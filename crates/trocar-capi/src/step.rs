@@ -124,9 +124,10 @@ pub unsafe extern "C" fn trocar_step_velocity(
     unsafe { step(model, state, force_n, motion, advance) }
 }
 
-/// Many steps: from start_time_s (s), where state stands, on to position_m[i] (m) at time_s[i] (s) for each i below count;
-/// force_n[i] is the force there. The same forces as from trocar_step_to(), to the last bit. A row with the time and
-/// position of the one before repeats the force. force_n may be the array position_m; no array may overlap the state.
+/// Many steps: from start_time_s (s), where state stands, to each of count positions position_m (m) at its time time_s
+/// (s) in turn; force_n gets the force (N) there. The same forces as from trocar_step_to(), to the last bit. A row with
+/// the time and position of the one before repeats the force. force_n may be the array position_m; no array may overlap
+/// the state.
 ///
 /// Stops at the first row that cannot be followed, with the status of that step; *done (may be NULL) is the number of
 /// forces that count, and state stands after the last of them.
