@@ -6,6 +6,7 @@ pub(crate) mod compare;
 pub(crate) mod compensate;
 pub(crate) mod completions;
 pub(crate) mod demo;
+pub(crate) mod export;
 pub(crate) mod identify;
 pub(crate) mod man;
 pub(crate) mod simulate;

@@ -1,0 +1,323 @@
+//! Between C and the instance: pointers checked, panics stopped, errors told. All that both versions of FMI share.
+
+use std::any::Any;
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use crate::error::FmuError;
+use crate::instance::{Instance, Remark};
+use crate::snapshot::Snapshot;
+
+/// `fmi2Status` and `fmi3Status`, which agree.
+#[repr(i32)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Status {
+    Ok = 0,
+    Warning = 1,
+    Error = 3,
+    Fatal = 4,
+}
+
+/// Log categories, as in the description.
+pub(crate) const ERRORS: &CStr = c"logStatusError";
+pub(crate) const WARNINGS: &CStr = c"logStatusWarning";
+
+/// Logger of FMI 2.0: environment, instance, status, category, format, arguments.
+pub type Logger2 = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
+/// Logger of FMI 3.0: environment, status, category, message.
+pub type Logger3 = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+
+/// The importer's logger.
+pub(crate) enum Logger {
+    Fmi2 { callback: Option<Logger2>, environment: *mut c_void, name: CString },
+    Fmi3 { callback: Option<Logger3>, environment: *mut c_void },
+}
+
+impl Logger {
+    fn log(&self, status: Status, text: &str) {
+        let category = if status == Status::Warning { WARNINGS } else { ERRORS };
+        let plain = text.replace('\0', "?");
+        match self {
+            Self::Fmi2 { callback: Some(callback), environment, name } => {
+                // The message of FMI 2.0 is a printf format, in which also # has a meaning.
+                let Ok(text) = CString::new(plain.replace('%', "%%").replace('#', "##")) else { return };
+                // SAFETY: the importer's function, called as FMI 2.0 lays down; all strings outlive the call.
+                unsafe { callback(*environment, name.as_ptr(), status as c_int, category.as_ptr(), text.as_ptr()) }
+            }
+            Self::Fmi3 { callback: Some(callback), environment } => {
+                let Ok(text) = CString::new(plain) else { return };
+                // SAFETY: the importer's function, called as FMI 3.0 lays down; all strings outlive the call.
+                unsafe { callback(*environment, status as c_int, category.as_ptr(), text.as_ptr()) }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// What a handle points to.
+pub(crate) struct Component {
+    pub(crate) instance: Instance,
+    logger: Logger,
+    /// After a panic nothing is known about the instance.
+    lost: bool,
+}
+
+impl Component {
+    pub(crate) fn remark(&self, function: &str, remark: Remark) -> Status {
+        self.logger.log(Status::Warning, &format!("{function}: {remark}"));
+        Status::Warning
+    }
+}
+
+fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "panic".to_owned())
+}
+
+/// Makes a component; null, and a message, where `make` fails.
+pub(crate) fn instantiate(
+    function: &str,
+    logger: Logger,
+    make: impl FnOnce() -> Result<Instance, FmuError>,
+) -> *mut c_void {
+    let made = catch_unwind(AssertUnwindSafe(make))
+        .unwrap_or_else(|panic| Err(FmuError::Internal { what: said(panic.as_ref()) }));
+    match made {
+        Ok(instance) => Box::into_raw(Box::new(Component { instance, logger, lost: false })).cast(),
+        Err(error) => {
+            logger.log(Status::Error, &format!("{function}: {error}"));
+            std::ptr::null_mut()
+        }
+    }
+}
+
+/// Runs `body` on the component behind `handle`; an error goes to the logger. A null handle is an error without words.
+///
+/// # Safety
+/// `handle` is null or from [`instantiate`], not freed, and nobody else uses it meanwhile.
+pub(crate) unsafe fn call(
+    handle: *mut c_void,
+    function: &str,
+    body: impl FnOnce(&mut Component) -> Result<Status, FmuError>,
+) -> c_int {
+    // SAFETY: null or a live component that is ours alone, by the contract of this function.
+    let Some(component) = (unsafe { handle.cast::<Component>().as_mut() }) else { return Status::Error as c_int };
+    let outcome = match component.lost {
+        true => Err(FmuError::Internal { what: "an earlier call failed".to_owned() }),
+        false => catch_unwind(AssertUnwindSafe(|| body(component)))
+            .unwrap_or_else(|panic| Err(FmuError::Internal { what: said(panic.as_ref()) })),
+    };
+    let status = match outcome {
+        Ok(status) => status,
+        Err(error) => {
+            component.lost |= matches!(error, FmuError::Internal { .. });
+            let status = if component.lost { Status::Fatal } else { Status::Error };
+            component.logger.log(status, &format!("{function}: {error}"));
+            status
+        }
+    };
+    status as c_int
+}
+
+/// Frees a component; null is nothing.
+///
+/// # Safety
+/// As for [`call`]; the handle is dead afterwards.
+pub(crate) unsafe fn free(handle: *mut c_void) {
+    if !handle.is_null() {
+        // SAFETY: made by `Box::into_raw` in `instantiate`, by the contract of this function.
+        drop(unsafe { Box::from_raw(handle.cast::<Component>()) });
+    }
+}
+
+/// Text of the importer; `what` names it in messages.
+///
+/// # Safety
+/// `text` is null or a string that ends with NUL and stays for `'a`.
+pub(crate) unsafe fn text<'a>(text: *const c_char, what: &'static str) -> Result<&'a str, FmuError> {
+    if text.is_null() {
+        return Err(FmuError::Null { what });
+    }
+    // SAFETY: not null, and a C string by the contract of this function.
+    unsafe { CStr::from_ptr(text) }.to_str().map_err(|_| FmuError::NotText { what })
+}
+
+/// Values of the importer; `what` names them in messages.
+///
+/// # Safety
+/// `values` is null or points to `count` of them, which stay for `'a`.
+pub(crate) unsafe fn values<'a, T>(values: *const T, count: usize, what: &'static str) -> Result<&'a [T], FmuError> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    if values.is_null() {
+        return Err(FmuError::Null { what });
+    }
+    // SAFETY: not null, and `count` long by the contract of this function.
+    Ok(unsafe { std::slice::from_raw_parts(values, count) })
+}
+
+/// Room of the importer for values, which need not hold any yet.
+pub(crate) struct Room<T> {
+    values: *mut T,
+    count: usize,
+}
+
+impl<T> Room<T> {
+    /// Room for `count` values; `what` names it in messages.
+    ///
+    /// # Safety
+    /// `values` is null or points to room for `count` values as long as this lives.
+    pub(crate) unsafe fn new(values: *mut T, count: usize, what: &'static str) -> Result<Self, FmuError> {
+        if values.is_null() && count > 0 { Err(FmuError::Null { what }) } else { Ok(Self { values, count }) }
+    }
+
+    pub(crate) fn put(&mut self, place: usize, value: T) {
+        if place < self.count {
+            // SAFETY: within the room, which is there by the contract of `new`.
+            unsafe { self.values.add(place).write(value) }
+        }
+    }
+}
+
+/// As many values as references?
+pub(crate) fn paired(references: usize, values: usize) -> Result<(), FmuError> {
+    if references == values { Ok(()) } else { Err(FmuError::Count { references, values }) }
+}
+
+/// Refuses a type of variable that there is none of, unless nothing is asked for.
+///
+/// # Safety
+/// As for [`values`].
+pub(crate) unsafe fn none_of(references: *const u32, count: usize, kind: &'static str) -> Result<Status, FmuError> {
+    // SAFETY: as promised to this function.
+    match unsafe { values(references, count, "value references") }?.first() {
+        None => Ok(Status::Ok),
+        Some(reference) => Err(FmuError::Unknown { reference: *reference, kind }),
+    }
+}
+
+/// Checks the categories of a call that turns logging on or off; errors and warnings are always told.
+///
+/// # Safety
+/// As for [`values`] and [`text`].
+pub(crate) unsafe fn categories(names: *const *const c_char, count: usize) -> Result<Status, FmuError> {
+    // SAFETY: as promised to this function.
+    for name in unsafe { values(names, count, "categories") }? {
+        // SAFETY: as promised to this function.
+        let given = unsafe { text(*name, "category") }?;
+        if ![ERRORS, WARNINGS].iter().any(|category| category.to_bytes() == given.as_bytes()) {
+            return Err(FmuError::Category { given: given.to_owned() });
+        }
+    }
+    Ok(Status::Ok)
+}
+
+/// Stores the present state in `slot`: in the state it holds, or a new one.
+///
+/// # Safety
+/// `slot` is null or points to null or to a state of this library that was not freed.
+pub(crate) unsafe fn get_state(component: &mut Component, slot: *mut *mut c_void) -> Result<Status, FmuError> {
+    let state = component.instance.state()?;
+    // SAFETY: as promised to this function.
+    unsafe { put_state(state, slot) }
+}
+
+unsafe fn put_state(state: Snapshot, slot: *mut *mut c_void) -> Result<Status, FmuError> {
+    // SAFETY: null or a valid place, by the contract of the callers.
+    let slot = unsafe { slot.as_mut() }.ok_or(FmuError::Null { what: "the place for the state" })?;
+    // SAFETY: null or a live state, by the contract of the callers.
+    match unsafe { slot.cast::<Snapshot>().as_mut() } {
+        Some(old) => *old = state,
+        None => *slot = Box::into_raw(Box::new(state)).cast(),
+    }
+    Ok(Status::Ok)
+}
+
+/// The state that `state` points to.
+///
+/// # Safety
+/// `state` is null or a state of this library that was not freed.
+pub(crate) unsafe fn state_at<'a>(state: *mut c_void) -> Result<&'a Snapshot, FmuError> {
+    // SAFETY: null or a live state, by the contract of this function.
+    unsafe { state.cast::<Snapshot>().as_ref() }.ok_or(FmuError::Null { what: "the state" })
+}
+
+/// Frees the state in `slot` and empties it; null is nothing.
+///
+/// # Safety
+/// As for [`get_state`].
+pub(crate) unsafe fn free_state(slot: *mut *mut c_void) -> Result<Status, FmuError> {
+    // SAFETY: null or a valid place, by the contract of this function.
+    if let Some(slot) = unsafe { slot.as_mut() }
+        && !slot.is_null()
+    {
+        // SAFETY: made by `Box::into_raw` in `put_state`, by the contract of this function.
+        drop(unsafe { Box::from_raw(slot.cast::<Snapshot>()) });
+        *slot = std::ptr::null_mut();
+    }
+    Ok(Status::Ok)
+}
+
+/// Bytes that `state` takes, to `size`.
+///
+/// # Safety
+/// `state` as for [`state_at`]; `size` is null or valid.
+pub(crate) unsafe fn state_size(
+    component: &Component,
+    state: *mut c_void,
+    size: *mut usize,
+) -> Result<Status, FmuError> {
+    // SAFETY: as promised to this function.
+    unsafe { state_at(state) }?;
+    // SAFETY: as promised to this function.
+    unsafe { Room::new(size, 1, "the size") }?.put(0, component.instance.state_length());
+    Ok(Status::Ok)
+}
+
+/// Writes the bytes of `state`.
+///
+/// # Safety
+/// `state` as for [`state_at`]; `bytes` is null or room for `size` bytes.
+pub(crate) unsafe fn serialise(state: *mut c_void, bytes: *mut u8, size: usize) -> Result<Status, FmuError> {
+    // SAFETY: as promised to this function.
+    let serialised = unsafe { state_at(state) }?.to_bytes();
+    if size < serialised.len() {
+        return Err(FmuError::StateLength { found: size, expected: serialised.len() });
+    }
+    // SAFETY: as promised to this function.
+    let mut room = unsafe { Room::new(bytes, size, "the serialised state") }?;
+    serialised.into_iter().enumerate().for_each(|(place, byte)| room.put(place, byte));
+    Ok(Status::Ok)
+}
+
+/// Reads a state from its bytes into `slot`.
+///
+/// # Safety
+/// `bytes` is null or points to `size` bytes; `slot` as for [`get_state`].
+pub(crate) unsafe fn deserialise(
+    component: &Component,
+    bytes: *const u8,
+    size: usize,
+    slot: *mut *mut c_void,
+) -> Result<Status, FmuError> {
+    // SAFETY: as promised to this function.
+    let bytes = unsafe { values(bytes, size, "the serialised state") }?;
+    let state = component.instance.read_state(bytes)?;
+    // SAFETY: as promised to this function.
+    unsafe { put_state(state, slot) }
+}
+
+/// Declares functions of FMI that this FMU has no use for: they refuse, with a message that says why.
+macro_rules! unsupported {
+    ($($name:ident($($argument:ty),*): $why:expr;)*) => { $(
+        #[doc = concat!("`", stringify!($name), "`: refused, ", $why, ".")]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(handle: *mut c_void $(, _: $argument)*) -> c_int {
+            // SAFETY: the handle is as FMI lays down.
+            unsafe { $crate::ffi::call(handle, stringify!($name), |_| Err($crate::error::FmuError::Unsupported { why: $why })) }
+        }
+    )* };
+}
+
+pub(crate) use unsupported;

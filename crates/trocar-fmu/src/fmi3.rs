@@ -1,0 +1,393 @@
+//! The functions of FMI 3.0 for co-simulation, as importers call them.
+//!
+//! A `bool` of C comes in as one byte: what is not 0 is true.
+#![allow(unsafe_code)]
+#![allow(non_snake_case, reason = "names of the standard")]
+#![allow(clippy::missing_safety_doc, reason = "the contract of every function is that of FMI 3.0")]
+
+use std::ffi::{c_char, c_int, c_void};
+use std::path::Path;
+
+use crate::error::FmuError;
+use crate::ffi::{self, Logger, Logger3, Room, Status, call, paired, unsupported, values};
+use crate::instance::Instance;
+
+const FLOAT: &str = "Float64";
+const ENUMERATION: &str = "Int64 or Enumeration";
+const REFERENCES: &str = "value references";
+const VALUES: &str = "values";
+
+/// Version of FMI.
+#[unsafe(no_mangle)]
+pub extern "C" fn fmi3GetVersion() -> *const c_char {
+    c"3.0".as_ptr()
+}
+
+/// Checks the categories; errors and warnings are told always.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetDebugLogging(
+    handle: *mut c_void,
+    _on: u8,
+    count: usize,
+    names: *const *const c_char,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe { call(handle, "fmi3SetDebugLogging", |_| ffi::categories(names, count)) }
+}
+
+/// Makes an instance; null, and a message, where that fails.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
+    name: *const c_char,
+    token: *const c_char,
+    resources: *const c_char,
+    _visible: u8,
+    _logging: u8,
+    event_mode: u8,
+    _early_return: u8,
+    _required: *const u32,
+    _required_count: usize,
+    environment: *mut c_void,
+    callback: Option<Logger3>,
+    _intermediate: *const c_void,
+) -> *mut c_void {
+    ffi::instantiate("fmi3InstantiateCoSimulation", Logger::Fmi3 { callback, environment }, || {
+        // SAFETY: null or C strings, as FMI lays down.
+        let (_, token, resources) = unsafe {
+            (
+                ffi::text(name, "the instance name")?,
+                ffi::text(token, "the token")?,
+                ffi::text(resources, "the resources")?,
+            )
+        };
+        if event_mode != 0 {
+            return Err(FmuError::Unsupported { why: "this FMU has no event mode" });
+        }
+        Instance::new(Path::new(resources), token)
+    })
+}
+
+/// Refused: this FMU is for co-simulation only.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3InstantiateModelExchange(
+    _name: *const c_char,
+    _token: *const c_char,
+    _resources: *const c_char,
+    _visible: u8,
+    _logging: u8,
+    environment: *mut c_void,
+    callback: Option<Logger3>,
+) -> *mut c_void {
+    ffi::instantiate("fmi3InstantiateModelExchange", Logger::Fmi3 { callback, environment }, || {
+        Err(FmuError::Unsupported { why: "this FMU is for co-simulation only" })
+    })
+}
+
+/// Refused: this FMU is for co-simulation only.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
+    _name: *const c_char,
+    _token: *const c_char,
+    _resources: *const c_char,
+    _visible: u8,
+    _logging: u8,
+    environment: *mut c_void,
+    callback: Option<Logger3>,
+    _clock_update: *const c_void,
+    _lock: *const c_void,
+    _unlock: *const c_void,
+) -> *mut c_void {
+    ffi::instantiate("fmi3InstantiateScheduledExecution", Logger::Fmi3 { callback, environment }, || {
+        Err(FmuError::Unsupported { why: "this FMU is for co-simulation only" })
+    })
+}
+
+/// Frees an instance; null is nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut c_void) {
+    // SAFETY: handle as FMI lays down.
+    unsafe { ffi::free(handle) }
+}
+
+/// Sets start and stop time (s) and enters initialization mode; the tolerance is not used.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3EnterInitializationMode(
+    handle: *mut c_void,
+    _has_tolerance: u8,
+    _tolerance: f64,
+    start: f64,
+    has_stop: u8,
+    stop: f64,
+) -> c_int {
+    let stop = (has_stop != 0).then_some(stop);
+    // SAFETY: handle as FMI lays down.
+    unsafe {
+        call(handle, "fmi3EnterInitializationMode", |c| {
+            c.instance.set_time(start, stop)?;
+            c.instance.enter_initialization().map(|()| Status::Ok)
+        })
+    }
+}
+
+/// Leaves initialization mode; a warning where the seal cannot hold the force or deflection asked for.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut c_void) -> c_int {
+    const NAME: &str = "fmi3ExitInitializationMode";
+    // SAFETY: handle as FMI lays down.
+    unsafe {
+        call(handle, NAME, |c| {
+            let remark = c.instance.exit_initialization()?;
+            Ok(remark.map_or(Status::Ok, |remark| c.remark(NAME, remark)))
+        })
+    }
+}
+
+/// Ends the simulation.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3Terminate(handle: *mut c_void) -> c_int {
+    // SAFETY: handle as FMI lays down.
+    unsafe { call(handle, "fmi3Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
+}
+
+/// Back to instantiation.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
+    let reset = |c: &mut ffi::Component| {
+        c.instance.reset();
+        Ok(Status::Ok)
+    };
+    // SAFETY: handle as FMI lays down.
+    unsafe { call(handle, "fmi3Reset", reset) }
+}
+
+/// Values of real variables.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3GetFloat64(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    out: *mut f64,
+    out_count: usize,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe {
+        call(handle, "fmi3GetFloat64", |c| {
+            paired(count, out_count)?;
+            let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
+            c.instance.get_reals(vr, FLOAT, |place, value| room.put(place, value)).map(|()| Status::Ok)
+        })
+    }
+}
+
+/// Values of enumeration variables: the mode.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3GetInt64(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    out: *mut i64,
+    out_count: usize,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe {
+        call(handle, "fmi3GetInt64", |c| {
+            paired(count, out_count)?;
+            let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
+            c.instance.get_integers(vr, ENUMERATION, |place, value| room.put(place, value)).map(|()| Status::Ok)
+        })
+    }
+}
+
+/// Sets real variables, all or none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetFloat64(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    new: *const f64,
+    new_count: usize,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe {
+        call(handle, "fmi3SetFloat64", |c| {
+            paired(count, new_count)?;
+            let (vr, new) = (values(vr, count, REFERENCES)?, values(new, count, VALUES)?);
+            c.instance.set_reals(vr, new, FLOAT).map(|()| Status::Ok)
+        })
+    }
+}
+
+/// No enumeration variable can be set.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetInt64(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    _: *const i64,
+    new_count: usize,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe {
+        call(handle, "fmi3SetInt64", |c| {
+            paired(count, new_count)?;
+            c.instance.set_integers(values(vr, count, REFERENCES)?, ENUMERATION).map(|()| Status::Ok)
+        })
+    }
+}
+
+/// Declares access to types that no variable has.
+macro_rules! no_variables {
+    ($($name:ident($($argument:ty),*): $kind:expr;)*) => { $(
+        #[doc = concat!("There are no variables of type ", $kind, ".")]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(handle: *mut c_void, vr: *const u32, count: usize $(, _: $argument)*) -> c_int {
+            // SAFETY: pointers as FMI lays down.
+            unsafe { call(handle, stringify!($name), |_| ffi::none_of(vr, count, $kind)) }
+        }
+    )* };
+}
+
+no_variables! {
+    fmi3GetFloat32(*mut f32, usize): "Float32";
+    fmi3GetInt8(*mut i8, usize): "Int8";
+    fmi3GetUInt8(*mut u8, usize): "UInt8";
+    fmi3GetInt16(*mut i16, usize): "Int16";
+    fmi3GetUInt16(*mut u16, usize): "UInt16";
+    fmi3GetInt32(*mut i32, usize): "Int32";
+    fmi3GetUInt32(*mut u32, usize): "UInt32";
+    fmi3GetUInt64(*mut u64, usize): "UInt64";
+    fmi3GetBoolean(*mut bool, usize): "Boolean";
+    fmi3GetString(*mut *const c_char, usize): "String";
+    fmi3GetBinary(*mut usize, *mut *const u8, usize): "Binary";
+    fmi3GetClock(*mut bool): "Clock";
+    fmi3SetFloat32(*const f32, usize): "Float32";
+    fmi3SetInt8(*const i8, usize): "Int8";
+    fmi3SetUInt8(*const u8, usize): "UInt8";
+    fmi3SetInt16(*const i16, usize): "Int16";
+    fmi3SetUInt16(*const u16, usize): "UInt16";
+    fmi3SetInt32(*const i32, usize): "Int32";
+    fmi3SetUInt32(*const u32, usize): "UInt32";
+    fmi3SetUInt64(*const u64, usize): "UInt64";
+    fmi3SetBoolean(*const bool, usize): "Boolean";
+    fmi3SetString(*const *const c_char, usize): "String";
+    fmi3SetBinary(*const usize, *const *const u8, usize): "Binary";
+    fmi3SetClock(*const bool): "Clock";
+    fmi3GetIntervalDecimal(*mut f64, *mut c_int): "Clock";
+    fmi3GetIntervalFraction(*mut u64, *mut u64, *mut c_int): "Clock";
+    fmi3GetShiftDecimal(*mut f64): "Clock";
+    fmi3GetShiftFraction(*mut u64, *mut u64): "Clock";
+    fmi3SetIntervalDecimal(*const f64): "Clock";
+    fmi3SetIntervalFraction(*const u64, *const u64): "Clock";
+    fmi3SetShiftDecimal(*const f64): "Clock";
+    fmi3SetShiftFraction(*const u64, *const u64): "Clock";
+}
+
+/// Stores the present state.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe { call(handle, "fmi3GetFMUState", |c| ffi::get_state(c, slot)) }
+}
+
+/// Brings a state back.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut c_void, state: *mut c_void) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe { call(handle, "fmi3SetFMUState", |c| c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)) }
+}
+
+/// Frees a state; null is nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3FreeFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe { call(handle, "fmi3FreeFMUState", |_| ffi::free_state(slot)) }
+}
+
+/// Bytes that a state takes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
+    handle: *mut c_void,
+    state: *mut c_void,
+    size: *mut usize,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe { call(handle, "fmi3SerializedFMUStateSize", |c| ffi::state_size(c, state, size)) }
+}
+
+/// Bytes of a state.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SerializeFMUState(
+    handle: *mut c_void,
+    state: *mut c_void,
+    bytes: *mut u8,
+    size: usize,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe { call(handle, "fmi3SerializeFMUState", |_| ffi::serialise(state, bytes, size)) }
+}
+
+/// A state from its bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3DeserializeFMUState(
+    handle: *mut c_void,
+    bytes: *const u8,
+    size: usize,
+    slot: *mut *mut c_void,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe { call(handle, "fmi3DeserializeFMUState", |c| ffi::deserialise(c, bytes, size, slot)) }
+}
+
+/// Advances by one communication step, s.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3DoStep(
+    handle: *mut c_void,
+    point: f64,
+    size: f64,
+    _keeps_past: u8,
+    event: *mut bool,
+    terminate: *mut bool,
+    early: *mut bool,
+    last_time: *mut f64,
+) -> c_int {
+    // SAFETY: pointers as FMI lays down.
+    unsafe {
+        call(handle, "fmi3DoStep", |c| {
+            let told = "what fmi3DoStep tells";
+            let flags = [Room::new(event, 1, told)?, Room::new(terminate, 1, told)?, Room::new(early, 1, told)?];
+            let mut time = Room::new(last_time, 1, told)?;
+            let outcome = c.instance.step(point, size);
+            flags.into_iter().for_each(|mut flag| flag.put(0, false));
+            time.put(0, c.instance.time());
+            outcome.map(|()| Status::Ok)
+        })
+    }
+}
+
+unsupported! {
+    fmi3EnterStepMode(): "this FMU has no event mode";
+    fmi3EnterEventMode(): "this FMU has no event mode";
+    fmi3EvaluateDiscreteStates(): "this FMU has no event mode";
+    fmi3UpdateDiscreteStates(*mut bool, *mut bool, *mut bool, *mut bool, *mut bool, *mut f64):
+        "this FMU has no event mode";
+    fmi3EnterConfigurationMode(): "there are no structural parameters";
+    fmi3ExitConfigurationMode(): "there are no structural parameters";
+    fmi3GetNumberOfVariableDependencies(u32, *mut usize): "there are no arrays";
+    fmi3GetVariableDependencies(u32, *mut usize, *mut u32, *mut usize, *mut c_int, usize): "there are no arrays";
+    fmi3GetDirectionalDerivative(*const u32, usize, *const u32, usize, *const f64, usize, *mut f64, usize):
+        "there are no derivatives";
+    fmi3GetAdjointDerivative(*const u32, usize, *const u32, usize, *const f64, usize, *mut f64, usize):
+        "there are no derivatives";
+    fmi3GetOutputDerivatives(*const u32, usize, *const c_int, *mut f64, usize): "there are no derivatives";
+    fmi3EnterContinuousTimeMode(): "this FMU is for co-simulation only";
+    fmi3CompletedIntegratorStep(u8, *mut bool, *mut bool): "this FMU is for co-simulation only";
+    fmi3SetTime(f64): "this FMU is for co-simulation only";
+    fmi3SetContinuousStates(*const f64, usize): "this FMU is for co-simulation only";
+    fmi3GetContinuousStates(*mut f64, usize): "this FMU is for co-simulation only";
+    fmi3GetContinuousStateDerivatives(*mut f64, usize): "this FMU is for co-simulation only";
+    fmi3GetNominalsOfContinuousStates(*mut f64, usize): "this FMU is for co-simulation only";
+    fmi3GetNumberOfContinuousStates(*mut usize): "this FMU is for co-simulation only";
+    fmi3GetEventIndicators(*mut f64, usize): "this FMU is for co-simulation only";
+    fmi3GetNumberOfEventIndicators(*mut usize): "this FMU is for co-simulation only";
+    fmi3ActivateModelPartition(u32, f64): "this FMU is for co-simulation only";
+}

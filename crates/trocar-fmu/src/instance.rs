@@ -1,0 +1,405 @@
+//! One instance of an FMU, whatever the version of FMI: phases, variables, steps, states.
+
+use std::path::Path;
+
+use trocar_model::{Deformation, Mode, Trocar, TrocarState};
+
+use crate::error::{FmuError, Phase};
+use crate::resource::Resource;
+use crate::snapshot::Snapshot;
+use crate::variables::{Input, Role, Variable, identity, token, variables};
+
+/// Largest difference between communication points that counts as rounding, as a part of the time.
+const TIME_TOLERANCE: f64 = 1e-9;
+/// The same as a part of a step.
+const STEP_TOLERANCE: f64 = 1e-6;
+/// Largest difference between the force or deflection asked for and the one begun with, as a part of it.
+const START_TOLERANCE: f64 = 1e-6;
+
+/// An instance.
+#[derive(Debug, Clone)]
+pub struct Instance {
+    table: Vec<Variable>,
+    /// As exported.
+    base: Trocar<'static>,
+    input: Input,
+    identity: u128,
+    /// With the parameters of `applied`.
+    trocar: Trocar<'static>,
+    applied: Vec<f64>,
+    live: Snapshot,
+}
+
+/// What an importer should know though the call was done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Remark {
+    /// Name of the variable.
+    pub name: &'static str,
+    /// As given.
+    pub asked: f64,
+    /// What the seal can hold.
+    pub given: f64,
+}
+
+impl std::fmt::Display for Remark {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { name, asked, given } = self;
+        write!(f, "{name} = {asked} is more than the seal can hold, it begins with {given}")
+    }
+}
+
+impl Instance {
+    /// From the folder of resources; `wanted` is the GUID or token in the description.
+    ///
+    /// # Errors
+    /// [`FmuError`] for missing or damaged resources or the token of another FMU.
+    pub fn new(resources: &Path, wanted: &str) -> Result<Self, FmuError> {
+        Self::from_resource(Resource::read(resources)?, wanted)
+    }
+
+    pub(crate) fn from_resource(resource: Resource, wanted: &str) -> Result<Self, FmuError> {
+        let Resource { row, trocar } = resource;
+        let is_wanted = |input: &Input| token(&row, *input) == wanted;
+        let input = Input::ALL.into_iter().find(is_wanted);
+        let input = input.ok_or_else(|| FmuError::Token { given: wanted.to_owned() })?;
+        let applied: Vec<f64> = trocar.seal().tunables().map(|tunable| tunable.value).collect();
+        let live = Snapshot::new(identity(&row, input), applied.clone(), trocar.rest(0.0));
+        Ok(Self {
+            table: variables(&trocar, input),
+            base: trocar,
+            input,
+            identity: live.identity,
+            trocar,
+            applied,
+            live,
+        })
+    }
+
+    /// Where the simulation is.
+    pub fn phase(&self) -> Phase {
+        self.live.phase
+    }
+
+    /// Where the simulation is in time, s.
+    pub fn time(&self) -> f64 {
+        self.live.time
+    }
+
+    fn expect(&self, phase: Phase) -> Result<(), FmuError> {
+        let now = self.live.phase;
+        if now == phase { Ok(()) } else { Err(FmuError::Phase { phase: now }) }
+    }
+
+    /// Sets start and stop of the time, s.
+    ///
+    /// # Errors
+    /// [`FmuError`] in another phase than [`Phase::Instantiated`], or for times that are not finite or not in order.
+    pub fn set_time(&mut self, start: f64, stop: Option<f64>) -> Result<(), FmuError> {
+        self.expect(Phase::Instantiated)?;
+        for (name, value) in [("start time", Some(start)), ("stop time", stop)] {
+            if let Some(value) = value.filter(|value| !value.is_finite()) {
+                return Err(FmuError::NotFinite { name: name.to_owned(), value });
+            }
+        }
+        if let Some(stop) = stop.filter(|stop| *stop <= start) {
+            return Err(FmuError::Stop { start, stop });
+        }
+        (self.live.time, self.live.stop) = (start, stop);
+        Ok(())
+    }
+
+    /// Enters initialization mode.
+    ///
+    /// # Errors
+    /// [`FmuError::Phase`] in another phase than [`Phase::Instantiated`].
+    pub fn enter_initialization(&mut self) -> Result<(), FmuError> {
+        self.expect(Phase::Instantiated)?;
+        self.live.phase = Phase::Initialization;
+        Ok(())
+    }
+
+    /// Begins: the seal rests with what was set.
+    ///
+    /// # Errors
+    /// [`FmuError`] in another phase than [`Phase::Initialization`], for parameters that do not go together or two
+    /// starts at once.
+    pub fn exit_initialization(&mut self) -> Result<Option<Remark>, FmuError> {
+        self.expect(Phase::Initialization)?;
+        self.settle()?;
+        self.live.phase = Phase::Step;
+        let Snapshot { initial_force, initial_deflection, .. } = self.live;
+        let deflection = self.live.state.deformation().map_or(0.0, |deformation| deformation.deflection);
+        let starts = [
+            ("initial_force_n", initial_force, self.live.state.force()),
+            ("initial_deflection_m", initial_deflection, deflection),
+        ];
+        let is_off = |asked: f64, given: f64| asked != 0.0 && (given - asked).abs() > START_TOLERANCE * asked.abs();
+        let off = starts.into_iter().find(|(_, asked, given)| is_off(*asked, *given));
+        Ok(off.map(|(name, asked, given)| Remark { name, asked, given }))
+    }
+
+    /// Ends the simulation.
+    ///
+    /// # Errors
+    /// [`FmuError::Phase`] in another phase than [`Phase::Step`].
+    pub fn terminate(&mut self) -> Result<(), FmuError> {
+        self.expect(Phase::Step)?;
+        self.live.phase = Phase::Terminated;
+        Ok(())
+    }
+
+    /// Back to instantiation, with all values as exported.
+    pub fn reset(&mut self) {
+        let values: Vec<f64> = self.base.seal().tunables().map(|tunable| tunable.value).collect();
+        self.trocar = self.base;
+        self.applied.clone_from(&values);
+        self.live = Snapshot::new(self.identity, values, self.base.rest(0.0));
+    }
+
+    /// Takes new parameters over, and before the first step the state at rest.
+    fn settle(&mut self) -> Result<(), FmuError> {
+        if self.live.tunables != self.applied {
+            match self.base.seal().tuned(&self.live.tunables) {
+                Ok(seal) => self.trocar = self.base.with_seal(seal),
+                Err(error) => {
+                    self.live.tunables.clone_from(&self.applied);
+                    return Err(error.into());
+                }
+            }
+            self.applied.clone_from(&self.live.tunables);
+        }
+        if matches!(self.live.phase, Phase::Instantiated | Phase::Initialization) {
+            self.live.state = self.rest()?;
+        }
+        Ok(())
+    }
+
+    fn rest(&self) -> Result<TrocarState, FmuError> {
+        let Snapshot { initial_force: force, initial_deflection: deflection, .. } = self.live;
+        let position = match self.input {
+            Input::Position => self.live.input,
+            Input::Velocity => self.live.initial_position,
+        };
+        if force != 0.0 && deflection != 0.0 {
+            return Err(FmuError::TwoStarts { force, deflection });
+        }
+        if force != 0.0 {
+            return Ok(self.trocar.rest_at_force(position, force));
+        }
+        let rest = self.trocar.rest_at_deflection(position, deflection);
+        Ok(rest.unwrap_or_else(|| self.trocar.rest(position)))
+    }
+
+    /// Advances from `point` by `duration`, s.
+    ///
+    /// # Errors
+    /// [`FmuError`] in another phase than [`Phase::Step`]; for a step without a length, from elsewhere or beyond the
+    /// stop; for a way or speed that is not finite; for parameters that do not go together. Nothing moves then.
+    pub fn step(&mut self, point: f64, duration: f64) -> Result<(), FmuError> {
+        self.expect(Phase::Step)?;
+        if !(duration > 0.0 && duration.is_finite()) {
+            return Err(FmuError::StepSize { given: duration });
+        }
+        let (expected, tolerance) = (self.live.time, STEP_TOLERANCE * duration + TIME_TOLERANCE * point.abs());
+        let is_here = (point - expected).abs() <= tolerance && point.is_finite();
+        if !is_here {
+            return Err(FmuError::Point { given: point, expected });
+        }
+        let to = point + duration;
+        if let Some(stop) = self.live.stop.filter(|stop| to > stop + tolerance) {
+            return Err(FmuError::BeyondStop { to, stop });
+        }
+        self.settle()?;
+        let (state, input) = (&mut self.live.state, self.live.input);
+        let goal = match self.input {
+            Input::Position => {
+                self.trocar.step_to(state, input, duration);
+                input
+            }
+            Input::Velocity => {
+                let goal = state.position() + input * duration;
+                self.trocar.step_velocity(state, input, duration);
+                goal
+            }
+        };
+        // The model leaves its state untouched where it cannot step.
+        if state.position() != goal {
+            return Err(FmuError::TooFast { input, duration });
+        }
+        self.live.time = to;
+        Ok(())
+    }
+
+    fn find(&self, reference: u32) -> Option<&Variable> {
+        let place = self.table.binary_search_by_key(&reference, |variable| variable.role.reference()).ok()?;
+        self.table.get(place)
+    }
+
+    fn real(&self, reference: u32, kind: &'static str) -> Result<&Variable, FmuError> {
+        let found = self.find(reference).filter(|variable| variable.role != Role::Mode);
+        found.ok_or(FmuError::Unknown { reference, kind })
+    }
+
+    fn deformation(&self) -> Option<Deformation> {
+        self.live.state.deformation()
+    }
+
+    fn value(&self, role: Role) -> f64 {
+        match role {
+            Role::Time => self.live.time,
+            Role::Input(_) => self.live.input,
+            Role::Force => self.live.state.force(),
+            Role::Deflection => self.deformation().map_or(0.0, |deformation| deformation.deflection),
+            Role::Mode => 0.0,
+            Role::Position => self.live.state.position(),
+            Role::InitialForce => self.live.initial_force,
+            Role::InitialDeflection => self.live.initial_deflection,
+            Role::InitialPosition => self.live.initial_position,
+            Role::Tunable(place) => self.live.tunables.get(place).copied().unwrap_or(0.0),
+        }
+    }
+
+    /// Values of real variables, given to `put` one by one; `kind` names the type in messages.
+    ///
+    /// # Errors
+    /// [`FmuError::Unknown`] before any value was given, or [`FmuError::Parameter`] for parameters set before that do
+    /// not go together.
+    pub fn get_reals(
+        &mut self,
+        references: &[u32],
+        kind: &'static str,
+        mut put: impl FnMut(usize, f64),
+    ) -> Result<(), FmuError> {
+        references.iter().try_for_each(|reference| self.real(*reference, kind).map(drop))?;
+        self.settle()?;
+        for (place, reference) in references.iter().enumerate() {
+            put(place, self.value(self.real(*reference, kind)?.role));
+        }
+        Ok(())
+    }
+
+    /// The same for whole numbers and enumerations: the mode, 1 deforming, 2 sliding.
+    ///
+    /// # Errors
+    /// As for [`Instance::get_reals`].
+    pub fn get_integers(
+        &mut self,
+        references: &[u32],
+        kind: &'static str,
+        mut put: impl FnMut(usize, i64),
+    ) -> Result<(), FmuError> {
+        references.iter().try_for_each(|reference| self.integer(*reference, kind).map(drop))?;
+        self.settle()?;
+        let mode = match self.deformation().map(|deformation| deformation.mode) {
+            Some(Mode::Sliding) => 2,
+            _ => 1,
+        };
+        (0..references.len()).for_each(|place| put(place, mode));
+        Ok(())
+    }
+
+    fn integer(&self, reference: u32, kind: &'static str) -> Result<&Variable, FmuError> {
+        let found = self.find(reference).filter(|variable| variable.role == Role::Mode);
+        found.ok_or(FmuError::Unknown { reference, kind })
+    }
+
+    /// Sets real variables, all or none. Parameters count from the next step, reading or state on, together.
+    ///
+    /// # Errors
+    /// [`FmuError`] for an unknown variable, one that cannot be set (now), or a value out of its range.
+    pub fn set_reals(&mut self, references: &[u32], values: &[f64], kind: &'static str) -> Result<(), FmuError> {
+        let pairs = || references.iter().zip(values);
+        for (reference, value) in pairs() {
+            self.check(self.real(*reference, kind)?, *value)?;
+        }
+        for (reference, value) in pairs() {
+            let role = self.real(*reference, kind)?.role;
+            self.put(role, *value);
+        }
+        Ok(())
+    }
+
+    fn check(&self, variable: &Variable, value: f64) -> Result<(), FmuError> {
+        let phase = self.live.phase;
+        let name = || variable.name.clone();
+        let is_before = matches!(phase, Phase::Instantiated | Phase::Initialization);
+        let is_open = match variable.role {
+            Role::Input(_) | Role::Tunable(_) => is_before || phase == Phase::Step,
+            Role::InitialForce | Role::InitialDeflection | Role::InitialPosition => is_before,
+            Role::Time | Role::Force | Role::Deflection | Role::Mode | Role::Position => {
+                return Err(FmuError::NotSettable { name: name(), phase: None });
+            }
+        };
+        if !is_open {
+            return Err(FmuError::NotSettable { name: name(), phase: Some(phase) });
+        }
+        if !value.is_finite() {
+            return Err(FmuError::NotFinite { name: name(), value });
+        }
+        match variable.least {
+            Some((least, above)) if value < least || (above && value == least) => {
+                Err(FmuError::TooSmall { name: name(), value, least, above })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn put(&mut self, role: Role, value: f64) {
+        let live = &mut self.live;
+        match role {
+            Role::Input(_) => live.input = value,
+            Role::InitialForce => live.initial_force = value,
+            Role::InitialDeflection => live.initial_deflection = value,
+            Role::InitialPosition => live.initial_position = value,
+            Role::Tunable(place) => live.tunables.iter_mut().skip(place).take(1).for_each(|slot| *slot = value),
+            Role::Time | Role::Force | Role::Deflection | Role::Mode | Role::Position => {}
+        }
+    }
+
+    /// Refuses to set whole numbers: nothing of that type can be set.
+    ///
+    /// # Errors
+    /// [`FmuError`] for the first of `references`, if there is one.
+    pub fn set_integers(&self, references: &[u32], kind: &'static str) -> Result<(), FmuError> {
+        let Some(reference) = references.first() else { return Ok(()) };
+        let name = self.integer(*reference, kind)?.name.clone();
+        Err(FmuError::NotSettable { name, phase: None })
+    }
+
+    /// Everything that a later [`Instance::set_state`] brings back.
+    ///
+    /// # Errors
+    /// [`FmuError::Parameter`] for parameters set before that do not go together, or [`FmuError::TwoStarts`].
+    pub fn state(&mut self) -> Result<Snapshot, FmuError> {
+        self.settle()?;
+        Ok(self.live.clone())
+    }
+
+    /// Brings `snapshot` back.
+    ///
+    /// # Errors
+    /// [`FmuError::StateForeign`] for one of another model, or [`FmuError::Parameter`].
+    pub fn set_state(&mut self, snapshot: &Snapshot) -> Result<(), FmuError> {
+        if snapshot.identity != self.identity {
+            return Err(FmuError::StateForeign);
+        }
+        self.trocar = self.base.with_seal(self.base.seal().tuned(&snapshot.tunables)?);
+        self.applied.clone_from(&snapshot.tunables);
+        self.live.clone_from(snapshot);
+        Ok(())
+    }
+
+    /// Bytes of a serialised state.
+    pub fn state_length(&self) -> usize {
+        Snapshot::length(self.applied.len())
+    }
+
+    /// A state from its bytes.
+    ///
+    /// # Errors
+    /// [`FmuError::StateLength`], [`FmuError::StateForeign`] or [`FmuError::StateDamaged`].
+    pub fn read_state(&self, bytes: &[u8]) -> Result<Snapshot, FmuError> {
+        let seal = |values: &[f64]| self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal));
+        Snapshot::from_bytes(bytes, self.identity, self.applied.len(), seal)
+    }
+}

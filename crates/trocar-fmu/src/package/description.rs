@@ -1,0 +1,247 @@
+//! `modelDescription.xml`, for both versions of FMI from the same table.
+
+use super::Version;
+use crate::ffi::{ERRORS, WARNINGS};
+use crate::variables::{Role, Variable};
+
+/// Step that importers take by default, s: of a usual control loop.
+const STEP: f64 = 1e-3;
+
+/// What the description says.
+pub(super) struct Description<'a> {
+    pub(super) name: &'a str,
+    pub(super) identifier: &'a str,
+    pub(super) token: &'a str,
+    pub(super) variables: &'a [Variable],
+    /// Whether the model tells if it deforms or slides.
+    pub(super) has_mode: bool,
+}
+
+/// Units: name, and exponents of kg, m and s.
+const UNITS: [(&str, [i32; 3]); 7] = [
+    ("1", [0, 0, 0]),
+    ("s", [0, 0, 1]),
+    ("m", [0, 1, 0]),
+    ("m/s", [0, 1, -1]),
+    ("N", [1, 1, -2]),
+    ("N/m", [1, 0, -2]),
+    ("N.s/m", [1, 0, -1]),
+];
+
+/// Lines of XML at a depth.
+#[derive(Default)]
+struct Lines {
+    text: String,
+    depth: usize,
+}
+
+impl Lines {
+    fn put(&mut self, line: &str) {
+        self.text.extend(std::iter::repeat_n("  ", self.depth));
+        self.text.push_str(line);
+        self.text.push('\n');
+    }
+
+    fn within(&mut self, name: &str, attributes: &str, body: impl FnOnce(&mut Self)) {
+        self.put(&format!("<{name}{attributes}>"));
+        self.depth += 1;
+        body(self);
+        self.depth -= 1;
+        self.put(&format!("</{name}>"));
+    }
+}
+
+/// ` name="value"`, escaped. Characters that XML cannot hold become U+FFFD.
+fn attribute(name: &str, value: &str) -> String {
+    let mut text = format!(" {name}=\"");
+    for letter in value.chars() {
+        match letter {
+            '&' => text.push_str("&amp;"),
+            '<' => text.push_str("&lt;"),
+            '"' => text.push_str("&quot;"),
+            '\t' | '\n' | '\r' => text.push(' '),
+            '\0'..='\x1f' | '\u{fffe}' | '\u{ffff}' => text.push('\u{fffd}'),
+            letter => text.push(letter),
+        }
+    }
+    text.push('"');
+    text
+}
+
+fn attributes(pairs: &[(&str, &str)]) -> String {
+    pairs.iter().map(|(name, value)| attribute(name, value)).collect()
+}
+
+/// Shortest text of a number that gives it back.
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+impl Description<'_> {
+    pub(super) fn to_xml(&self, version: Version) -> String {
+        let mut lines = Lines::default();
+        lines.put("<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
+        let (number, token) = match version {
+            Version::V2 => ("2.0", "guid"),
+            Version::V3 => ("3.0", "instantiationToken"),
+        };
+        let head = attributes(&[
+            ("fmiVersion", number),
+            ("modelName", self.name),
+            (token, self.token),
+            ("description", "Force between a surgical instrument and the seal of its trocar. Not a medical device."),
+            ("license", "MIT OR Apache-2.0"),
+            ("generationTool", concat!("trocar ", env!("CARGO_PKG_VERSION"))),
+            ("variableNamingConvention", "structured"),
+        ]);
+        lines.within("fmiModelDescription", &head, |lines| {
+            lines.put(&format!("<CoSimulation{}/>", self.abilities(version)));
+            lines.within("UnitDefinitions", "", units);
+            if self.has_mode {
+                lines.within("TypeDefinitions", "", |lines| mode_type(lines, version));
+            }
+            lines.within("LogCategories", "", categories);
+            let experiment = [("startTime", 0.0), ("stopTime", 1.0), ("stepSize", STEP)];
+            let experiment: String =
+                experiment.iter().map(|(name, value)| attribute(name, &format!("{value}"))).collect();
+            lines.put(&format!("<DefaultExperiment{experiment}/>"));
+            lines.within("ModelVariables", "", |lines| self.variables.iter().for_each(|v| variable(lines, v, version)));
+            lines.within("ModelStructure", "", |lines| self.structure(lines, version));
+        });
+        lines.text
+    }
+
+    fn abilities(&self, version: Version) -> String {
+        let common = [("modelIdentifier", self.identifier), ("canHandleVariableCommunicationStepSize", "true")];
+        let own: &[(&str, &str)] = match version {
+            Version::V2 => &[
+                ("canInterpolateInputs", "false"),
+                ("maxOutputDerivativeOrder", "0"),
+                ("canRunAsynchronuously", "false"),
+                ("canNotUseMemoryManagementFunctions", "true"),
+                ("canGetAndSetFMUstate", "true"),
+                ("canSerializeFMUstate", "true"),
+                ("providesDirectionalDerivative", "false"),
+            ],
+            Version::V3 => &[
+                ("canGetAndSetFMUState", "true"),
+                ("canSerializeFMUState", "true"),
+                ("providesDirectionalDerivatives", "false"),
+                ("providesAdjointDerivatives", "false"),
+                ("maxOutputDerivativeOrder", "0"),
+                ("providesIntermediateUpdate", "false"),
+                ("mightReturnEarlyFromDoStep", "false"),
+                ("canReturnEarlyAfterIntermediateUpdate", "false"),
+                ("hasEventMode", "false"),
+            ],
+        };
+        attributes(&common) + &attributes(own)
+    }
+
+    /// Outputs follow from the state alone: between steps no input reaches them. At the beginning they follow from all
+    /// that was set.
+    fn structure(&self, lines: &mut Lines, version: Version) {
+        // FMI 2.0 counts variables from 1 in the order of the description, FMI 3.0 names value references.
+        let outputs: Vec<String> = self
+            .variables
+            .iter()
+            .zip(1..)
+            .filter(|(variable, _)| causality(variable.role) == "output")
+            .map(|(variable, place)| match version {
+                Version::V2 => attribute("index", &place.to_string()),
+                Version::V3 => attribute("valueReference", &variable.role.reference().to_string()),
+            })
+            .collect();
+        match version {
+            Version::V2 => {
+                let list = |lines: &mut Lines, rest: &str| {
+                    outputs.iter().for_each(|output| lines.put(&format!("<Unknown{output}{rest}/>")));
+                };
+                lines.within("Outputs", "", |lines| list(lines, " dependencies=\"\""));
+                lines.within("InitialUnknowns", "", |lines| list(lines, ""));
+            }
+            Version::V3 => {
+                outputs.iter().for_each(|output| lines.put(&format!("<Output{output} dependencies=\"\"/>")));
+                outputs.iter().for_each(|output| lines.put(&format!("<InitialUnknown{output}/>")));
+            }
+        }
+    }
+}
+
+fn units(lines: &mut Lines) {
+    for (name, exponents) in UNITS {
+        let parts = ["kg", "m", "s"].into_iter().zip(exponents).filter(|(_, exponent)| *exponent != 0);
+        let base: String = parts.map(|(base, exponent)| attribute(base, &exponent.to_string())).collect();
+        lines.within("Unit", &attribute("name", name), |lines| lines.put(&format!("<BaseUnit{base}/>")));
+    }
+}
+
+fn mode_type(lines: &mut Lines, version: Version) {
+    let items = |lines: &mut Lines| {
+        for (name, value, is) in [
+            ("Deforming", "1", "the seal bends with the instrument"),
+            ("Sliding", "2", "the instrument slides through the seal"),
+        ] {
+            lines.put(&format!("<Item{}/>", attributes(&[("name", name), ("value", value), ("description", is)])));
+        }
+    };
+    let name = attribute("name", "Mode");
+    match version {
+        Version::V2 => lines.within("SimpleType", &name, |lines| lines.within("Enumeration", "", items)),
+        Version::V3 => lines.within("EnumerationType", &name, items),
+    }
+}
+
+fn categories(lines: &mut Lines) {
+    for (name, is) in [(ERRORS, "Calls that were refused"), (WARNINGS, "Calls that were done differently than asked")] {
+        let name = name.to_string_lossy();
+        lines.put(&format!("<Category{}/>", attributes(&[("name", &name), ("description", is)])));
+    }
+}
+
+fn causality(role: Role) -> &'static str {
+    match role {
+        Role::Time => "independent",
+        Role::Input(_) => "input",
+        Role::Force | Role::Deflection | Role::Mode | Role::Position => "output",
+        Role::InitialForce | Role::InitialDeflection | Role::InitialPosition | Role::Tunable(_) => "parameter",
+    }
+}
+
+fn variability(role: Role) -> &'static str {
+    match role {
+        Role::Time | Role::Input(_) | Role::Force | Role::Deflection | Role::Position => "continuous",
+        Role::Mode => "discrete",
+        Role::InitialForce | Role::InitialDeflection | Role::InitialPosition => "fixed",
+        Role::Tunable(_) => "tunable",
+    }
+}
+
+fn variable(lines: &mut Lines, variable: &Variable, version: Version) {
+    let Variable { role, name, unit, description, start, least } = variable;
+    let mut common = attributes(&[
+        ("name", name),
+        ("valueReference", &role.reference().to_string()),
+        ("description", description),
+        ("causality", causality(*role)),
+        ("variability", variability(*role)),
+    ]);
+    match causality(*role) {
+        "output" => common += &attribute("initial", "calculated"),
+        "parameter" => common += &attribute("initial", "exact"),
+        _ => {}
+    }
+    let mut typed = if *role == Role::Mode { attribute("declaredType", "Mode") } else { attribute("unit", unit) };
+    if let Some((least, _)) = least {
+        typed += &attribute("min", &number(*least));
+    }
+    if let Some(start) = start {
+        typed += &attribute("start", &number(*start));
+    }
+    match (version, *role == Role::Mode) {
+        (Version::V2, false) => lines.within("ScalarVariable", &common, |l| l.put(&format!("<Real{typed}/>"))),
+        (Version::V2, true) => lines.within("ScalarVariable", &common, |l| l.put(&format!("<Enumeration{typed}/>"))),
+        (Version::V3, false) => lines.put(&format!("<Float64{common}{typed}/>")),
+        (Version::V3, true) => lines.put(&format!("<Enumeration{common}{typed}/>")),
+    }
+}

@@ -1,0 +1,204 @@
+//! Makes the file: description, libraries and model in a ZIP archive.
+
+use std::error::Error;
+use std::fmt;
+use std::str::FromStr;
+
+use trocar_model::Trocar;
+
+use crate::resource::{MODEL, to_bytes, to_row};
+use crate::variables::{Input, token, variables};
+use description::Description;
+use zip::Archive;
+
+mod description;
+mod zip;
+
+/// Base name of the libraries, `modelIdentifier` in the description.
+const IDENTIFIER: &str = "trocar";
+
+/// Version of FMI.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Version {
+    /// FMI 2.0.
+    V2,
+    /// FMI 3.0.
+    V3,
+}
+
+/// What an FMU is made of.
+#[derive(Debug, Clone)]
+pub struct Contents<'a> {
+    /// Name of the model, for people.
+    pub name: &'a str,
+    /// The model.
+    pub trocar: Trocar<'a>,
+    /// What drives it.
+    pub input: Input,
+    /// Version of FMI.
+    pub version: Version,
+    /// The model as text, for people; the library does not read it.
+    pub text: &'a str,
+    /// This crate as a library, one a platform.
+    pub binaries: &'a [Binary],
+}
+
+/// This crate as a shared library.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Binary {
+    /// Where it runs.
+    pub platform: Platform,
+    /// The file.
+    pub bytes: Vec<u8>,
+}
+
+impl Binary {
+    /// Whether the file begins as a library of its platform does.
+    pub fn is_plausible(&self) -> bool {
+        self.platform.takes(&self.bytes)
+    }
+}
+
+/// A platform that FMI has a name for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Platform {
+    /// Name in FMI 3.0, such as `x86_64-linux`.
+    tuple: &'static str,
+    /// Name in FMI 2.0; where that has none, the one of 3.0.
+    short: &'static str,
+}
+
+const PLATFORMS: [Platform; 8] = [
+    Platform { tuple: "x86_64-linux", short: "linux64" },
+    Platform { tuple: "x86-linux", short: "linux32" },
+    Platform { tuple: "aarch64-linux", short: "aarch64-linux" },
+    Platform { tuple: "x86_64-windows", short: "win64" },
+    Platform { tuple: "x86-windows", short: "win32" },
+    Platform { tuple: "aarch64-windows", short: "aarch64-windows" },
+    Platform { tuple: "x86_64-darwin", short: "darwin64" },
+    Platform { tuple: "aarch64-darwin", short: "aarch64-darwin" },
+];
+
+impl Platform {
+    /// The platform that this program was built for; `None` where FMI has no name for it.
+    pub fn native() -> Option<Self> {
+        let system = if std::env::consts::OS == "macos" { "darwin" } else { std::env::consts::OS };
+        format!("{}-{system}", std::env::consts::ARCH).parse().ok()
+    }
+
+    fn extension(self) -> &'static str {
+        match self.system() {
+            "windows" => "dll",
+            "darwin" => "dylib",
+            _ => "so",
+        }
+    }
+
+    fn system(self) -> &'static str {
+        self.tuple.split_once('-').map_or("", |(_, system)| system)
+    }
+
+    /// Whether `bytes` begin as a library of this system does: ELF, PE or Mach-O.
+    fn takes(self, bytes: &[u8]) -> bool {
+        match self.system() {
+            "windows" => bytes.starts_with(b"MZ"),
+            "darwin" => bytes.starts_with(&[0xcf, 0xfa, 0xed, 0xfe]) || bytes.starts_with(&[0xca, 0xfe, 0xba, 0xbe]),
+            _ => bytes.starts_with(b"\x7fELF"),
+        }
+    }
+}
+
+impl fmt::Display for Platform {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.tuple)
+    }
+}
+
+impl FromStr for Platform {
+    type Err = PackageError;
+
+    /// From its name in FMI 3.0 or 2.0.
+    fn from_str(name: &str) -> Result<Self, PackageError> {
+        let found = PLATFORMS.into_iter().find(|platform| name == platform.tuple || name == platform.short);
+        found.ok_or_else(|| PackageError::Platform { name: name.to_owned() })
+    }
+}
+
+/// Why there is no FMU.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PackageError {
+    /// A platform that FMI has no name for.
+    Platform {
+        /// As given.
+        name: String,
+    },
+    /// No library at all.
+    NoBinary,
+    /// Two libraries for one platform.
+    Twice {
+        /// Platform.
+        platform: Platform,
+    },
+    /// A file that is no library of its platform.
+    NotBinary {
+        /// Platform.
+        platform: Platform,
+    },
+    /// An archive larger than its format can hold.
+    TooLarge,
+}
+
+impl fmt::Display for PackageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Platform { name } => {
+                let names = PLATFORMS.map(|platform| platform.tuple).join(", ");
+                write!(f, "no platform \"{name}\", must be one of {names}")
+            }
+            Self::NoBinary => f.write_str("an FMU needs a library for at least one platform"),
+            Self::Twice { platform } => write!(f, "two libraries for {platform}"),
+            Self::NotBinary { platform } => write!(f, "not a shared library for {platform}"),
+            Self::TooLarge => f.write_str("an FMU cannot be larger than 4 GB"),
+        }
+    }
+}
+
+impl Error for PackageError {}
+
+/// The bytes of an FMU: the same contents give the same bytes.
+///
+/// # Errors
+/// [`PackageError`] without a library, for two of one platform, or for a file that is none.
+pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
+    let Contents { name, trocar, input, version, text, binaries } = *contents;
+    let row = to_row(&trocar);
+    let description = Description {
+        name,
+        identifier: IDENTIFIER,
+        token: &token(&row, input),
+        variables: &variables(&trocar, input),
+        has_mode: trocar.rest(0.0).deformation().is_some(),
+    };
+    let mut archive = Archive::default();
+    archive.add("modelDescription.xml", description.to_xml(version).as_bytes())?;
+    for (place, binary) in binaries.iter().enumerate() {
+        let Binary { platform, bytes } = binary;
+        if !binary.is_plausible() {
+            return Err(PackageError::NotBinary { platform: *platform });
+        }
+        if binaries[..place].iter().any(|other| other.platform == *platform) {
+            return Err(PackageError::Twice { platform: *platform });
+        }
+        let folder = if version == Version::V2 { platform.short } else { platform.tuple };
+        archive.add(&format!("binaries/{folder}/{IDENTIFIER}.{}", platform.extension()), bytes)?;
+    }
+    if binaries.is_empty() {
+        return Err(PackageError::NoBinary);
+    }
+    archive.add(&format!("resources/{MODEL}"), &to_bytes(&row))?;
+    archive.add("resources/model.json", text.as_bytes())?;
+    archive.add("documentation/licenses/LICENSE-MIT.txt", include_bytes!("../../../../LICENSE-MIT"))?;
+    archive.add("documentation/licenses/LICENSE-APACHE.txt", include_bytes!("../../../../LICENSE-APACHE"))?;
+    archive.finish()
+}

@@ -1,0 +1,131 @@
+//! Everything that changes in an instance, and its bytes.
+//!
+//! The bytes, little-endian: [`MAGIC`], the identity of the model (16), the numbers (8 each), FNV-1a of all before (8).
+
+use trocar_model::flat::STATE_NUMBERS;
+use trocar_model::{ParamError, Trocar, TrocarState};
+
+use crate::error::{FmuError, Phase};
+use crate::hash::fnv_64;
+
+/// First bytes of every serialised state; the last is the version.
+const MAGIC: [u8; 8] = *b"TROCFMU\x01";
+const HEAD: usize = 8 + 16;
+const TAIL: usize = 8;
+/// Numbers besides parameters and state of the model.
+const OWN: usize = 8;
+
+/// Everything that changes in an instance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    pub(crate) identity: u128,
+    pub(crate) phase: Phase,
+    /// s.
+    pub(crate) time: f64,
+    /// s.
+    pub(crate) stop: Option<f64>,
+    /// m or m/s.
+    pub(crate) input: f64,
+    /// N.
+    pub(crate) initial_force: f64,
+    /// m.
+    pub(crate) initial_deflection: f64,
+    /// m.
+    pub(crate) initial_position: f64,
+    /// In the order of the model's parameters.
+    pub(crate) tunables: Vec<f64>,
+    pub(crate) state: TrocarState,
+}
+
+const PHASES: [Phase; 4] = [Phase::Instantiated, Phase::Initialization, Phase::Step, Phase::Terminated];
+
+impl Snapshot {
+    pub(crate) fn new(identity: u128, tunables: Vec<f64>, state: TrocarState) -> Self {
+        Self {
+            identity,
+            phase: Phase::Instantiated,
+            time: 0.0,
+            stop: None,
+            input: 0.0,
+            initial_force: 0.0,
+            initial_deflection: 0.0,
+            initial_position: 0.0,
+            tunables,
+            state,
+        }
+    }
+
+    /// Bytes for a model of `tunables` parameters.
+    pub(crate) fn length(tunables: usize) -> usize {
+        HEAD + 8 * (OWN + tunables + STATE_NUMBERS) + TAIL
+    }
+
+    /// The bytes.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let phase = PHASES.iter().position(|phase| *phase == self.phase).unwrap_or(0);
+        let own: [f64; OWN] = [
+            phase as f64,
+            self.time,
+            f64::from(u8::from(self.stop.is_some())),
+            self.stop.unwrap_or(0.0),
+            self.input,
+            self.initial_force,
+            self.initial_deflection,
+            self.initial_position,
+        ];
+        let state = self.state.to_numbers();
+        let numbers = own.iter().chain(&self.tunables).chain(&state).flat_map(|number| number.to_le_bytes());
+        let mut bytes: Vec<u8> = MAGIC.into_iter().chain(self.identity.to_le_bytes()).chain(numbers).collect();
+        bytes.extend(fnv_64(&bytes).to_le_bytes());
+        bytes
+    }
+
+    /// From bytes, for the model of `identity` with so many `tunables`; `tuned` gives the model for their values.
+    pub(crate) fn from_bytes<'a>(
+        bytes: &[u8],
+        identity: u128,
+        tunables: usize,
+        tuned: impl FnOnce(&[f64]) -> Result<Trocar<'a>, ParamError>,
+    ) -> Result<Self, FmuError> {
+        let head: Vec<u8> = MAGIC.into_iter().chain(identity.to_le_bytes()).collect();
+        if bytes.len() >= HEAD && !bytes.starts_with(&head) {
+            return Err(FmuError::StateForeign);
+        }
+        let expected = Self::length(tunables);
+        if bytes.len() != expected {
+            return Err(FmuError::StateLength { found: bytes.len(), expected });
+        }
+        let (body, tail) = bytes.split_at(expected - TAIL);
+        if tail != fnv_64(body).to_le_bytes() {
+            return Err(FmuError::StateDamaged);
+        }
+        let (numbers, _) = body[HEAD..].as_chunks::<8>();
+        let numbers: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
+        Self::from_numbers(identity, &numbers, tunables, tuned).ok_or(FmuError::StateDamaged)
+    }
+
+    fn from_numbers<'a>(
+        identity: u128,
+        numbers: &[f64],
+        tunables: usize,
+        tuned: impl FnOnce(&[f64]) -> Result<Trocar<'a>, ParamError>,
+    ) -> Option<Self> {
+        let (own, rest) = numbers.split_first_chunk::<OWN>()?;
+        let (values, state) = rest.split_at_checked(tunables)?;
+        let [phase, time, stops, stop, input, initial_force, initial_deflection, initial_position] = *own;
+        let finite = own.iter().all(|number| number.is_finite());
+        let trocar = tuned(values).ok().filter(|_| finite)?;
+        Some(Self {
+            identity,
+            phase: *PHASES.iter().enumerate().find(|(place, _)| *place as f64 == phase)?.1,
+            time,
+            stop: (stops != 0.0).then_some(stop),
+            input,
+            initial_force,
+            initial_deflection,
+            initial_position,
+            tunables: values.to_vec(),
+            state: trocar.state_from_numbers(state).ok()?,
+        })
+    }
+}

@@ -1,0 +1,168 @@
+//! The variables of an FMU: one table, from which the description is written and by which the library answers.
+
+use trocar_model::{Seal, Trocar};
+
+use crate::hash::fnv_128;
+
+/// Version of the table and of serialised states: part of every token.
+const LAYOUT: &[u8] = b"trocar-fmu 1";
+
+/// What drives the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Input {
+    /// Position of the instrument at the end of the step, m.
+    Position,
+    /// Velocity of the instrument, m/s, constant over the step.
+    Velocity,
+}
+
+impl Input {
+    /// All kinds.
+    pub const ALL: [Self; 2] = [Self::Position, Self::Velocity];
+}
+
+/// What a variable means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Simulated time.
+    Time,
+    /// What drives the model.
+    Input(Input),
+    /// Force of the instrument on the seal.
+    Force,
+    /// Deflection of the seal.
+    Deflection,
+    /// Whether the seal slides.
+    Mode,
+    /// Where the instrument is, if it is driven by velocity.
+    Position,
+    /// Force that the seal begins with.
+    InitialForce,
+    /// Deflection that the seal begins with.
+    InitialDeflection,
+    /// Where the instrument begins, if it is driven by velocity.
+    InitialPosition,
+    /// Parameter of the model, by its place in [`Seal::tunables`].
+    Tunable(usize),
+}
+
+/// Value reference of the first parameter of the model.
+const FIRST_TUNABLE: u32 = 100;
+
+impl Role {
+    /// Value reference, the same in every FMU.
+    pub fn reference(self) -> u32 {
+        match self {
+            Self::Time => 0,
+            Self::Input(_) => 1,
+            Self::Force => 2,
+            Self::Deflection => 3,
+            Self::Mode => 4,
+            Self::Position => 5,
+            Self::InitialForce => 6,
+            Self::InitialDeflection => 7,
+            Self::InitialPosition => 8,
+            Self::Tunable(place) => FIRST_TUNABLE + place as u32,
+        }
+    }
+}
+
+/// A variable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variable {
+    /// What it means.
+    pub role: Role,
+    /// Name with its unit, unique.
+    pub name: String,
+    /// Unit in SI; empty for the mode, which is an enumeration.
+    pub unit: &'static str,
+    /// What it is, for people.
+    pub description: String,
+    /// Value at the beginning; `None` for what the FMU computes.
+    pub start: Option<f64>,
+    /// Least value allowed, and whether it is itself left out.
+    pub least: Option<(f64, bool)>,
+}
+
+impl Variable {
+    fn new(role: Role, name: &str, unit: &'static str, description: &str, start: Option<f64>) -> Self {
+        let (name, description) = (name.to_owned(), description.to_owned());
+        Self { role, name, unit, description, start, least: None }
+    }
+}
+
+/// Variables of `trocar` driven by `input`, by rising value reference.
+///
+/// A parameter that is infinite (a law switched off) is left out: not every importer reads an infinite start value.
+pub fn variables(trocar: &Trocar, input: Input) -> Vec<Variable> {
+    let is_ems = matches!(trocar.seal(), Seal::Ems(_));
+    let driven = input == Input::Velocity;
+    let mut table = vec![Variable::new(Role::Time, "time", "s", "simulated time", None), input_variable(input)];
+    let force = "force of the instrument on the seal, positive on insertion; the instrument feels its negative";
+    table.push(Variable::new(Role::Force, "force_n", "N", force, None));
+    if is_ems {
+        let deflection = "deflection of the seal, the mean of several elements";
+        table.push(Variable::new(Role::Deflection, "deflection_m", "m", deflection, None));
+        table.push(Variable::new(Role::Mode, "mode", "", "whether the seal deforms or slides", None));
+    }
+    if driven {
+        table.push(Variable::new(Role::Position, "position_m", "m", "where the instrument is", None));
+    }
+    let begins = "force to begin with, at rest; 0: that of an undeformed seal";
+    table.push(Variable::new(Role::InitialForce, "initial_force_n", "N", begins, Some(0.0)));
+    if is_ems {
+        let begins = "deflection to begin with, at rest; at most one of this and initial_force_n";
+        table.push(Variable::new(Role::InitialDeflection, "initial_deflection_m", "m", begins, Some(0.0)));
+    }
+    if driven {
+        let begins = "where the instrument begins";
+        table.push(Variable::new(Role::InitialPosition, "initial_position_m", "m", begins, Some(0.0)));
+    }
+    table.extend(parameters(trocar.seal()));
+    table
+}
+
+fn input_variable(input: Input) -> Variable {
+    let role = Role::Input(input);
+    match input {
+        Input::Position => {
+            let is = "where the instrument is at the end of the step; before the first step: where it stands";
+            Variable::new(role, "position_m", "m", is, Some(0.0))
+        }
+        Input::Velocity => {
+            let is = "velocity of the instrument during the step, positive on insertion";
+            Variable::new(role, "velocity_m_s", "m/s", is, Some(0.0))
+        }
+    }
+}
+
+fn parameters(seal: &Seal) -> impl Iterator<Item = Variable> {
+    let finite = |(_, tunable): &(usize, trocar_model::Tunable)| tunable.value.is_finite();
+    seal.tunables().enumerate().filter(finite).map(|(place, tunable)| {
+        let name = match tunable.element {
+            Some(element) => format!("element{}.{}", element + 1, tunable.name),
+            None => tunable.name.to_owned(),
+        };
+        let above = if tunable.above_least { format!("; above {}", tunable.least) } else { String::new() };
+        let description = format!("{}{above}", tunable.description);
+        let least = Some((tunable.least, tunable.above_least));
+        let (role, unit, start) = (Role::Tunable(place), tunable.unit, Some(tunable.value));
+        Variable { role, name, unit, description, start, least }
+    })
+}
+
+/// What tells an FMU from others: of the model, `row`, what drives it, and this version.
+pub(crate) fn identity(row: &[f64], input: Input) -> u128 {
+    let kind = match input {
+        Input::Position => 0,
+        Input::Velocity => 1,
+    };
+    let numbers = row.iter().flat_map(|number| number.to_le_bytes());
+    fnv_128(LAYOUT.iter().copied().chain([kind]).chain(numbers))
+}
+
+/// GUID (FMI 2.0) or instantiation token (3.0) of the FMU of the model `row` driven by `input`.
+pub fn token(row: &[f64], input: Input) -> String {
+    let hex = format!("{:032x}", identity(row, input));
+    format!("{{{}-{}-{}-{}-{}}}", &hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..])
+}
