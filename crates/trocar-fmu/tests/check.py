@@ -1,0 +1,291 @@
+"""Checks FMUs of trocar by FMPy: python check.py TROCAR MODELS MOTION FOLDER
+
+TROCAR is the program, MODELS a folder of model files, MOTION a CSV file with time_s and position_m, FOLDER takes what is
+made. Exports every model for both versions of FMI and both inputs, and holds the FMUs against `trocar simulate`. Prints
+what was compared; ends with 1 at the first difference.
+"""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import numpy
+from fmpy import simulate_fmu
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+
+from drive import Instance, Unit, read_motion
+
+# N: velocity times duration gives a position that is off by rounding, some 1e-17 m, and so the force by that times the
+# steepest stiffness, with room for what a slip amplifies.
+VELOCITY_TOLERANCE_N = 1e-9
+# N: FMPy counts time in multiples of the step, not by adding up.
+GRID_TOLERANCE_N = 1e-9
+# N: 6 % of a rational Stribeck curve are left at 0.1 m/s, and F_s, 1.3 times F_c, grows with it.
+STEADY_TOLERANCE_N = 5e-3
+# N: how much more friction the test asks for.
+MORE_N = 0.25
+
+
+def check(is_so, what):
+    if not is_so:
+        raise AssertionError(what)
+
+
+def refused(instance, action, *words):
+    """The call fails with an error, and the FMU says why with these words."""
+    before = len(instance.messages)
+    try:
+        action()
+    except FMICallException as error:
+        check(error.status == 3, f"status 3 expected: {error}")
+    else:
+        raise AssertionError(f"not refused: {words}")
+    told = "\n".join(instance.messages[before:])
+    check(all(word in told for word in words), f"{words} expected in: {told}")
+
+
+def simulate(trocar, model, motion):
+    """Columns of `trocar simulate`: force, and for EMS elements deflection and mode."""
+    command = [trocar, "--quiet", "simulate", model, motion, "--out", "-"]
+    text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    rows = [line.split(",")[2:] for line in text.splitlines()[1:]]
+    if len(rows[0]) == 1:
+        return [(float(force),) for (force,) in rows]
+    return [(float(force), float(deflection), {"deforming": 1, "sliding": 2}[mode]) for force, deflection, mode in rows]
+
+
+def check_forces(unit, rows, truth):
+    """Equal to the last bit, and again after a reset."""
+    instance = Instance(unit)
+    names = ["force_n", "deflection_m"][: len(truth[0])]
+    for _ in range(2):
+        instance.start(*rows[0])
+        for row, expected in zip(rows, truth):
+            instance.advance(*row)
+            found = tuple(instance.get(*names)) + ((instance.mode(),) if len(expected) == 3 else ())
+            check(found == expected, f"at {row[0]} s: {found}, simulated {expected}")
+        instance.fmu.terminate()
+        instance.fmu.reset()
+    check(instance.messages == [], f"messages: {instance.messages}")
+    instance.close()
+
+
+def check_states(unit, rows, forces):
+    """State in the middle of the way: back, into another instance by bytes, and a damaged one refused."""
+    middle = len(rows) // 2
+    first, second = Instance(unit, "first"), Instance(unit, "second")
+    first.start(*rows[0])
+    for row in rows[1:middle]:
+        first.advance(*row)
+    state = first.state()
+    text = first.to_bytes(state)
+    for _ in range(2):
+        check([first.advance(*row) for row in rows[middle:]] == forces[middle:], "a state brought back goes on as before")
+        first.set_state(state)
+    copy = second.from_bytes(text, state[1])
+    second.set_state(copy)
+    check([second.advance(*row) for row in rows[middle:]] == forces[middle:], "a state by bytes goes on as before")
+    refused(second, lambda: second.from_bytes(text[:-1], 0.0), "bytes")
+    flipped = text[:40] + bytes([text[40] ^ 1]) + text[41:]
+    refused(second, lambda: second.from_bytes(flipped, 0.0), "damaged")
+    for instance, kept in [(first, state), (second, copy)]:
+        instance.free_state(kept)
+        instance.close()
+    return text
+
+
+def check_two(unit, rows, forces):
+    """Two instances, step by step in turn, the second one late: each as if alone."""
+    pair = [Instance(unit, "one"), Instance(unit, "two")]
+    for instance in pair:
+        instance.start(*rows[0])
+    late = len(rows) // 5
+    found = [[pair[0].force()], [pair[1].force()]]
+    for k, row in enumerate(rows[1:], 1):
+        found[0].append(pair[0].advance(*row))
+        if k > late:
+            found[1].append(pair[1].advance(*rows[k - late]))
+    check(found[0] == forces, "the first of two instances is as if alone")
+    check(found[1] == forces[: len(found[1])], "the second of two instances is as if alone")
+    for instance in pair:
+        instance.close()
+
+
+def check_velocity(unit, rows, forces):
+    """Driven by velocity; returns the largest difference, N."""
+    instance = Instance(unit)
+    off = max(abs(found - expected) for found, expected in zip(instance.run(rows), forces))
+    check(off <= VELOCITY_TOLERANCE_N, f"driven by velocity, force is off by {off} N")
+    instance.close()
+    return off
+
+
+def steady(instance):
+    """Force after 600 mm at 0.1 m/s, N."""
+    for _ in range(1200):
+        end = instance.time + 5e-3
+        instance.fmu.doStep(currentCommunicationPoint=instance.time, communicationStepSize=end - instance.time)
+        instance.time = end
+    return instance.force()
+
+
+def level_at_end(model):
+    """What the force along the way is multiplied by behind the last knot."""
+    with open(model) as file:
+        travel = json.load(file).get("travel")
+    return travel["level"][-1] if travel else 1.0
+
+
+def check_tuning(unit, level):
+    """More friction in the midst of a slide is felt as such, and taken back again; other values are refused."""
+    names = [name for name in unit.starts if name.endswith("coulomb_force_n") and "withdrawal" not in name]
+    if not names:
+        return
+    instance = Instance(unit)
+    instance.start(0.0, 0.1)
+    instance.set({"velocity_m_s": 0.1})
+    before = steady(instance)
+    old = [unit.starts[name] for name in names]
+    instance.set({name: value + MORE_N for name, value in zip(names, old)})
+    more = steady(instance) - before
+    asked = level * MORE_N * len(names)
+    check(abs(more - asked) < STEADY_TOLERANCE_N, f"{asked} N more of {names} are {more} N")
+    for bad in [0.0, -1.0, math.nan, math.inf]:
+        refused(instance, lambda: instance.set({names[0]: bad}), names[0], "must be", "old value stays")
+    check(instance.get(names[0])[0] == old[0] + MORE_N, "a refused value leaves the old one")
+    instance.set(dict(zip(names, old)))
+    after = steady(instance)
+    check(abs(after - before) < STEADY_TOLERANCE_N, f"taken back, {after} N instead of {before} N")
+    instance.close()
+
+
+def check_faults(unit, rows, forces):
+    """What is refused changes nothing: the forces are those of an undisturbed run."""
+    instance = Instance(unit)
+    step = instance.fmu.doStep
+    refused(instance, lambda: step(0.0, 1e-3), "not allowed now", "not yet in initialization mode")
+    instance.start(*rows[0])
+    found = [instance.force()]
+    for k, row in enumerate(rows[1:600]):
+        now = instance.time
+        if k % 100 == 50:
+            for size in [0.0, -1e-3, math.nan, math.inf]:
+                refused(instance, lambda: step(now, size), "step size must be positive and finite")
+            refused(instance, lambda: step(now + 1.0, 1e-3), "communication point must be", "got")
+            for value in [math.nan, math.inf, -math.inf]:
+                refused(instance, lambda: instance.set({instance.input: value}), instance.input, "must be finite")
+            refused(instance, lambda: instance.set({"force_n": 1.0}), "force_n cannot be set")
+            refused(instance, lambda: instance.set({"initial_force_n": 1.0}), "initial_force_n cannot be set while")
+            refused(instance, lambda: instance.fmu.exitInitializationMode(), "not allowed now", "stepping")
+        found.append(instance.advance(*row))
+    check(found == forces[:600], "refused calls change nothing")
+    instance.fmu.terminate()
+    refused(instance, lambda: step(instance.time, 1e-3), "terminated")
+    instance.close()
+
+
+def check_instantiation(unit, folder):
+    """Wrong tokens and missing or damaged resources: no instance, and a message."""
+    resources = os.path.join(unit.folder, "resources")
+    with open(os.path.join(resources, "model.f64"), "rb") as file:
+        model = file.read()
+    cases = {
+        "no model": (None, "cannot read the model"),
+        "empty model": (b"", "damaged"),
+        "truncated model": (model[: len(model) // 2], "damaged"),
+        "model of nonsense": (b"\xff" * len(model), "damaged"),
+    }
+    cases = [(name, content, None, words) for name, (content, words) in cases.items()]
+    cases.append(("wrong token", model, "{00000000-0000-0000-0000-000000000000}", "is not that of the model"))
+    for name, content, token, words in cases:
+        # A blank and a percent sign: FMI 2.0 gives the folder as a URI.
+        broken = os.path.join(folder, "broken 100%")
+        shutil.rmtree(broken, ignore_errors=True)
+        shutil.copytree(unit.folder, broken)
+        path = os.path.join(broken, "resources", "model.f64")
+        os.remove(path)
+        if content is not None:
+            with open(path, "wb") as file:
+                file.write(content)
+        told = []
+        try:
+            instance = Instance.__new__(Instance)
+            instance.messages = told
+            Instance.__init__(instance, unit, token=token, folder=broken)
+        except Exception:
+            pass
+        else:
+            raise AssertionError(f"{name}: instantiated")
+        check(any(words in text for text in instance.messages), f"{name}: {words} expected in {instance.messages}")
+    whole = os.path.join(folder, "whole 100% of it")
+    shutil.rmtree(whole, ignore_errors=True)
+    shutil.copytree(unit.folder, whole)
+    Instance(unit, folder=whole).close()
+
+
+def check_simulate_fmu(trocar, model, path, folder):
+    """FMPy's own loop. It sets the input of a step's beginning: the position comes one step late."""
+    step, count = 1e-3, 1000
+    way = [0.1 + 0.004 * math.sin(2 * math.pi * 3.0 * k * step) for k in range(count + 1)]
+    motion = os.path.join(folder, "late.csv")
+    with open(motion, "w") as file:
+        late = [way[0]] + way[:-1]
+        file.write("time_s,position_m\n" + "".join(f"{k * step!r},{x!r}\n" for k, x in enumerate(late)))
+    truth = [row[0] for row in simulate(trocar, model, motion)]
+    signals = numpy.array([(k * step, x) for k, x in enumerate(way)], dtype=[("time", "f8"), ("position_m", "f8")])
+    found = simulate_fmu(path, stop_time=count * step, output_interval=step, input=signals, output=["force_n"])
+    check(len(found) == len(truth), f"{len(found)} rows of {len(truth)}")
+    off = max(abs(found["force_n"] - truth))
+    check(off <= GRID_TOLERANCE_N, f"simulate_fmu is off by {off} N")
+    return off
+
+
+def main():
+    if len(sys.argv) != 5:
+        sys.exit(__doc__)
+    trocar, models, motion, folder = map(os.path.abspath, sys.argv[1:])
+    os.makedirs(folder, exist_ok=True)
+    rows = read_motion(motion)
+    foreign = {}
+    for file in sorted(os.listdir(models)):
+        name, model = os.path.splitext(file)[0], os.path.join(models, file)
+        truth = simulate(trocar, model, motion)
+        forces = [row[0] for row in truth]
+        told = []
+        for fmi in "23":
+            paths = {}
+            for drive in ["position", "velocity"]:
+                path = paths[drive] = os.path.join(folder, f"{name}.{drive}.{fmi}.fmu")
+                command = [trocar, "--quiet", "export", "fmu", model, "--fmi", fmi, "--input", drive, "--out", path]
+                subprocess.run(command, check=True)
+                problems = validate_fmu(path)
+                check(problems == [], f"{path}: {problems}")
+                with zipfile.ZipFile(path) as archive:
+                    check(archive.testzip() is None, f"{path}: archive is damaged")
+            with Unit(paths["position"]) as unit:
+                check_forces(unit, rows, truth)
+                text = check_states(unit, rows, forces)
+                check_two(unit, rows, forces)
+                check_faults(unit, rows, forces)
+                check_instantiation(unit, folder)
+                other = foreign.get(fmi)
+                if other is not None:
+                    instance = Instance(unit)
+                    refused(instance, lambda: instance.from_bytes(other, 0.0), "another model")
+                    instance.close()
+                foreign[fmi] = text
+            with Unit(paths["velocity"]) as unit:
+                off = check_velocity(unit, rows, forces)
+                check_tuning(unit, level_at_end(model))
+            told.append(f"FMI {fmi}.0 by velocity {off:.1e} N, simulate_fmu "
+                        f"{check_simulate_fmu(trocar, model, paths['position'], folder):.1e} N")
+        print(f"{name}: {len(rows)} rows bit-identical; {'; '.join(told)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+"""Runs an FMU of trocar along a motion: python drive.py FMU MOTION
+
+MOTION is a CSV file with the columns time_s and position_m. Prints one force in newtons per row, with as many digits as
+give the number back. The first row is where the instrument stands; a row at the time of the row before changes nothing.
+An FMU driven by velocity gets the velocity that leads to the position of the row.
+
+Needs FMPy 0.3.32; written for Python 3.9 and later.
+"""
+
+import csv
+import shutil
+import sys
+
+import fmpy
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi3 import FMU3Slave
+
+
+class Unit:
+    """An unpacked FMU."""
+
+    def __init__(self, path):
+        self.description = fmpy.read_model_description(path)
+        self.folder = fmpy.extract(path)
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.starts = {v.name: float(v.start) for v in self.description.modelVariables if v.start is not None}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+class Instance:
+    """One instance of a unit. A call that is refused raises FMICallException; `messages` holds what the FMU said."""
+
+    def __init__(self, unit, name="seal", token=None, folder=None):
+        self.unit = unit
+        self.messages = []
+        self.is_fmi2 = unit.description.fmiVersion.startswith("2")
+        self.input = "position_m" if "velocity_m_s" not in unit.references else "velocity_m_s"
+        kind = FMU2Slave if self.is_fmi2 else FMU3Slave
+        self.fmu = kind(
+            guid=unit.description.guid if token is None else token,
+            unzipDirectory=unit.folder if folder is None else folder,
+            modelIdentifier=unit.description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        if self.is_fmi2:
+            callbacks = fmi2CallbackFunctions()
+            callbacks.logger = fmi2CallbackLoggerTYPE(lambda _e, _n, _s, _c, text: self.messages.append(text.decode()))
+            self.fmu.instantiate(callbacks=callbacks)
+        else:
+            self.fmu.instantiate(logMessage=lambda _e, _s, _c, text: self.messages.append(text.decode()))
+
+    def set(self, values):
+        """Sets variables by name, all in one call."""
+        references = [self.unit.references[name] for name in values]
+        (self.fmu.setReal if self.is_fmi2 else self.fmu.setFloat64)(references, list(values.values()))
+
+    def get(self, *names):
+        references = [self.unit.references[name] for name in names]
+        return (self.fmu.getReal if self.is_fmi2 else self.fmu.getFloat64)(references)
+
+    def force(self):
+        return self.get("force_n")[0]
+
+    def mode(self):
+        """1 deforming, 2 sliding."""
+        reference = [self.unit.references["mode"]]
+        return (self.fmu.getInteger if self.is_fmi2 else self.fmu.getInt64)(reference)[0]
+
+    def start(self, time, position):
+        """Begins at rest at `position`, m."""
+        self.time = time
+        if self.is_fmi2:
+            self.fmu.setupExperiment(startTime=time)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(startTime=time)
+        self.set({"initial_position_m" if self.input == "velocity_m_s" else "position_m": position})
+        self.fmu.exitInitializationMode()
+
+    def advance(self, time, position):
+        """Steps to `position` (m) at `time` (s), unless that is now."""
+        duration = time - self.time
+        if duration > 0.0:
+            if self.input == "position_m":
+                self.set({"position_m": position})
+            else:
+                self.set({"velocity_m_s": (position - self.get("position_m")[0]) / duration})
+            self.fmu.doStep(currentCommunicationPoint=self.time, communicationStepSize=duration)
+            self.time = time
+        return self.force()
+
+    def run(self, motion):
+        """Forces along all of `motion`, N."""
+        self.start(*motion[0])
+        return [self.force()] + [self.advance(*row) for row in motion[1:]]
+
+    def state(self):
+        return (self.fmu.getFMUstate if self.is_fmi2 else self.fmu.getFMUState)(), self.time
+
+    def set_state(self, state):
+        (self.fmu.setFMUstate if self.is_fmi2 else self.fmu.setFMUState)(state[0])
+        self.time = state[1]
+
+    def free_state(self, state):
+        (self.fmu.freeFMUstate if self.is_fmi2 else self.fmu.freeFMUState)(state[0])
+
+    def to_bytes(self, state):
+        return (self.fmu.serializeFMUstate if self.is_fmi2 else self.fmu.serializeFMUState)(state[0])
+
+    def from_bytes(self, text, time):
+        read = self.fmu.deSerializeFMUstate if self.is_fmi2 else self.fmu.deserializeFMUState
+        return read(text), time
+
+    def close(self):
+        self.fmu.fmi2FreeInstance(self.fmu.component) if self.is_fmi2 else self.fmu.fmi3FreeInstance(self.fmu.component)
+
+
+def read_motion(path):
+    """Rows (time in s, position in m)."""
+    with open(path, newline="") as file:
+        return [(float(row["time_s"]), float(row["position_m"])) for row in csv.DictReader(file)]
+
+
+def main():
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    with Unit(sys.argv[1]) as unit:
+        instance = Instance(unit)
+        try:
+            forces = instance.run(read_motion(sys.argv[2]))
+        except FMICallException as error:
+            sys.exit("\n".join([str(error)] + instance.messages))
+        instance.close()
+    sys.stdout.write("".join(f"{force!r}\n" for force in forces))
+
+
+if __name__ == "__main__":
+    main()
