@@ -321,3 +321,30 @@ macro_rules! unsupported {
 }
 
 pub(crate) use unsupported;
+
+#[cfg(test)]
+mod tests {
+    use trocar_model::{Element, ElementParams, Trocar};
+
+    use super::*;
+    use crate::resource::{Resource, to_bytes, to_row};
+    use crate::variables::{Input, token};
+
+    #[test]
+    fn a_panic_ends_the_instance_and_not_the_importer() {
+        let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
+        let row = to_row(&Trocar::new(element, None));
+        let wanted = token(&row, Input::Position);
+        let logger = || Logger::Fmi3 { callback: None, environment: std::ptr::null_mut() };
+        assert!(instantiate("", logger(), || panic!("on purpose")).is_null());
+        let make = || Instance::from_resource(Resource::from_bytes(&to_bytes(&row), "")?, &wanted);
+        let handle = instantiate("", logger(), make);
+        // SAFETY: a live handle.
+        unsafe {
+            assert_eq!(call(handle, "", |_| Ok(Status::Ok)), Status::Ok as c_int);
+            assert_eq!(call(handle, "", |_| panic!("on purpose")), Status::Fatal as c_int);
+            assert_eq!(call(handle, "", |_| Ok(Status::Ok)), Status::Fatal as c_int);
+            free(handle);
+        }
+    }
+}
