@@ -8,17 +8,22 @@ what was compared; ends with 1 at the first difference.
 import json
 import math
 import os
+import pathlib
+import re
 import shutil
 import subprocess
 import sys
 import zipfile
 
+import fmpy
 import numpy
 from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 from drive import Instance, Unit, read_motion
+
+HEADERS = os.path.join(os.path.dirname(fmpy.__file__), "c-code")
 
 # N: velocity times duration gives a position that is off by rounding, some 1e-17 m, and so the force by that times the
 # steepest stiffness, with room for what a slip amplifies.
@@ -132,6 +137,43 @@ def steady(instance):
         instance.fmu.doStep(currentCommunicationPoint=instance.time, communicationStepSize=end - instance.time)
         instance.time = end
     return instance.force()
+
+
+def check_functions(unit, fmi):
+    """Every function that the headers of the standard declare is there."""
+    with open(os.path.join(HEADERS, f"fmi{fmi}FunctionTypes.h")) as file:
+        names = re.findall(rf"\b(fmi{fmi}\w+)TYPE\b", file.read())
+    library = Instance(unit)
+    missing = [name for name in names if not hasattr(library.fmu.dll, name)]
+    check(len(names) > 40 and missing == [], f"functions missing: {missing}")
+    library.close()
+
+
+def check_by_c(unit, fmi, motion, forces, folder):
+    """An importer in C with the headers of the standard, and sanitizers for memory."""
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        print("skipped: no C compiler for the importer in C", flush=True)
+        check(os.environ.get("CI") != "true", "CI needs a C compiler")
+        return
+    program = os.path.join(folder, "importer")
+    if not hasattr(check_by_c, "built"):
+        source = os.path.join(os.path.dirname(os.path.abspath(__file__)), "importer.c")
+        flags = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-g", "-fsanitize=address,undefined", "-I", HEADERS]
+        subprocess.run([compiler, *flags, source, "-o", program, "-ldl", "-lm"], check=True)
+        check_by_c.built = True
+    place = {"2": ("linux64", pathlib.Path(unit.folder, "resources").as_uri())}
+    place["3"] = ("x86_64-linux", os.path.join(unit.folder, "resources") + os.sep)
+    library = os.path.join(unit.folder, "binaries", place[fmi][0], "trocar.so")
+    command = [program, library, fmi, place[fmi][1], unit.description.guid, motion]
+    ran = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    check(ran.returncode == 0, f"{command}: {ran.stderr}")
+    check([float(line) for line in ran.stdout.splitlines()] == forces, "the importer in C finds the same forces")
+    for words in ["a state takes", "must be finite", "value reference 77", "null pointer for", "step size must be"]:
+        check(words in ran.stderr, f"{words} expected in {ran.stderr}")
+    # The message of FMI 2.0 is a printf format.
+    path = "/no such%/folder/model.f64" if fmi == "2" else "/no such/folder/model.f64"
+    check(path in ran.stderr, f"{path} expected in {ran.stderr}")
 
 
 def level_at_end(model):
@@ -279,6 +321,9 @@ def main():
                     refused(instance, lambda: instance.from_bytes(other, 0.0), "another model")
                     instance.close()
                 foreign[fmi] = text
+                if name == "ems_travel":
+                    check_functions(unit, fmi)
+                    check_by_c(unit, fmi, motion, forces, folder)
             with Unit(paths["velocity"]) as unit:
                 off = check_velocity(unit, rows, forces)
                 check_tuning(unit, level_at_end(model))

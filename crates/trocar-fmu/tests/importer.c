@@ -1,0 +1,189 @@
+/* An importer in C, against the headers of the standard: importer LIBRARY 2|3 RESOURCES TOKEN MOTION
+ *
+ * Runs an FMU driven by position along MOTION (CSV, time_s and position_m first) and prints one force per line; half way
+ * the state goes through its bytes into a second instance. Then does what the FMU must refuse and prints what it says
+ * to standard error. RESOURCES is a URI for 2 and a path for 3. Built by check.py with sanitizers. */
+#include <dlfcn.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fmi2FunctionTypes.h"
+#include "fmi3FunctionTypes.h"
+
+enum { INPUT = 1, FORCE = 2, ROWS = 100000 };
+
+static void *library;
+static double times[ROWS], positions[ROWS];
+static int rows;
+
+static void *function(const char *name) {
+    void *found = dlsym(library, name);
+    if (!found) {
+        fprintf(stderr, "no function %s\n", name);
+        exit(1);
+    }
+    return found;
+}
+
+#define LOAD(name) name##TYPE *name = (name##TYPE *)function(#name)
+#define DO(call)                                                                                                       \
+    do {                                                                                                               \
+        if ((call) != 0) {                                                                                             \
+            fprintf(stderr, "failed: %s\n", #call);                                                                    \
+            exit(1);                                                                                                   \
+        }                                                                                                              \
+    } while (0)
+#define REFUSE(call)                                                                                                   \
+    do {                                                                                                               \
+        if ((call) != 3) {                                                                                             \
+            fprintf(stderr, "not refused: %s\n", #call);                                                               \
+            exit(1);                                                                                                   \
+        }                                                                                                              \
+    } while (0)
+
+static void log2_(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status, fmi2String kind, fmi2String text, ...) {
+    va_list rest;
+    (void)e;
+    fprintf(stderr, "%s %d %s: ", name, (int)status, kind);
+    va_start(rest, text);
+    vfprintf(stderr, text, rest);
+    va_end(rest);
+    fputc('\n', stderr);
+}
+
+static void log3_(fmi3InstanceEnvironment e, fmi3Status status, fmi3String kind, fmi3String text) {
+    (void)e;
+    fprintf(stderr, "%d %s: %s\n", (int)status, kind, text);
+}
+
+static void read_motion(const char *path) {
+    FILE *file = fopen(path, "r");
+    char line[256];
+    if (!file || !fgets(line, sizeof line, file)) exit(1);
+    while (rows < ROWS && fscanf(file, "%lf,%lf%*[^\n]", &times[rows], &positions[rows]) == 2) rows++;
+    fclose(file);
+}
+
+static void run2(const char *resources, const char *token) {
+    LOAD(fmi2Instantiate); LOAD(fmi2FreeInstance); LOAD(fmi2SetupExperiment); LOAD(fmi2EnterInitializationMode);
+    LOAD(fmi2ExitInitializationMode); LOAD(fmi2SetReal); LOAD(fmi2GetReal); LOAD(fmi2DoStep); LOAD(fmi2GetFMUstate);
+    LOAD(fmi2FreeFMUstate); LOAD(fmi2SerializedFMUstateSize); LOAD(fmi2SerializeFMUstate);
+    LOAD(fmi2DeSerializeFMUstate); LOAD(fmi2SetFMUstate); LOAD(fmi2CancelStep); LOAD(fmi2GetVersion);
+    const fmi2CallbackFunctions callbacks = {log2_, NULL, NULL, NULL, NULL};
+    const fmi2ValueReference input = INPUT, force = FORCE, none = 77;
+    fmi2Component c = fmi2Instantiate("first", fmi2CoSimulation, token, resources, &callbacks, 0, 0), other;
+    fmi2FMUstate state = NULL, copy = NULL;
+    size_t size;
+    fmi2Byte *bytes;
+    double value, step;
+    if (!c || strcmp(fmi2GetVersion(), "2.0") != 0) exit(1);
+    DO(fmi2SetupExperiment(c, 0, 0.0, times[0], 0, 0.0));
+    DO(fmi2EnterInitializationMode(c));
+    DO(fmi2SetReal(c, &input, 1, &positions[0]));
+    DO(fmi2ExitInitializationMode(c));
+    for (int k = 0; k < rows; k++) {
+        step = k ? times[k] - times[k - 1] : 0.0;
+        if (step > 0.0) {
+            DO(fmi2SetReal(c, &input, 1, &positions[k]));
+            DO(fmi2DoStep(c, times[k - 1], step, 1));
+        }
+        DO(fmi2GetReal(c, &force, 1, &value));
+        printf("%.17g\n", value);
+        if (k == rows / 2) {
+            DO(fmi2GetFMUstate(c, &state));
+            DO(fmi2GetFMUstate(c, &state));
+            DO(fmi2SerializedFMUstateSize(c, state, &size));
+            bytes = malloc(size);
+            DO(fmi2SerializeFMUstate(c, state, bytes, size));
+            other = fmi2Instantiate("second", fmi2CoSimulation, token, resources, &callbacks, 0, 0);
+            REFUSE(fmi2DeSerializeFMUstate(other, bytes, size - 1, &copy));
+            DO(fmi2DeSerializeFMUstate(other, bytes, size, &copy));
+            DO(fmi2SetFMUstate(other, copy));
+            DO(fmi2FreeFMUstate(other, &copy));
+            DO(fmi2FreeFMUstate(c, &state));
+            free(bytes);
+            fmi2FreeInstance(c);
+            c = other;
+        }
+    }
+    value = 0.0 / 0.0;
+    REFUSE(fmi2SetReal(c, &input, 1, &value));
+    REFUSE(fmi2SetReal(c, &none, 1, &value));
+    REFUSE(fmi2SetReal(c, NULL, 1, &value));
+    REFUSE(fmi2DoStep(c, times[rows - 1], 0.0, 1));
+    REFUSE(fmi2CancelStep(c));
+    if (fmi2Instantiate("100% #r1#", fmi2CoSimulation, "wrong", "file:///no%20such%25/folder", &callbacks, 0, 0)) exit(1);
+    fmi2FreeInstance(c);
+}
+
+static void run3(const char *resources, const char *token) {
+    LOAD(fmi3InstantiateCoSimulation); LOAD(fmi3FreeInstance); LOAD(fmi3EnterInitializationMode);
+    LOAD(fmi3ExitInitializationMode); LOAD(fmi3SetFloat64); LOAD(fmi3GetFloat64); LOAD(fmi3DoStep);
+    LOAD(fmi3GetFMUState); LOAD(fmi3FreeFMUState); LOAD(fmi3SerializedFMUStateSize); LOAD(fmi3SerializeFMUState);
+    LOAD(fmi3DeserializeFMUState); LOAD(fmi3SetFMUState); LOAD(fmi3EnterEventMode); LOAD(fmi3GetVersion);
+    LOAD(fmi3GetBinary);
+    const fmi3ValueReference input = INPUT, force = FORCE, none = 77;
+    fmi3Instance c, other;
+    fmi3FMUState state = NULL, copy = NULL;
+    size_t size;
+    fmi3Byte *bytes;
+    bool event = true, end = true, early = true;
+    double value, step, last = -1.0;
+    c = fmi3InstantiateCoSimulation("first", token, resources, false, false, false, true, &force, 1, NULL, log3_, NULL);
+    if (!c || strcmp(fmi3GetVersion(), "3.0") != 0) exit(1);
+    DO(fmi3EnterInitializationMode(c, false, 0.0, times[0], false, 0.0));
+    DO(fmi3SetFloat64(c, &input, 1, &positions[0], 1));
+    DO(fmi3ExitInitializationMode(c));
+    for (int k = 0; k < rows; k++) {
+        step = k ? times[k] - times[k - 1] : 0.0;
+        if (step > 0.0) {
+            DO(fmi3SetFloat64(c, &input, 1, &positions[k], 1));
+            DO(fmi3DoStep(c, times[k - 1], step, true, &event, &end, &early, &last));
+            if (event || end || early || last != times[k - 1] + step) exit(1);
+        }
+        DO(fmi3GetFloat64(c, &force, 1, &value, 1));
+        printf("%.17g\n", value);
+        if (k == rows / 2) {
+            DO(fmi3GetFMUState(c, &state));
+            DO(fmi3SerializedFMUStateSize(c, state, &size));
+            bytes = malloc(size);
+            DO(fmi3SerializeFMUState(c, state, bytes, size));
+            other = fmi3InstantiateCoSimulation("second", token, resources, false, false, false, false, NULL, 0, NULL,
+                                                log3_, NULL);
+            REFUSE(fmi3DeserializeFMUState(other, bytes, size - 1, &copy));
+            DO(fmi3DeserializeFMUState(other, bytes, size, &copy));
+            DO(fmi3SetFMUState(other, copy));
+            DO(fmi3FreeFMUState(other, &copy));
+            DO(fmi3FreeFMUState(c, &state));
+            free(bytes);
+            fmi3FreeInstance(c);
+            c = other;
+        }
+    }
+    value = 0.0 / 0.0;
+    REFUSE(fmi3SetFloat64(c, &input, 1, &value, 1));
+    REFUSE(fmi3SetFloat64(c, &none, 1, &value, 1));
+    REFUSE(fmi3SetFloat64(c, &input, 1, NULL, 1));
+    REFUSE(fmi3DoStep(c, times[rows - 1], -1.0, true, &event, &end, &early, &last));
+    REFUSE(fmi3DoStep(c, times[rows - 1], 1.0, true, NULL, NULL, NULL, NULL));
+    REFUSE(fmi3EnterEventMode(c));
+    REFUSE(fmi3GetBinary(c, &force, 1, NULL, NULL, 0));
+    if (fmi3InstantiateCoSimulation("third", "wrong", "/no such/folder/", false, false, false, false, NULL, 0, NULL,
+                                    log3_, NULL))
+        exit(1);
+    fmi3FreeInstance(c);
+}
+
+int main(int count, char **arguments) {
+    if (count != 6) return 2;
+    library = dlopen(arguments[1], RTLD_NOW | RTLD_LOCAL);
+    if (!library) {
+        fprintf(stderr, "%s\n", dlerror());
+        return 1;
+    }
+    read_motion(arguments[5]);
+    (arguments[2][0] == '2' ? run2 : run3)(arguments[3], arguments[4]);
+    return 0;
+}
