@@ -353,7 +353,7 @@ pub unsafe extern "C" fn fmi3DoStep(
     // SAFETY: pointers as FMI lays down.
     unsafe {
         call(handle, "fmi3DoStep", |c| {
-            let told = "what fmi3DoStep tells";
+            let told = "a result";
             let flags = [Room::new(event, 1, told)?, Room::new(terminate, 1, told)?, Room::new(early, 1, told)?];
             let mut time = Room::new(last_time, 1, told)?;
             let outcome = c.instance.step(point, size);

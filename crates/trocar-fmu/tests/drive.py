@@ -4,7 +4,7 @@ MOTION is a CSV file with the columns time_s and position_m. Prints one force in
 give the number back. The first row is where the instrument stands; a row at the time of the row before changes nothing.
 An FMU driven by velocity gets the velocity that leads to the position of the row.
 
-Needs FMPy 0.3.32; written for Python 3.9 and later.
+Needs FMPy 0.3.32, and with it Python 3.10: pip install --no-deps -r requirements.txt
 """
 
 import csv

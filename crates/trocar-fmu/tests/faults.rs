@@ -1,5 +1,6 @@
 //! What importers do wrong, through the exported functions: an error, a message, nothing changed, never a crash.
 #![allow(unsafe_code)]
+#![allow(clippy::undocumented_unsafe_blocks, reason = "all handles are live, all pointers valid or null")]
 
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
@@ -92,13 +93,11 @@ impl Model {
     }
 
     fn fmi2(&self, guid: &CStr, uri: &CStr) -> *mut c_void {
-        // SAFETY: valid strings and callbacks.
         unsafe { fmi2Instantiate(c"seal".as_ptr(), 1, guid.as_ptr(), uri.as_ptr(), &callbacks(), 0, 0) }
     }
 
     fn fmi3(&self, token: &CStr, path: &CStr) -> *mut c_void {
         let (name, token, path) = (c"seal".as_ptr(), token.as_ptr(), path.as_ptr());
-        // SAFETY: valid strings and callback.
         unsafe {
             fmi3InstantiateCoSimulation(name, token, path, 0, 0, 0, 0, null(), 0, null_mut(), Some(log_3), null())
         }
@@ -117,12 +116,10 @@ struct Unit(*mut c_void);
 
 impl Drop for Unit {
     fn drop(&mut self) {
-        // SAFETY: a live handle.
         unsafe { fmi2FreeInstance(self.0) }
     }
 }
 
-// SAFETY: every call gets a live handle and valid pointers.
 impl Unit {
     fn started(model: &Model) -> Self {
         let unit = model.instance();
@@ -203,7 +200,6 @@ fn instantiation_refuses_and_says_why() {
 
     let (name, guid, uri) = (c"seal".as_ptr(), model.tokens[0].as_ptr(), model.uri());
     let (no, calls) = (null(), callbacks());
-    // SAFETY: null or valid pointers.
     unsafe {
         for (name, guid, uri, words) in [
             (no, guid, uri.as_ptr(), "null pointer for the instance name"),
@@ -276,7 +272,6 @@ fn null_pointers_are_refused() {
     let c = unit.0;
     let state = unit.state();
     let mut flag = false;
-    // SAFETY: null or valid pointers.
     unsafe {
         // Without an instance there is nobody to tell.
         assert_eq!(fmi2DoStep(null_mut(), 0.0, 1e-3, 1), ERROR);
@@ -327,7 +322,6 @@ fn calls_in_the_wrong_phase_are_refused() {
     };
     refused(unit.step(0.0, 1e-3), "not yet in initialization mode");
     refused(unit.exit(), "not yet in initialization mode");
-    // SAFETY: live handles.
     unsafe {
         refused(fmi2Terminate(unit.0), "not yet in initialization mode");
         assert_eq!(unit.enter(), OK);
@@ -365,7 +359,6 @@ fn wrong_variables_and_values_are_refused() {
     assert_eq!(unit.get(MODE), Err(ERROR));
     assert_eq!(unit.get(u32::MAX), Err(ERROR));
     told();
-    // SAFETY: valid pointers.
     unsafe {
         assert_eq!(fmi2GetInteger(unit.0, &FORCE, 1, &mut 0), ERROR);
         assert!(told().contains("no variable of type Integer or Enumeration has value reference 2"));
@@ -460,7 +453,6 @@ fn states_that_are_not_whole_or_not_ours_are_refused() {
     let foreign = other.instance();
     assert_eq!(foreign.read(&bytes), (ERROR, null_mut()));
     assert!(told().contains("another model"));
-    // SAFETY: live handles and states.
     unsafe {
         assert_eq!(fmi2SetFMUstate(foreign.0, state), ERROR);
         assert!(told().contains("another model"));
@@ -482,7 +474,6 @@ fn a_classical_model_has_neither_deflection_nor_mode() {
         Model::new(Trocar::new(trocar_model::Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0).unwrap()), None));
     let unit = Unit::started(&model);
     assert_eq!([unit.get(DEFLECTION), unit.get(INITIAL_DEFLECTION)], [Err(ERROR); 2]);
-    // SAFETY: valid pointers.
     assert_eq!(unsafe { fmi2GetInteger(unit.0, &MODE, 1, &mut 0) }, ERROR);
     assert_eq!([unit.set(&[(INPUT, 1e-3)]), unit.step(0.0, 1.0)], [OK; 2]);
     assert!((unit.get(FORCE).unwrap() - (0.4 + 5.0 * 1e-3)).abs() < 1e-12);

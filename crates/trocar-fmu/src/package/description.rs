@@ -51,21 +51,26 @@ impl Lines {
     }
 }
 
-/// ` name="value"`, escaped. Characters that XML cannot hold become U+FFFD.
-fn attribute(name: &str, value: &str) -> String {
-    let mut text = format!(" {name}=\"");
-    for letter in value.chars() {
+/// Text for XML and HTML. Characters that XML cannot hold become U+FFFD, line ends blanks.
+pub(super) fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for letter in text.chars() {
         match letter {
-            '&' => text.push_str("&amp;"),
-            '<' => text.push_str("&lt;"),
-            '"' => text.push_str("&quot;"),
-            '\t' | '\n' | '\r' => text.push(' '),
-            '\0'..='\x1f' | '\u{fffe}' | '\u{ffff}' => text.push('\u{fffd}'),
-            letter => text.push(letter),
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\t' | '\n' | '\r' => escaped.push(' '),
+            '\0'..='\x1f' | '\u{fffe}' | '\u{ffff}' => escaped.push('\u{fffd}'),
+            letter => escaped.push(letter),
         }
     }
-    text.push('"');
-    text
+    escaped
+}
+
+/// ` name="value"`.
+fn attribute(name: &str, value: &str) -> String {
+    format!(" {name}=\"{}\"", escaped(value))
 }
 
 fn attributes(pairs: &[(&str, &str)]) -> String {
@@ -199,7 +204,7 @@ fn categories(lines: &mut Lines) {
     }
 }
 
-fn causality(role: Role) -> &'static str {
+pub(super) fn causality(role: Role) -> &'static str {
     match role {
         Role::Time => "independent",
         Role::Input(_) => "input",
@@ -208,7 +213,7 @@ fn causality(role: Role) -> &'static str {
     }
 }
 
-fn variability(role: Role) -> &'static str {
+pub(super) fn variability(role: Role) -> &'static str {
     match role {
         Role::Time | Role::Input(_) | Role::Force | Role::Deflection | Role::Position => "continuous",
         Role::Mode => "discrete",
@@ -243,5 +248,29 @@ fn variable(lines: &mut Lines, variable: &Variable, version: Version) {
         (Version::V2, true) => lines.within("ScalarVariable", &common, |l| l.put(&format!("<Enumeration{typed}/>"))),
         (Version::V3, false) => lines.put(&format!("<Float64{common}{typed}/>")),
         (Version::V3, true) => lines.put(&format!("<Enumeration{common}{typed}/>")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trocar_model::{Element, ElementParams, Trocar};
+
+    use super::*;
+    use crate::variables::{Input, variables};
+
+    #[test]
+    fn names_of_people_are_escaped() {
+        assert_eq!(escaped("a<b>&\"c\"\n\u{1}ä"), "a&lt;b&gt;&amp;&quot;c&quot; \u{fffd}ä");
+    }
+
+    #[test]
+    fn every_unit_is_defined() {
+        let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
+        for input in Input::ALL {
+            for variable in variables(&Trocar::new(element, None), input) {
+                let is_defined = UNITS.iter().any(|(name, _)| *name == variable.unit);
+                assert!(is_defined || variable.role == Role::Mode, "{variable:?}");
+            }
+        }
     }
 }

@@ -7,15 +7,25 @@ use std::str::FromStr;
 use trocar_model::Trocar;
 
 use crate::resource::{MODEL, to_bytes, to_row};
-use crate::variables::{Input, token, variables};
+use crate::variables::{Input, Role, token, variables};
 use description::Description;
+use page::page;
 use zip::Archive;
 
 mod description;
+mod page;
 mod zip;
 
 /// Base name of the libraries, `modelIdentifier` in the description.
 const IDENTIFIER: &str = "trocar";
+
+/// Licences of the library inside, under the name that FMI 3.0 lays down.
+const LICENCES: &str = concat!(
+    "Licensed under either of MIT or Apache-2.0, at your option.\n\n",
+    include_str!("../../../../LICENSE-MIT"),
+    "\n\n",
+    include_str!("../../../../LICENSE-APACHE"),
+);
 
 /// Version of FMI.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -173,13 +183,10 @@ impl Error for PackageError {}
 pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
     let Contents { name, trocar, input, version, text, binaries } = *contents;
     let row = to_row(&trocar);
-    let description = Description {
-        name,
-        identifier: IDENTIFIER,
-        token: &token(&row, input),
-        variables: &variables(&trocar, input),
-        has_mode: trocar.rest(0.0).deformation().is_some(),
-    };
+    let variables = variables(&trocar, input);
+    let has_mode = variables.iter().any(|variable| variable.role == Role::Mode);
+    let token = token(&row, input);
+    let description = Description { name, identifier: IDENTIFIER, token: &token, variables: &variables, has_mode };
     let mut archive = Archive::default();
     archive.add("modelDescription.xml", description.to_xml(version).as_bytes())?;
     for (place, binary) in binaries.iter().enumerate() {
@@ -198,7 +205,7 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
     }
     archive.add(&format!("resources/{MODEL}"), &to_bytes(&row))?;
     archive.add("resources/model.json", text.as_bytes())?;
-    archive.add("documentation/licenses/LICENSE-MIT.txt", include_bytes!("../../../../LICENSE-MIT"))?;
-    archive.add("documentation/licenses/LICENSE-APACHE.txt", include_bytes!("../../../../LICENSE-APACHE"))?;
+    archive.add("documentation/index.html", page(name, &variables, input).as_bytes())?;
+    archive.add("documentation/licenses/license.txt", LICENCES.as_bytes())?;
     archive.finish()
 }

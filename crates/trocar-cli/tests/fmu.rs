@@ -1,0 +1,140 @@
+//! `trocar export fmu`: what it refuses, that the same model gives the same bytes, and FMUs run by FMPy and by C.
+
+mod common;
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use common::{Ran, names_in};
+
+const TROCAR: &str = env!("CARGO_BIN_EXE_trocar");
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+fn model() -> PathBuf {
+    repository().join("conformance/models/ems.json")
+}
+
+fn export(folder: &Path, arguments: &[&str]) -> Ran {
+    let mut command = Command::new(TROCAR);
+    command.current_dir(folder).args(["export", "fmu"]).args(arguments);
+    Ran::from(command.output().unwrap())
+}
+
+#[test]
+fn the_same_model_gives_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = model();
+    let model = model.to_str().unwrap();
+    let make = |name: &str, more: &[&str]| {
+        export(folder.path(), &[&[model, "--out", name], more].concat()).ends_with(0);
+        fs::read(folder.path().join(name)).unwrap()
+    };
+    let plain = make("a.fmu", &[]);
+    assert!(plain.starts_with(b"PK\x03\x04"));
+    assert_eq!(plain, make("b.fmu", &["--fmi", "2", "--input", "position", "--name", "ems"]));
+    for other in [["--fmi", "3"], ["--input", "velocity"], ["--name", "a < b & \"c\""]] {
+        assert_ne!(plain, make("c.fmu", &other));
+    }
+    // Nothing of this machine is inside, neither of the library nor of the rest.
+    for folder in [repository(), std::env::home_dir().unwrap_or_default()] {
+        let folder = folder.as_os_str().as_encoded_bytes();
+        assert!(folder.len() < 4 || !plain.windows(folder.len()).any(|part| part == folder));
+    }
+}
+
+#[test]
+fn refusals() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = model();
+    let model = model.to_str().unwrap();
+    fs::write(folder.path().join("text.dll"), "no library").unwrap();
+    fs::write(folder.path().join("tiny.dll"), "MZ").unwrap();
+    for (arguments, code, words) in [
+        (&["missing.json", "--out", "a.fmu"][..], 1, "missing.json: cannot read the model"),
+        (&[model, "--out", "a.fmu", "--fmi", "1"], 2, "invalid value '1' for '--fmi"),
+        (&[model, "--out", "a.fmu", "--library", "win64"], 2, "must be PLATFORM=FILE"),
+        (&[model, "--out", "a.fmu", "--library", "beos=tiny.dll"], 2, "no platform \"beos\""),
+        (
+            &[model, "--out", "a.fmu", "--library", "win64=text.dll"],
+            2,
+            "text.dll is not a shared library for x86_64-windows",
+        ),
+        (&[model, "--out", "a.fmu", "--library", "win64=none.dll"], 1, "cannot read none.dll"),
+        (
+            &[model, "--out", "a.fmu", "--library", "win64=tiny.dll", "--library", "x86_64-windows=tiny.dll"],
+            2,
+            "names x86_64-windows twice",
+        ),
+        (&[model, "--out", "no/folder/a.fmu"], 1, "cannot create"),
+    ] {
+        let ran = export(folder.path(), arguments);
+        assert_eq!(ran.code, Some(code), "{arguments:?}: {}", ran.stderr);
+        assert!(ran.stderr.contains(words), "{words} expected in {}", ran.stderr);
+    }
+    assert_eq!(names_in(folder.path()), ["text.dll", "tiny.dll"]);
+    export(folder.path(), &[model, "--out", "a.fmu", "--library", "win64=tiny.dll"]).ends_with(0);
+    let bytes = fs::read(folder.path().join("a.fmu")).unwrap();
+    let contains = |name: &str| bytes.windows(name.len()).any(|part| part == name.as_bytes());
+    assert!(contains("binaries/win64/trocar.dll"));
+}
+
+/// Prints why nothing is tested; in CI that is a failure.
+fn skip(why: &str) {
+    println!("skipped: {why}");
+    assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");
+}
+
+fn run(program: impl AsRef<OsStr>, arguments: &[&str]) -> Result<(), String> {
+    let name = program.as_ref().to_string_lossy().into_owned();
+    let ran = Command::new(program).args(arguments).stdin(Stdio::null()).output();
+    let output = ran.map_err(|error| format!("{name}: {error}"))?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    if output.status.success() { Ok(()) } else { Err(format!("{name}: {}", said.trim())) }
+}
+
+/// A Python with FMPy, in a folder of the build: made once.
+fn python() -> Result<PathBuf, String> {
+    let requirements = repository().join("crates/trocar-fmu/tests/requirements.txt");
+    let wanted = fs::read(&requirements).map_err(|error| error.to_string())?;
+    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fmpy");
+    let (python, made) = (place.join("bin/python"), place.join("made-of.txt"));
+    if fs::read(&made).is_ok_and(|text| text == wanted) {
+        return Ok(python);
+    }
+    run("python3", &["-m", "venv", "--clear", &place.to_string_lossy()])?;
+    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "--requirement"];
+    run(&python, &[&pip[..], &[&requirements.to_string_lossy()]].concat())?;
+    fs::write(made, wanted).map_err(|error| error.to_string())?;
+    Ok(python)
+}
+
+/// All models, both versions of FMI, both inputs: see check.py.
+#[test]
+fn fmpy_finds_what_simulate_finds() {
+    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        return skip("the importer in C is for Linux on x86-64");
+    }
+    let python = match python() {
+        Ok(python) => python,
+        Err(why) => return skip(&format!("no Python with FMPy: {why}")),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let tests = repository().join("crates/trocar-fmu/tests");
+    let conformance = repository().join("conformance");
+    let output = Command::new(python)
+        .arg(tests.join("check.py"))
+        .args([Path::new(TROCAR), &conformance.join("models"), &conformance.join("motion.csv"), folder.path()])
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .output()
+        .unwrap();
+    let (told, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    println!("{told}");
+    assert!(output.status.success(), "{told}\n{errors}");
+    let models = names_in(&conformance.join("models")).len();
+    assert_eq!(told.matches("rows bit-identical").count(), models);
+}
