@@ -74,7 +74,7 @@ fn refusals() {
     ] {
         let ran = export(folder.path(), arguments);
         assert_eq!(ran.code, Some(code), "{arguments:?}: {}", ran.stderr);
-        assert!(ran.stderr.contains(words), "{words} expected in {}", ran.stderr);
+        assert!(ran.stderr.contains(words) && ran.stdout.is_empty(), "{words} expected in {}", ran.stderr);
     }
     assert_eq!(names_in(folder.path()), ["text.dll", "tiny.dll"]);
     export(folder.path(), &[model, "--out", "a.fmu", "--library", "win64=tiny.dll"]).ends_with(0);
