@@ -1,8 +1,8 @@
 //! Functional mock-up units (FMUs): a trocar model for other simulation programs.
 //!
 //! One library serves every model and both versions of FMI (key FMI in SOURCES.md): it exports the functions of FMI 2.0
-//! and 3.0 for co-simulation and reads the model from the resources of the FMU it lies in. [`package`] makes the FMU.
-//! What its variables are stands in [`variables`] alone, from which the description is written and by which the library
+//! and 3.0 for co-simulation and reads the model from the resources of the FMU it lies in. [`package()`] makes the FMU.
+//! What its variables are stands in [`mod@variables`] alone, from which the description is written and by which the library
 //! answers.
 //!
 //! - A step of the FMU is one step of [`trocar_model::Trocar`]: the same numbers as every other program that runs it.

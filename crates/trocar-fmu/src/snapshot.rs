@@ -1,6 +1,6 @@
 //! Everything that changes in an instance, and its bytes.
 //!
-//! The bytes, little-endian: [`MAGIC`], the identity of the model (16), the numbers (8 each), FNV-1a of all before (8).
+//! The bytes, little-endian: `TROCFMU` with the version, the identity of the model (16), the numbers (8 each), FNV-1a of all before (8).
 
 use trocar_model::flat::STATE_NUMBERS;
 use trocar_model::{ParamError, Trocar, TrocarState};
