@@ -67,7 +67,7 @@ fn library(text: &str) -> Result<(Platform, PathBuf), String> {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let model = ModelFile::read(&args.model)?;
     let trocar = model.trocar().map_err(|error| error.in_file(&args.model))?;
-    let binaries = binaries(args)?;
+    let binaries = binaries(&args.library, LIBRARY, REASON)?;
     let name = args.name.clone().unwrap_or_else(|| name_of(&args.model));
     let bytes = package(&Contents {
         name: &name,
@@ -96,10 +96,11 @@ fn name_of(model: &std::path::Path) -> String {
     model.file_stem().map_or_else(|| "trocar".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// The library inside this program and those that were named; a named one for this platform takes its place.
-fn binaries(args: &Args) -> anyhow::Result<Vec<Binary>> {
+/// The library `inside` this program, unless it has none for a `reason`, and those that were named; a named one for this
+/// platform takes its place.
+fn binaries(named: &[(Platform, PathBuf)], inside: &[u8], reason: &str) -> anyhow::Result<Vec<Binary>> {
     let mut binaries = Vec::new();
-    for (platform, path) in &args.library {
+    for (platform, path) in named {
         let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         let binary = Binary { platform: *platform, bytes };
         if binaries.iter().any(|other: &Binary| other.platform == *platform) {
@@ -111,15 +112,36 @@ fn binaries(args: &Args) -> anyhow::Result<Vec<Binary>> {
         }
         binaries.push(binary);
     }
-    let native = Platform::native().filter(|_| !LIBRARY.is_empty());
+    let native = Platform::native().filter(|_| !inside.is_empty());
     let is_new = |platform: &Platform| binaries.iter().all(|binary| binary.platform != *platform);
     if let Some(platform) = native.filter(is_new) {
-        binaries.push(Binary { platform, bytes: LIBRARY.to_vec() });
+        binaries.push(Binary { platform, bytes: inside.to_vec() });
     }
     if binaries.is_empty() {
-        let reason = if REASON.is_empty() { "FMI has no name for this platform" } else { REASON };
+        let reason = if reason.is_empty() { "FMI has no name for this platform" } else { reason };
         let hint = "hint: name libraries of trocar-fmu with --library, see docs/fmu.md";
         return Err(BadArgument(format!("this trocar carries no library for FMUs: {reason}\n\n{hint}")).into());
     }
     Ok(binaries)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_without_a_library_says_why_and_takes_named_ones() {
+        let refusal = binaries(&[], &[], "no shared library for x86_64-unknown-linux-musl").unwrap_err();
+        let text = refusal.to_string();
+        assert!(
+            text.contains("carries no library for FMUs: no shared library for x86_64-unknown-linux-musl"),
+            "{text}"
+        );
+        assert!(text.contains("hint: name libraries of trocar-fmu with --library"), "{text}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trocar_fmu.dll");
+        fs::write(&path, "MZ").unwrap();
+        let named = binaries(&[("win64".parse().unwrap(), path)], &[], "").unwrap();
+        assert_eq!(named.len(), 1);
+    }
 }
