@@ -53,7 +53,9 @@ fn library(root: &Path, out: &Path) -> Result<Vec<u8>, String> {
         .output()
         .map_err(|error| format!("cannot run cargo: {error}"))?;
     if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr);
+        // The program keeps these words: without the folder of this machine.
+        let here = fs::canonicalize(root).unwrap_or_else(|_| root.to_owned());
+        let said = String::from_utf8_lossy(&output.stderr).replace(&*here.to_string_lossy(), ".");
         let said: Vec<&str> = said.lines().map(str::trim).filter(|line| !line.is_empty()).take(4).collect();
         return Err(format!("no shared library for {target}: {}", said.join("; ")));
     }
