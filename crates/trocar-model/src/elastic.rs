@@ -23,7 +23,7 @@ use crate::error::{ParamError, finite, positive};
 /// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has degree 7.
 pub const MAX_DEGREE: usize = 7;
 
-const COUNT: usize = MAX_DEGREE + 1;
+pub(crate) const COUNT: usize = MAX_DEGREE + 1;
 
 /// Least slope outside [-c, c], as a fraction of the mean slope of the branch over [-c, c].
 ///
@@ -233,13 +233,13 @@ impl Branch {
 
 /// M and h over one stretch between neighbouring joins, as power series of t in [-1, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Stretch {
-    mid: f64,
-    inverse_half: f64,
+pub(crate) struct Stretch {
+    pub(crate) mid: f64,
+    pub(crate) inverse_half: f64,
     /// [M, h] coefficient by coefficient, N: side by side so that both are evaluated in one vector.
-    force: [[f64; 2]; COUNT],
+    pub(crate) force: [[f64; 2]; COUNT],
     /// [dM/dz, dh/dz], N/m.
-    slope: [[f64; 2]; COUNT],
+    pub(crate) slope: [[f64; 2]; COUNT],
 }
 
 /// The deformation force F_e of one seal: mid curve M, half gap h and yield stiffness κ (module documentation).
@@ -253,11 +253,11 @@ pub struct DeformationForce {
     half_width: f64,
     yield_stiffness: f64,
     /// The two inner joins, ascending.
-    joins: [f64; 2],
-    stretches: [Stretch; 3],
+    pub(crate) joins: [f64; 2],
+    pub(crate) stretches: [Stretch; 3],
     /// M at -c and +c.
-    end_force: [f64; 2],
-    end_stiffness: [f64; 2],
+    pub(crate) end_force: [f64; 2],
+    pub(crate) end_stiffness: [f64; 2],
 }
 
 /// M, h and their slopes at one deflection.

@@ -137,31 +137,31 @@ pub enum Folding {
 pub struct Element {
     pub(crate) params: ElementParams,
     /// Sliding happens on the straight ends only, with constant friction and no damping: the step is exact.
-    confined: bool,
+    pub(crate) confined: bool,
     /// Slip without yielding: v_c > 0.
     pub(crate) creeps: bool,
     /// Smallest dF_e/dz over both branches and both ends, N/m.
     pub(crate) least_stiffness: f64,
-    withdrawal: Contact,
-    insertion: Contact,
+    pub(crate) withdrawal: Contact,
+    pub(crate) insertion: Contact,
 }
 
 /// What is known beforehand about sliding to one side.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Contact {
-    folding: Folding,
+pub(crate) struct Contact {
+    pub(crate) folding: Folding,
     /// β + min dD/dż, N·s/m.
-    damping: f64,
+    pub(crate) damping: f64,
     /// max|g'|, N·s/m.
-    steepest_fall: f64,
+    pub(crate) steepest_fall: f64,
     /// Neither β nor σ: the force does not decide the slip speed.
-    free: bool,
+    pub(crate) free: bool,
     /// |F_e| at the end of the deformation range, N, and its slope beyond, N/m.
-    end_force: f64,
-    end_stiffness: f64,
+    pub(crate) end_force: f64,
+    pub(crate) end_stiffness: f64,
     /// K/β on that straight end, 1/s, and β/K, s; infinite and 0 without β.
-    rate: f64,
-    lag: f64,
+    pub(crate) rate: f64,
+    pub(crate) lag: f64,
 }
 
 /// Direction of slip or of the force. An own type, since `f64::signum(-0.0)` is -1.

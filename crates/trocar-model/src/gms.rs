@@ -97,16 +97,16 @@ impl GmsState {
 pub struct Gms {
     elements: [GmsElement; MAX_ELEMENTS],
     /// ν_i, m/N.
-    scales: [f64; MAX_ELEMENTS],
+    pub(crate) scales: [f64; MAX_ELEMENTS],
     /// C_i/ν_i, N/s.
-    rates: [f64; MAX_ELEMENTS],
+    pub(crate) rates: [f64; MAX_ELEMENTS],
     count: usize,
     sliding: SlidingFriction,
     slip_rate: SlipRate,
     /// β + Σσ_i, N·s/m.
-    damping: f64,
+    pub(crate) damping: f64,
     /// Bound of |F| without what grows with the velocity, N.
-    slip_bound: f64,
+    pub(crate) slip_bound: f64,
 }
 
 /// The motion of one step, as all elements see it.

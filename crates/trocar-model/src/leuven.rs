@@ -92,10 +92,10 @@ impl LeuvenState {
 /// - **Errors**: [`ParamError`] from [`Leuven::new`]; never later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leuven {
-    bank: Bank,
+    pub(crate) bank: Bank,
     params: LeuvenParams,
     /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
-    damping: f64,
+    pub(crate) damping: f64,
 }
 
 /// The bank as it lies ahead of z in one direction.

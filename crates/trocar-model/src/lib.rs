@@ -74,6 +74,7 @@
 #![forbid(unsafe_code)]
 
 pub mod classical;
+pub mod constants;
 pub mod creep;
 pub mod dahl;
 pub mod damping;

@@ -74,9 +74,9 @@ pub enum Passivity {
 pub struct LuGre {
     params: LuGreParams,
     /// F_s/σ_0, m.
-    greatest_deflection: f64,
+    pub(crate) greatest_deflection: f64,
     /// 1/v_d, s/m; 0 for constant damping.
-    inverse_damping_velocity: f64,
+    pub(crate) inverse_damping_velocity: f64,
 }
 
 /// Everything that changes while a LuGre model runs.

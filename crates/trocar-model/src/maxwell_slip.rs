@@ -110,7 +110,7 @@ impl MaxwellSlipState {
 /// - **Errors**: [`ParamError`] from [`MaxwellSlip::new`]; never later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaxwellSlip {
-    bank: Bank,
+    pub(crate) bank: Bank,
     viscous_damping: f64,
 }
 

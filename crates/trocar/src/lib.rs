@@ -5,6 +5,7 @@ pub mod bench;
 pub mod compare;
 pub mod compensate;
 pub mod error;
+pub mod export;
 pub mod identify;
 pub mod model_file;
 pub mod output;

@@ -1,5 +1,6 @@
 //! `trocar export`: one file per format.
 
+mod c;
 pub(crate) mod fmu;
 
 use clap::Subcommand;
@@ -7,7 +8,7 @@ use clap::Subcommand;
 use crate::Done;
 use crate::console::Console;
 
-/// Export a model for other programs
+/// Write a model in a form that runs without this program
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -16,11 +17,13 @@ pub(crate) struct Args {
 
 #[derive(Subcommand)]
 enum Format {
+    C(c::Args),
     Fmu(fmu::Args),
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     match &args.format {
+        Format::C(args) => c::run(console, args),
         Format::Fmu(args) => fmu::run(console, args),
     }
 }

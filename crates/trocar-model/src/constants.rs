@@ -1,0 +1,157 @@
+//! What the steps know beforehand, for whoever writes a model out in another language.
+//!
+//! A step in plain arithmetic that starts from these numbers and works in the same order gives the same bits. They
+//! follow from the parameters and hold for this version of the crate: not a form to store a model in, which is
+//! [`crate::flat`].
+
+use crate::elastic::{COUNT, Stretch};
+use crate::ems::{Contact, Element, Folding};
+use crate::gms::Gms;
+use crate::leuven::Leuven;
+use crate::lugre::LuGre;
+use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip};
+
+/// M and h over one stretch between neighbouring joins, as power series of t = (z - `mid`)·`inverse_half` in [-1, 1].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StretchConstants {
+    /// Middle of the stretch, m.
+    pub mid: f64,
+    /// Inverse of half its width, 1/m; 0 for an empty stretch.
+    pub inverse_half: f64,
+    /// [M, h], N, lowest degree first.
+    pub force: [[f64; 2]; COUNT],
+    /// [dM/dz, dh/dz], N/m.
+    pub slope: [[f64; 2]; COUNT],
+}
+
+/// What is known of sliding to one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactConstants {
+    /// One force may belong to several slip speeds: [`Folding`] is not unique.
+    pub folds: bool,
+    /// β + min dD/dż, N·s/m.
+    pub damping: f64,
+    /// max|g'|, N·s/m; may be infinite.
+    pub steepest_fall: f64,
+    /// Neither β nor σ.
+    pub free: bool,
+    /// |F_e| at the end of the deformation range, N.
+    pub end_force: f64,
+    /// Slope of F_e beyond, N/m.
+    pub end_stiffness: f64,
+    /// K/β on that end, 1/s; infinite without β.
+    pub rate: f64,
+    /// β/K, s; 0 where `rate` is infinite.
+    pub lag: f64,
+}
+
+/// What the step of an [`Element`] knows beside its parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ElementConstants {
+    /// Sliding happens on the straight ends only: the exact step is taken.
+    pub confined: bool,
+    /// Smallest dF_e/dz, N/m.
+    pub least_stiffness: f64,
+    /// The two inner joins, m, ascending.
+    pub joins: [f64; 2],
+    /// Below, between and above the joins.
+    pub stretches: [StretchConstants; 3],
+    /// M at -c and +c, N.
+    pub end_force: [f64; 2],
+    /// dM/dz beyond -c and +c, N/m.
+    pub end_stiffness: [f64; 2],
+    /// Sliding for v_sl < 0 and for v_sl > 0.
+    pub contacts: [ContactConstants; 2],
+}
+
+/// What the step of a [`Gms`] knows beside its parameters; past the elements the places are 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GmsConstants {
+    /// ν_i = α_i/k_i, m/N.
+    pub scales: [f64; MAX_ELEMENTS],
+    /// C_i/ν_i, N/s.
+    pub rates: [f64; MAX_ELEMENTS],
+    /// β + Σσ_i, N·s/m.
+    pub damping: f64,
+    /// Bound of |F| without what grows with the velocity, N.
+    pub slip_bound: f64,
+}
+
+/// What the step of a [`LuGre`] model knows beside its parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LuGreConstants {
+    /// F_s/σ_0, m.
+    pub greatest_deflection: f64,
+    /// 1/v_d, s/m; 0 for constant damping.
+    pub inverse_damping_velocity: f64,
+}
+
+/// What the step of a [`Leuven`] model knows beside its parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeuvenConstants {
+    /// ΣF_i, N.
+    pub limit: f64,
+    /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
+    pub damping: f64,
+}
+
+impl From<&Stretch> for StretchConstants {
+    fn from(stretch: &Stretch) -> Self {
+        let Stretch { mid, inverse_half, force, slope } = *stretch;
+        Self { mid, inverse_half, force, slope }
+    }
+}
+
+impl From<&Contact> for ContactConstants {
+    fn from(contact: &Contact) -> Self {
+        let Contact { folding, damping, steepest_fall, free, end_force, end_stiffness, rate, lag } = *contact;
+        let folds = folding != Folding::Unique;
+        Self { folds, damping, steepest_fall, free, end_force, end_stiffness, rate, lag }
+    }
+}
+
+impl Element {
+    /// What the step knows beside the parameters.
+    pub fn constants(&self) -> ElementConstants {
+        let deformation = &self.params.deformation;
+        let [below, between, above] = &deformation.stretches;
+        ElementConstants {
+            confined: self.confined,
+            least_stiffness: self.least_stiffness,
+            joins: deformation.joins,
+            stretches: [below.into(), between.into(), above.into()],
+            end_force: deformation.end_force,
+            end_stiffness: deformation.end_stiffness,
+            contacts: [(&self.withdrawal).into(), (&self.insertion).into()],
+        }
+    }
+}
+
+impl Gms {
+    /// What the step knows beside the parameters.
+    pub fn constants(&self) -> GmsConstants {
+        GmsConstants { scales: self.scales, rates: self.rates, damping: self.damping, slip_bound: self.slip_bound }
+    }
+}
+
+impl LuGre {
+    /// What the step knows beside the parameters.
+    pub fn constants(&self) -> LuGreConstants {
+        let Self { greatest_deflection, inverse_damping_velocity, .. } = *self;
+        LuGreConstants { greatest_deflection, inverse_damping_velocity }
+    }
+}
+
+impl Leuven {
+    /// What the step knows beside the parameters.
+    pub fn constants(&self) -> LeuvenConstants {
+        LeuvenConstants { limit: self.bank.limit(), damping: self.damping }
+    }
+}
+
+impl MaxwellSlip {
+    /// ΣF_i, N: summed in the order of the elements.
+    pub fn limit_force(&self) -> f64 {
+        self.bank.limit()
+    }
+}

@@ -1,0 +1,81 @@
+#ifndef trocar_DECLARED
+#define trocar_DECLARED
+
+//@if ems
+/* Everything that changes while one element runs. */
+typedef struct {
+    double deflection_m;      /* z of the seal */
+    double yield_force_n;     /* q, force beyond the mid curve */
+    double force_n;           /* of this element alone */
+    double slip_velocity_m_s; /* v_sl, of the instrument against the seal, at the end of the last step */
+//@if creep
+    double contact_slope_n_s_m; /* of the friction over the slip speed */
+//@end
+//@if lag
+    double rise; /* part of F_s - F_c that the contact has, 0 to 1 */
+//@end
+//@if arms
+    double arm_force_n[2]; /* what relaxes with time */
+//@end
+    int sliding; /* 1: the instrument slides through the seal; 0: the seal bends with it */
+} trocar_element_state;
+
+//@end
+/* Everything that changes while the model runs. Fill it with trocar_rest; read it as you like, copy it as you like. */
+typedef struct {
+    double position_m; /* of the instrument */
+    double force_n;    /* after the last step: that of the instrument on the seal */
+//@if ems
+    trocar_element_state element[@ELEMENTS@];
+//@end
+//@if static
+    double held_force_n; /* without the viscous part */
+    double seal_force_n; /* of the seal alone */
+//@end
+//@if dahl
+    double hysteresis_force_n; /* f, without the viscous part, |f| <= F_c */
+    double seal_force_n;       /* of the seal alone */
+    double direction;          /* of the last motion: 1, 0, -1 */
+    double remainder;          /* y = 1 - s*f/F_c */
+//@if bent
+    double inverse_power; /* y^(1 - i) */
+//@end
+//@end
+//@if lugre
+    double deflection_m; /* z of the bristles */
+    double seal_force_n; /* of the seal alone */
+//@end
+//@if leuven
+    double deflection_m;                 /* z of the bank */
+    double element_force_n[@ELEMENTS@]; /* f_i, |f_i| <= F_i */
+    double seal_force_n;                 /* of the seal alone */
+//@end
+//@if maxwell
+    double element_force_n[@ELEMENTS@]; /* f_i, |f_i| <= F_i */
+    double seal_force_n;                 /* of the seal alone */
+//@end
+//@if gms
+    double element_deflection_m[@ELEMENTS@]; /* z_i */
+    int element_slips[@ELEMENTS@];
+    double direction;    /* sgn(v) of the last step */
+    double seal_force_n; /* of the seal alone */
+//@end
+} trocar_state;
+
+/* An undeformed seal at rest on an instrument at position_m; one that is not finite counts as 0. */
+void trocar_rest(trocar_state *state, double position_m);
+
+/* Advances by displacement_m within duration_s at constant velocity; returns the force (N) at the end, that of the
+ * instrument on the seal. A duration that is not positive, or a displacement, duration or velocity that is not finite,
+ * leaves the state untouched and returns the last force. */
+double trocar_step(trocar_state *state, double displacement_m, double duration_s);
+
+/* Advances to position_m within duration_s; as trocar_step. */
+double trocar_step_to(trocar_state *state, double position_m, double duration_s);
+
+#endif
+
+#ifndef trocar_DECLARATIONS_ONLY
+
+#include <math.h>
+

@@ -1,0 +1,169 @@
+//! The constants of EMS elements.
+
+use std::fmt::Write as _;
+
+use trocar_model::constants::{ContactConstants, ElementConstants, StretchConstants};
+use trocar_model::{Element, ElementParams, SlidingFriction};
+
+use super::template::{Filling, number};
+use super::{pairs, stribeck_shapes};
+
+/// Types, constants and code of `elements` in parallel; says in `filling` what they need.
+pub(super) fn parts(elements: &[Element], filling: &mut Filling, prefix: &str) -> (&'static str, String, String) {
+    let constants: Vec<ElementConstants> = elements.iter().map(Element::constants).collect();
+    find_features(elements, &constants, filling);
+    let terms = terms(&constants);
+    fill_values(filling, prefix, elements.len(), terms);
+    let mut text = format!(
+        "enum {{ trocar_elements = {} }};\n\nstatic const trocar_element trocar_element_constants[{}] = {{\n",
+        elements.len(),
+        elements.len()
+    );
+    for (element, constants) in elements.iter().zip(&constants) {
+        write_element(&mut text, element.params(), constants, terms, filling);
+    }
+    text.push_str("};\n\n");
+    let mut code = [include_str!("ems_elastic.c"), include_str!("ems_stick.c")].concat();
+    if filling.has("general") {
+        code.push_str(include_str!("ems_general.c"));
+    }
+    code.push_str(include_str!("ems.c"));
+    (include_str!("ems_types.c"), text, code)
+}
+
+fn find_features(elements: &[Element], constants: &[ElementConstants], filling: &mut Filling) {
+    let confined = constants.iter().any(|constants| constants.confined);
+    let general: Vec<&ElementParams> =
+        elements.iter().zip(constants).filter(|(_, c)| !c.confined).map(|(element, _)| element.params()).collect();
+    filling.need(&["ems", "decay", "bits"]);
+    filling.set("confined", confined);
+    filling.set("mixed", confined && !general.is_empty());
+    if general.is_empty() {
+        return;
+    }
+    filling.need(&["general", "least", "most"]);
+    filling.set("damping", general.iter().any(|params| !params.damping.is_zero()));
+    filling.set("creep", general.iter().any(|params| params.creep_velocity > 0.0));
+    filling.set("lag", general.iter().any(|params| params.friction_lag > 0.0));
+    filling.set("arms", general.iter().any(|params| !params.relaxation.is_none()));
+    let slidings = general.iter().flat_map(|params| [&params.withdrawal, &params.insertion]);
+    let falling = slidings.filter(|sliding| !sliding.is_constant());
+    stribeck_shapes(falling.map(|sliding| sliding.stribeck_exponent), filling);
+}
+
+/// Terms of the longest power series, at least 3.
+fn terms(constants: &[ElementConstants]) -> usize {
+    let series = constants.iter().flat_map(|constants| &constants.stretches).map(|stretch| &stretch.force);
+    let longest = series.map(|force| force.iter().rposition(|pair| *pair != [0.0; 2]).map_or(0, |last| last + 1));
+    longest.max().unwrap_or(0).max(3)
+}
+
+fn fill_values(filling: &mut Filling, prefix: &str, elements: usize, terms: usize) {
+    filling.value("ELEMENTS", elements.to_string());
+    filling.value("TERMS", terms.to_string());
+    filling.set("beyond_cubic", terms > 4);
+    filling.value("LOW", half_of_series(0, terms));
+    filling.value("HIGH", half_of_series(4, terms));
+    let arms = filling.has("arms");
+    filling.value("ARMS_PARAMETER", if arms { format!("const {prefix}_step_arms *arms, ") } else { String::new() });
+    filling.value("ARMS_ARGUMENT", if arms { "&arms, " } else { "" });
+    filling.value("REACHED", if filling.has("stribeck") { "reached" } else { "1.0" });
+    let creep = filling.has("creep");
+    filling.value("CREEP_VELOCITY", if creep { "e->creep_velocity_m_s" } else { "0.0" });
+    filling.value("UNLESS_CREEPING", if creep { " && !(e->creep_velocity_m_s > 0.0)" } else { "" });
+}
+
+/// Four terms of a series by Estrin's scheme, from `first` on, without those that are not there.
+fn half_of_series(first: usize, terms: usize) -> String {
+    let pair = |k: usize| match terms.saturating_sub(k) {
+        0 => None,
+        1 => Some(format!("a[{k}][i]")),
+        _ => Some(format!("(a[{k}][i] + a[{}][i] * t)", k + 1)),
+    };
+    match (pair(first), pair(first + 2)) {
+        (Some(low), Some(high)) => format!("{low} + {high} * t2"),
+        (low, _) => low.unwrap_or_default(),
+    }
+}
+
+fn write_element(text: &mut String, params: &ElementParams, known: &ElementConstants, terms: usize, filling: &Filling) {
+    let deformation = &params.deformation;
+    text.push_str("    {\n");
+    member(text, 8, "half_width_m", &number(deformation.half_width()));
+    member(text, 8, "yield_stiffness_n_m", &number(deformation.yield_stiffness()));
+    member(text, 8, "joins_m", &row(&known.joins));
+    text.push_str("        .stretch = {\n");
+    known.stretches.iter().for_each(|stretch| write_stretch(text, stretch, terms, filling));
+    text.push_str("        },\n");
+    member(text, 8, "end_force_n", &row(&known.end_force));
+    member(text, 8, "end_stiffness_n_m", &row(&known.end_stiffness));
+    text.push_str("        .contact = {\n");
+    for (sliding, contact) in [&params.withdrawal, &params.insertion].into_iter().zip(&known.contacts) {
+        write_contact(text, sliding, contact, filling);
+    }
+    text.push_str("        },\n");
+    let arms = &params.relaxation.arms;
+    let members = [
+        ("general", "least_stiffness_n_m", number(known.least_stiffness)),
+        ("damping", "seal_damping", row(&params.damping.coefficients)),
+        ("creep", "creep_velocity_m_s", number(params.creep_velocity)),
+        ("lag", "friction_lag_s", number(params.friction_lag)),
+        ("arms", "arm_stiffness_n_m", row(&arms.map(|arm| arm.stiffness))),
+        ("arms", "arm_time_s", row(&arms.map(|arm| arm.time))),
+        ("mixed", "confined", u8::from(known.confined).to_string()),
+    ];
+    write_members(text, 8, filling, &members);
+    text.push_str("    },\n");
+}
+
+fn write_stretch(text: &mut String, stretch: &StretchConstants, terms: usize, filling: &Filling) {
+    text.push_str("            {\n");
+    member(text, 16, "middle_m", &number(stretch.mid));
+    member(text, 16, "inverse_half_1_m", &number(stretch.inverse_half));
+    let general = filling.has("general").then_some(("slope_n_m", &stretch.slope));
+    for (name, series) in [("force_n", &stretch.force)].into_iter().chain(general) {
+        let _ = writeln!(text, "                .{name} = {{");
+        pairs(text, "                    ", &series[..terms]);
+        text.push_str("                },\n");
+    }
+    text.push_str("            },\n");
+}
+
+fn write_contact(text: &mut String, sliding: &SlidingFriction, known: &ContactConstants, filling: &Filling) {
+    text.push_str("            {\n");
+    let members = [
+        ("confined", "end_force_n", number(known.end_force)),
+        ("confined", "end_stiffness_n_m", number(known.end_stiffness)),
+        ("confined", "rate_1_s", number(known.rate)),
+        ("confined", "lag_s", number(known.lag)),
+        ("general", "coulomb_force_n", number(sliding.coulomb_force)),
+        ("general", "static_force_n", number(sliding.static_force)),
+        ("general", "viscous_damping_n_s_m", number(sliding.viscous_damping)),
+        ("general", "least_damping_n_s_m", number(known.damping)),
+        ("general", "force_is_free", u8::from(known.free).to_string()),
+        ("stribeck", "surplus_force_n", number(sliding.static_force - sliding.coulomb_force)),
+        ("stribeck", "stribeck_velocity_m_s", number(sliding.stribeck_velocity)),
+        ("stribeck", "inverse_stribeck_velocity_s_m", number(1.0 / sliding.stribeck_velocity)),
+        ("stribeck", "stribeck_exponent", number(sliding.stribeck_exponent)),
+        ("stribeck", "steepest_fall_n_s_m", number(known.steepest_fall)),
+        ("stribeck", "may_fold", u8::from(known.folds).to_string()),
+    ];
+    write_members(text, 16, filling, &members);
+    text.push_str("            },\n");
+}
+
+/// Those members of a struct that the model needs.
+fn write_members(text: &mut String, indent: usize, filling: &Filling, members: &[(&str, &str, String)]) {
+    for (_, name, value) in members.iter().filter(|(feature, _, _)| filling.has(feature)) {
+        member(text, indent, name, value);
+    }
+}
+
+fn member(text: &mut String, indent: usize, name: &str, value: &str) {
+    let _ = writeln!(text, "{:indent$}.{name} = {value},", "");
+}
+
+fn row(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(|value| number(*value)).collect();
+    format!("{{ {} }}", values.join(", "))
+}

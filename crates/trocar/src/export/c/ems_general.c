@@ -1,0 +1,684 @@
+/* The general step. At its end the slip speed u >= 0 on the side s solves, with EMS (8), (11) and (13),
+ *   s*[F_e(z+) + arms + D(v_d - s*u)] - g(u)*rho(u) - beta*u = 0
+ *   z+ = z + v_d*dt - s*dt*[theta*u + (1 - theta)*u_0]
+ * and where there is none above 0 the seal sticks. */
+
+/* M, h and their slopes at one deflection. */
+typedef struct {
+    double middle, gap, middle_slope, gap_slope;
+} trocar_local;
+
+static trocar_local trocar_local_at(const trocar_element *e, double z)
+{
+    trocar_local local;
+    const trocar_stretch *stretch;
+    local.middle = trocar_middle_and_gap(e, z, &local.gap);
+    if (z > e->half_width_m || z < -e->half_width_m) {
+        local.middle_slope = e->end_stiffness_n_m[z > 0.0];
+        local.gap_slope = 0.0;
+        return local;
+    }
+    stretch = trocar_stretch_at(e, z);
+    trocar_series(stretch->slope_n_m, (z - stretch->middle_m) * stretch->inverse_half_1_m, &local.middle_slope,
+                  &local.gap_slope);
+    local.gap_slope = local.gap > 0.0 ? local.gap_slope : 0.0; /* where h is clipped it stays at zero */
+    return local;
+}
+
+/* As trocar_reach, with the slope of the force for a motion that goes on. */
+static double trocar_reach_with_slope(const trocar_element *e, double from, double q, double to, double *slope)
+{
+    const trocar_local local = trocar_local_at(e, to);
+    const double trial = q + e->yield_stiffness_n_m * (to - from);
+    if (trial > local.gap) {
+        *slope = local.middle_slope + local.gap_slope;
+        return local.middle + local.gap;
+    }
+    if (trial < -local.gap) {
+        *slope = local.middle_slope - local.gap_slope;
+        return local.middle - local.gap;
+    }
+    *slope = local.middle_slope + e->yield_stiffness_n_m;
+    return local.middle + trial;
+}
+
+//@if damping
+/* D(z') = sigma(z')*z', N, EMS (9). */
+static double trocar_damping_force(const trocar_element *e, double velocity)
+{
+    const double speed = fabs(velocity), *s = e->seal_damping;
+    return (s[0] + speed * (s[1] + speed * s[2])) * velocity;
+}
+
+/* dD/dz', N s/m. */
+static double trocar_damping_slope(const trocar_element *e, double velocity)
+{
+    const double speed = fabs(velocity), *s = e->seal_damping;
+    return s[0] + speed * (2.0 * s[1] + speed * 3.0 * s[2]);
+}
+
+//@end
+//@if arms
+/* What the relaxing arms do within one step: da/dt = E*dz/dt - a/tau. */
+typedef struct {
+    double left[2];     /* a*exp(-t/tau), N */
+    double response[2]; /* E*(tau/t)*(1 - exp(-t/tau)), N/m */
+    double held, stiffness;
+} trocar_step_arms;
+
+static trocar_step_arms trocar_arms_within(const trocar_element *e, const double *forces, double duration)
+{
+    trocar_step_arms step;
+    int i;
+    step.held = 0.0;
+    step.stiffness = 0.0;
+    for (i = 0; i < 2; ++i) {
+        step.left[i] = forces[i];
+        step.response[i] = 0.0;
+        if (e->arm_stiffness_n_m[i] > 0.0) {
+            const double x = duration / e->arm_time_s[i];
+            /* (1 - exp(-x))/x: the series is good to the last bit up to 1/64. */
+            const double high = 1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0));
+            const double lost = x < 1.0 / 64.0 ? 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * high))
+                                               : (1.0 - trocar_decay(x)) / x;
+            step.left[i] *= 1.0 - x * lost;
+            step.response[i] = e->arm_stiffness_n_m[i] * lost;
+            step.held += step.left[i];
+            step.stiffness += step.response[i];
+        }
+    }
+    return step;
+}
+
+/* The force of each arm when the deflection has moved by change (m). */
+static void trocar_arm_forces(const trocar_step_arms *step, double change, double *forces)
+{
+    int i;
+    for (i = 0; i < 2; ++i) {
+        forces[i] = step->left[i] + step->response[i] * change;
+    }
+}
+
+//@end
+/* The contact at one slip speed: g(u)*rho(u) + beta*u, its slope, and the part of F_s - F_c that it has. */
+typedef struct {
+    double force, slope;
+//@if lag
+    double rise;
+//@end
+} trocar_resistance;
+
+//@if lag
+/* The part of F_s - F_c within a step: kept + now*exp(-(u/v_s)^delta). */
+typedef struct {
+    double kept, now;
+} trocar_rise;
+
+static trocar_rise trocar_rise_after(const trocar_element *e, double rise, double duration)
+{
+    trocar_rise after = { 0.0, 1.0 };
+    if (e->friction_lag_s > 0.0) {
+        const double left = trocar_decay(duration / e->friction_lag_s);
+        after.kept = rise * left;
+        after.now = 1.0 - left;
+    }
+    return after;
+}
+
+static trocar_rise trocar_rise_at_start(const trocar_element *e, double rise)
+{
+    trocar_rise at_start = { 0.0, 1.0 };
+    if (e->friction_lag_s > 0.0) {
+        at_start.kept = rise;
+        at_start.now = 0.0;
+    }
+    return at_start;
+}
+
+//@end
+/* The equation for the slip speed, and what its last evaluation saw. */
+typedef struct {
+    const trocar_element *element;
+    const trocar_contact *contact;
+    double sign, velocity;
+    int bends;        /* whether the seal bends on as it slips; if not, the elastic force is as it is */
+    double elastic;   /* then */
+    double z, q;      /* where the step starts, if it bends */
+    double target;    /* where it ends without slip at the end */
+    double implicit;  /* theta*dt */
+//@if arms
+    const trocar_step_arms *arms;
+//@end
+//@if lag
+    trocar_rise memory;
+//@end
+    trocar_resistance seen;
+} trocar_balance;
+
+/* The contact at slip speed u >= 0, EMS (11) and creep: rho(u) = u/sqrt(u^2 + v_c^2). */
+static trocar_resistance trocar_resist(const trocar_balance *b, double u)
+{
+    const trocar_contact *c = b->contact;
+    const double beta = c->viscous_damping_n_s_m;
+    double level = c->coulomb_force_n, fall = 0.0;
+    trocar_resistance resistance;
+//@if stribeck
+    if (c->surplus_force_n > 0.0) {
+        const double exponent = trocar_stribeck_exponent(c, u);
+        const double above = c->surplus_force_n * trocar_decay(exponent);
+        level = c->coulomb_force_n + above; /* EMS (11) */
+        fall = trocar_stribeck_slope(above, trocar_stribeck_growth(c, u, exponent));
+    }
+//@end
+//@if creep
+    if (b->element->creep_velocity_m_s > 0.0) {
+        const double creep = b->element->creep_velocity_m_s;
+//@if stribeck
+        double reached = c->surplus_force_n > 0.0 ? (level - c->coulomb_force_n) / c->surplus_force_n : 1.0;
+//@end
+        double inverse, part, growth;
+//@if lag
+        resistance.rise = b->memory.kept + b->memory.now * @REACHED@;
+//@if stribeck
+        reached = resistance.rise;
+//@end
+        fall *= b->memory.now;
+//@end
+//@if stribeck
+        level = c->coulomb_force_n + c->surplus_force_n * reached;
+//@end
+        inverse = 1.0 / sqrt(u * u + creep * creep);
+        part = u * inverse;
+        growth = creep * creep * inverse * (inverse * inverse);
+        resistance.force = level * part + beta * u;
+        resistance.slope = fall * part + level * growth + beta;
+        return resistance;
+    }
+//@end
+    resistance.force = level + beta * u;
+    resistance.slope = fall + beta;
+//@if lag
+    resistance.rise = 1.0;
+//@end
+    return resistance;
+}
+
+/* What is left over of the force at slip speed u, EMS (13), and its slope. */
+static double trocar_residual(trocar_balance *b, double u, double *slope)
+{
+    const double deformation_velocity = b->velocity - b->sign * u; /* EMS (8) */
+    double elastic = b->elastic, bending = 0.0, drag;
+    b->seen = trocar_resist(b, u);
+    drag = b->seen.slope;
+    if (b->bends) {
+        const double reached = b->target - b->sign * b->implicit * u;
+        double stiffness;
+        elastic = trocar_reach_with_slope(b->element, b->z, b->q, reached, &stiffness);
+//@if arms
+        elastic += b->arms->held + b->arms->stiffness * (reached - b->z);
+        stiffness += b->arms->stiffness;
+//@end
+        bending = b->implicit * stiffness;
+    }
+//@if damping
+    elastic += trocar_damping_force(b->element, deformation_velocity);
+    drag += trocar_damping_slope(b->element, deformation_velocity);
+//@else
+    (void)deformation_velocity;
+//@end
+    *slope = -drag - bending;
+    return b->sign * elastic - b->seen.force;
+}
+
+/* A root u >= 0 of the residual, positive left of it; 0 where it is not positive at 0. Newton steps inside a bracket;
+ * until there is one the search marches from the guess, never further at once than the stride. At most 241
+ * evaluations. */
+static double trocar_find_root(trocar_balance *b, double guess, double stride, double *slope)
+{
+    const double small = 1e-4 * b->contact->static_force_n;
+    double u = guess, low = 0.0, high = 0.0, newton, next;
+    double r = trocar_residual(b, u, slope);
+    int evaluations, has_low = 0, has_high = 0;
+    for (evaluations = 0; evaluations < 240; ++evaluations) {
+        if (r <= 0.0 && u == 0.0) {
+            return 0.0;
+        }
+        newton = *slope < 0.0 ? u - r / *slope : NAN;
+        if (fabs(r) <= small) {
+            return newton >= 0.0 ? newton : u; /* one last correction squares the residual */
+        }
+        if (r > 0.0) {
+            low = u;
+            has_low = 1;
+        } else {
+            high = u;
+            has_high = 1;
+        }
+        if (evaluations > 100) {
+            stride *= 2.0;
+        }
+        if (has_low && has_high) {
+            next = newton > low && newton < high && evaluations < 24 ? newton : 0.5 * (low + high);
+        } else if (!has_high) {
+            next = newton != newton ? u + trocar_least(stride, u + 1e-3) : trocar_least(newton, u + stride);
+        } else {
+            next = trocar_most(newton != newton ? u - stride : trocar_most(newton, u - stride), 0.0);
+        }
+        if (next == u) {
+            break;
+        }
+        u = next;
+        r = trocar_residual(b, u, slope);
+    }
+    return u;
+}
+
+/* Start of a slip: where, on which side, how fast. */
+typedef struct {
+    double z, q;
+    trocar_local local;
+//@if arms
+    double arms[2];
+//@end
+    int side;
+    double speed;
+    double drag; /* beta + (g*rho)' + D' */
+//@if lag
+    double rise;
+//@end
+} trocar_onset;
+
+static trocar_balance trocar_balance_of(const trocar_element *e, int side, double velocity)
+{
+    trocar_balance b;
+    b.element = e;
+    b.contact = &e->contact[side];
+    b.sign = side ? 1.0 : -1.0;
+    b.velocity = velocity;
+    b.bends = 0;
+    b.elastic = b.z = b.q = b.target = b.implicit = 0.0;
+//@if arms
+    b.arms = 0;
+//@end
+//@if lag
+    b.memory.kept = 0.0;
+    b.memory.now = 1.0;
+    b.seen.rise = 1.0;
+//@end
+    b.seen.force = b.seen.slope = 0.0;
+    return b;
+}
+
+/* beta + min dD/dz' - now*max|g'|: above zero the slip speed is unique. */
+static double trocar_least_drag(const trocar_balance *b)
+{
+//@if stribeck
+//@if lag
+    const double now = b->memory.now;
+    return now > 0.0 ? b->contact->least_damping_n_s_m - now * b->contact->steepest_fall_n_s_m
+                     : b->contact->least_damping_n_s_m;
+//@else
+    return b->contact->least_damping_n_s_m - b->contact->steepest_fall_n_s_m;
+//@end
+//@else
+    return b->contact->least_damping_n_s_m;
+//@end
+}
+
+//@if stribeck
+static int trocar_folds(const trocar_balance *b)
+{
+    return b->contact->may_fold && trocar_least_drag(b) <= 0.0;
+}
+
+//@end
+/* Slip speed at a given elastic force, and the drag there. With neither beta nor sigma the speed is free. */
+static double trocar_slip_at(trocar_balance *b, double elastic, double guess, double *drag)
+{
+    double stride = INFINITY, slope, speed;
+    *drag = 0.0;
+    if (b->contact->force_is_free) {
+        return guess;
+    }
+    b->elastic = elastic;
+//@if stribeck
+    if (trocar_folds(b)) {
+        stride = 0.1 * b->contact->stribeck_velocity_m_s;
+    }
+//@end
+    speed = trocar_find_root(b, guess, stride, &slope);
+    *drag = -slope;
+    return speed;
+}
+
+/* Slip speed and drag in a running slide when the velocity becomes `velocity`. The last force is the sliding force at
+ * the last slip speed, EMS (13); a small change is answered to first order. */
+static double trocar_slip_after(const trocar_element *e, const trocar_element_state *state, int side, double elastic,
+                                double velocity, double *drag)
+{
+    trocar_balance b = trocar_balance_of(e, side, velocity);
+    const trocar_contact *c = b.contact;
+    const double s = b.sign, last = fabs(state->slip_velocity_m_s);
+    double surplus, speed, drive = elastic;
+    *drag = 0.0;
+    if (c->force_is_free) {
+        return last;
+    }
+    *drag = c->viscous_damping_n_s_m;
+//@if stribeck
+    if (c->surplus_force_n > 0.0) {
+        const double level = s * state->force_n - c->viscous_damping_n_s_m * last;
+        const double growth = trocar_stribeck_growth(c, last, trocar_stribeck_exponent(c, last));
+        *drag = c->viscous_damping_n_s_m + trocar_stribeck_slope(level - c->coulomb_force_n, growth);
+    }
+//@end
+//@if creep
+    if (e->creep_velocity_m_s > 0.0) {
+        *drag = state->contact_slope_n_s_m;
+    }
+//@end
+//@if damping
+    *drag += trocar_damping_slope(e, velocity - s * last); /* EMS (8) */
+    drive += trocar_damping_force(e, velocity - s * last);
+//@end
+    surplus = s * (drive - state->force_n);
+    speed = last + surplus / *drag;
+    if (fabs(surplus) < 1e-3 * c->static_force_n && *drag > 0.0 && speed > 0.0) {
+        return speed;
+    }
+//@if lag
+    b.memory = trocar_rise_at_start(e, state->rise);
+//@end
+    return trocar_slip_at(&b, elastic, last, drag);
+}
+
+/* Where the slip speed at the end of the step is sought: a folded friction law is followed on its present branch; where
+ * only the seal softens, the root of least slip is the stable one. */
+static double trocar_search(const trocar_balance *b, const trocar_onset *onset, double guess, double *stride)
+{
+    const double least_stiffness = b->element->least_stiffness_n_m;
+    double in_speed = INFINITY, in_deflection = INFINITY;
+    int folds = 0;
+//@if stribeck
+    folds = trocar_folds(b);
+//@end
+    *stride = INFINITY;
+    if (!folds && !(least_stiffness * b->implicit + trocar_least_drag(b) <= 0.0)) {
+        return guess;
+    }
+//@if stribeck
+    if (folds) {
+        in_speed = 0.1 * b->contact->stribeck_velocity_m_s;
+    }
+//@end
+    if (least_stiffness <= 0.0) {
+        in_deflection = 1.0 / 32.0 * b->element->half_width_m / b->implicit;
+    }
+    *stride = trocar_least(in_speed, in_deflection);
+    return folds ? trocar_most(trocar_least(guess, onset->speed + in_speed), onset->speed - in_speed) : 0.0;
+}
+
+/* One implicit step with theta, EMS (14). */
+static void trocar_slide_with(const trocar_element *e, trocar_element_state *state, const trocar_onset *onset,
+                              double velocity, double time, @ARMS_PARAMETER@double theta, double guess)
+{
+    trocar_balance b = trocar_balance_of(e, onset->side, velocity);
+    const double s = b.sign;
+    double stride, slope, u, deflection, yield_force, force;
+    b.bends = 1;
+    b.z = onset->z;
+    b.q = onset->q;
+    b.target = b.z + velocity * time - s * time * (1.0 - theta) * onset->speed;
+    b.implicit = theta * time;
+//@if arms
+    b.arms = arms;
+//@end
+//@if lag
+    b.memory = trocar_rise_after(e, onset->rise, time);
+//@end
+    guess = trocar_search(&b, onset, guess, &stride);
+    u = trocar_find_root(&b, guess, stride, &slope);
+    deflection = b.target - s * b.implicit * u;
+    force = trocar_reach(e, b.z, b.q, deflection, &yield_force);
+//@if arms
+    force += arms->held + arms->stiffness * (deflection - b.z);
+    trocar_arm_forces(arms, deflection - b.z, state->arm_force_n);
+//@end
+//@if damping
+    force += trocar_damping_force(e, velocity - s * u);
+//@end
+    trocar_stick(state, deflection, yield_force, force);
+    state->slip_velocity_m_s = s * u;
+//@if creep
+    state->contact_slope_n_s_m = b.seen.slope;
+//@end
+//@if lag
+    state->rise = b.seen.rise;
+//@end
+    state->sliding = !(u <= @CREEP_VELOCITY@);
+}
+
+/* theta(y) = 1/(1 - exp(-y)) - 1/y: makes one step exact for a linear decay of rate y/dt. */
+static double trocar_fit_theta(double y)
+{
+    const double y2 = y * y;
+    return y < 1.0 ? 0.5 + y * (1.0 / 12.0 - y2 * (1.0 / 720.0 - y2 / 30240.0))
+                   : 1.0 / (1.0 - trocar_decay(y)) - 1.0 / y;
+}
+
+/* theta from the rate K/(beta + g' + D') at the start, and the slip speed at the end if nothing bends. */
+static double trocar_predict(const trocar_element *e, const trocar_onset *onset, double velocity, double time,
+                             @ARMS_PARAMETER@double *guess)
+{
+    const double s = onset->side ? 1.0 : -1.0, deformation_velocity = velocity - s * onset->speed;
+    double stiffness = onset->local.middle_slope, stiffening, fading = onset->drag, theta, change;
+    if (deformation_velocity >= 0.0 && onset->q >= onset->local.gap) {
+        stiffness += onset->local.gap_slope;
+    } else if (deformation_velocity <= 0.0 && onset->q <= -onset->local.gap) {
+        stiffness -= onset->local.gap_slope;
+    } else {
+        stiffness += e->yield_stiffness_n_m;
+    }
+//@if arms
+    stiffness += arms->stiffness;
+//@end
+    stiffening = stiffness * time;
+    *guess = onset->speed;
+    if (stiffening <= 0.0 || onset->drag <= 0.0) {
+        return 1.0;
+    }
+//@if creep
+    if (e->creep_velocity_m_s > 0.0) {
+        /* A creeping contact may let go within the step: there theta follows the drag of sliding. */
+        double sliding = e->contact[onset->side].viscous_damping_n_s_m;
+//@if damping
+        sliding += trocar_damping_slope(e, deformation_velocity);
+//@end
+        fading = trocar_least(sliding, onset->drag);
+    }
+//@end
+    theta = trocar_fit_theta(stiffening / fading);
+    change = stiffening * s * deformation_velocity / (onset->drag + theta * stiffening);
+    *guess = trocar_most(onset->speed + change, 0.0);
+    return theta;
+}
+
+/* Slides at `velocity` for `time`, EMS (14). */
+static void trocar_slide(const trocar_element *e, trocar_element_state *state, const trocar_onset *onset,
+                         double velocity, double time)
+{
+    trocar_onset across = *onset;
+    double guess, theta, limit;
+//@if arms
+    const trocar_step_arms arms = trocar_arms_within(e, onset->arms, time);
+//@end
+    theta = trocar_predict(e, onset, velocity, time, @ARMS_ARGUMENT@&guess);
+    trocar_slide_with(e, state, onset, velocity, time, @ARMS_ARGUMENT@theta, guess);
+    across.side = !onset->side;
+    across.speed = 0.0;
+    limit = e->contact[across.side].static_force_n;
+//@if creep
+    if (e->creep_velocity_m_s > 0.0) {
+        limit = 0.0;
+    }
+//@end
+    if (state->slip_velocity_m_s == 0.0 && (across.side ? 1.0 : -1.0) * state->force_n > limit) {
+        /* It stuck and then yielded the other way within the step. */
+        trocar_slide_with(e, state, &across, velocity, time, @ARMS_ARGUMENT@1.0, 0.0);
+    }
+}
+
+/* The force above F_s when a part of the step is over without slip. */
+static double trocar_above_limit(const trocar_element *e, const trocar_element_state *state, int side,
+                                 double velocity, double time, double part)
+{
+    const double z = state->deflection_m, bent = part * velocity * time;
+    double reached, elastic = trocar_reach(e, z, state->yield_force_n, z + bent, &reached);
+//@if arms
+    const trocar_step_arms arms = trocar_arms_within(e, state->arm_force_n, part * time);
+    double forces[2];
+    trocar_arm_forces(&arms, bent, forces);
+    elastic += forces[0] + forces[1];
+//@end
+//@if damping
+    elastic += trocar_damping_force(e, velocity);
+//@end
+    return (side ? 1.0 : -1.0) * elastic - e->contact[side].static_force_n;
+}
+
+/* Part of the step before the force reaches F_s, EMS (12): a chord and one correction; `end` is the force above it at
+ * the end. */
+static double trocar_yield_fraction(const trocar_element *e, const trocar_element_state *state, int side,
+                                    double velocity, double time, double end)
+{
+    const double start = trocar_above_limit(e, state, side, velocity, time, 0.0);
+    double chord, there;
+    if (start >= 0.0) {
+        return 0.0;
+    }
+    chord = -start / (end - start);
+    there = trocar_above_limit(e, state, side, velocity, time, chord);
+    return there > 0.0 ? chord - chord * there / (there - start) : chord + (1.0 - chord) * -there / (end - there);
+}
+
+/* Bends up to the yield point within the step, and slides from there; `trial` is the force without slip. */
+static void trocar_yield_within(const trocar_element *e, trocar_element_state *state, double velocity, double time,
+                                double trial)
+{
+    const double z = state->deflection_m, q = state->yield_force_n;
+    const int side = !(trial < 0.0);
+    trocar_balance b = trocar_balance_of(e, side, velocity);
+    const double end = b.sign * trial - b.contact->static_force_n;
+    const double part = trocar_yield_fraction(e, state, side, velocity, time, end);
+    const double bent = part * velocity * time;
+    double elastic;
+    trocar_onset onset;
+//@if arms
+    const trocar_step_arms arms = trocar_arms_within(e, state->arm_force_n, part * time);
+//@end
+    onset.z = z + bent;
+    trocar_reach(e, z, q, onset.z, &onset.q);
+    onset.local = trocar_local_at(e, onset.z);
+    onset.side = side;
+    elastic = onset.local.middle + onset.q;
+//@if arms
+    trocar_arm_forces(&arms, bent, onset.arms);
+    elastic += onset.arms[0] + onset.arms[1];
+//@end
+//@if lag
+    onset.rise = 1.0;
+//@end
+    onset.speed = trocar_slip_at(&b, elastic, 0.0, &onset.drag);
+    trocar_slide(e, state, &onset, velocity, (1.0 - part) * time);
+}
+
+/* From stick: bends with the instrument, EMS (10). */
+static void trocar_leave_stick(const trocar_element *e, trocar_element_state *state, double velocity, double time)
+{
+    const double z = state->deflection_m, target = z + velocity * time;
+    double yield_force, force = trocar_reach(e, z, state->yield_force_n, target, &yield_force);
+//@if arms
+    const trocar_step_arms arms = trocar_arms_within(e, state->arm_force_n, time);
+    force += arms.held + arms.stiffness * (target - z);
+//@end
+//@if damping
+    force += trocar_damping_force(e, velocity);
+//@end
+    if (force <= e->contact[1].static_force_n && -force <= e->contact[0].static_force_n) {
+        trocar_stick(state, target, yield_force, force);
+//@if arms
+        trocar_arm_forces(&arms, target - z, state->arm_force_n);
+//@end
+    } else {
+        trocar_yield_within(e, state, velocity, time, force);
+    }
+}
+
+/* From a slide; the velocity may have changed since, so that it sticks at once or slips the other way. */
+static void trocar_keep_sliding(const trocar_element *e, trocar_element_state *state, double velocity, double time)
+{
+    trocar_onset onset;
+    double elastic;
+    onset.side = !(state->slip_velocity_m_s < 0.0);
+    onset.z = state->deflection_m;
+    onset.q = state->yield_force_n;
+    onset.local = trocar_local_at(e, onset.z);
+    elastic = onset.local.middle + onset.q;
+//@if arms
+    onset.arms[0] = state->arm_force_n[0];
+    onset.arms[1] = state->arm_force_n[1];
+    elastic += onset.arms[0] + onset.arms[1];
+//@end
+//@if lag
+    onset.rise = state->rise;
+//@end
+    onset.speed = trocar_slip_after(e, state, onset.side, elastic, velocity, &onset.drag);
+    if (onset.speed == 0.0) {
+//@if creep
+        if (e->creep_velocity_m_s > 0.0) {
+            trocar_balance b = trocar_balance_of(e, !onset.side, velocity);
+//@if lag
+            b.memory = trocar_rise_at_start(e, state->rise);
+//@end
+            onset.side = !onset.side;
+            onset.speed = trocar_slip_at(&b, elastic, 0.0, &onset.drag);
+            trocar_slide(e, state, &onset, velocity, time);
+            return;
+        }
+//@end
+        trocar_leave_stick(e, state, velocity, time);
+        return;
+    }
+    trocar_slide(e, state, &onset, velocity, time);
+}
+
+/* `count` parts of `time`. */
+static void trocar_advance_evenly(const trocar_element *e, trocar_element_state *state, double velocity, double time,
+                                  int count)
+{
+    int part;
+    for (part = 0; part < count; ++part) {
+        if (state->slip_velocity_m_s == 0.0@UNLESS_CREEPING@) {
+            trocar_leave_stick(e, state, velocity, time / (double)count);
+        } else {
+            trocar_keep_sliding(e, state, velocity, time / (double)count);
+        }
+    }
+}
+
+/* The general step in parts of at most c/8 of travel; past 32 of them the rest is divided evenly into 32. */
+static void trocar_advance_general(const trocar_element *e, trocar_element_state *state, double velocity, double time)
+{
+    const double strides = fabs(velocity) * time / (0.125 * e->half_width_m);
+    if (fabs(velocity) * time <= 0.125 * e->half_width_m) {
+        trocar_advance_evenly(e, state, velocity, time, 1);
+    } else if (strides <= 32.0) {
+        const int below = (int)strides;
+        trocar_advance_evenly(e, state, velocity, time, (double)below < strides ? below + 1 : below);
+    } else {
+        const double first = time * 32.0 / strides;
+        trocar_advance_evenly(e, state, velocity, first, 32);
+        trocar_advance_evenly(e, state, velocity, time - first, 32);
+    }
+}
+

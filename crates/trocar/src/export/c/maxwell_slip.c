@@ -1,0 +1,27 @@
+static void trocar_rest_seal(trocar_state *state)
+{
+    int i;
+    for (i = 0; i < trocar_elements; ++i) {
+        state->element_force_n[i] = 0.0;
+    }
+    state->seal_force_n = 0.0;
+}
+
+/* Springs with a dry slider each, EMS (1) to (3). */
+static void trocar_step_seal(trocar_state *state, double velocity, double displacement, double duration)
+{
+    const double viscous = trocar_viscous_damping_n_s_m * velocity;
+    double elastic = 0.0;
+    int i;
+    (void)duration;
+    if (fabs(viscous) + trocar_limit_n > trocar_greatest) {
+        return;
+    }
+    for (i = 0; i < trocar_elements; ++i) {
+        const double loaded = state->element_force_n[i] + trocar_stiffness_n_m[i] * displacement;
+        state->element_force_n[i] = trocar_within(loaded, trocar_limit_force_n[i]); /* EMS (1), (2) */
+        elastic += state->element_force_n[i];
+    }
+    state->seal_force_n = elastic + viscous; /* EMS (3) */
+}
+

@@ -1,0 +1,193 @@
+//! A model as one C file of constants and one step function, for a microcontroller.
+//!
+//! The C works in the same order as `trocar_model` with the same numbers and its own exponential, so that a compiler which
+//! keeps to IEEE 754 gives the same bits, but for `log1p` and `log` of its library in rare corners. Only what the model
+//! needs is written. The templates beside this file are the code; [`element`] and [`classical`] fill in the constants.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+use thiserror::Error;
+use trocar_model::{Seal, Travel};
+
+use crate::model_file::{ModelFile, ModelFileError, OriginKind};
+
+use template::{Filling, hexadecimal, number, remark};
+
+mod classical;
+mod element;
+mod template;
+
+/// Prefix of all names in the file when nothing else is asked for.
+pub const DEFAULT_PREFIX: &str = "trocar";
+
+/// Longest prefix: C99 tells outer names of up to 31 characters apart, and `_step_to` follows.
+pub const LONGEST_PREFIX: usize = 20;
+
+/// Why a model cannot be written as C.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CError {
+    /// The prefix makes no names.
+    #[error(
+        "the prefix of C names must be 1 to {LONGEST_PREFIX} letters, digits and '_', beginning with a letter, got '{found}'"
+    )]
+    Prefix {
+        /// What was found.
+        found: String,
+    },
+    /// The model cannot be read or run.
+    #[error(transparent)]
+    Model(#[from] ModelFileError),
+}
+
+/// The model file at `path` as the text of a C file whose names begin with `prefix`.
+///
+/// # Errors
+/// [`CError::Prefix`] for a prefix that makes no names, [`CError::Model`] for what is no model.
+pub fn from_file(path: &Path, prefix: &str) -> Result<String, CError> {
+    check_prefix(prefix)?;
+    let read = || {
+        let text = fs::read_to_string(path).map_err(ModelFileError::from)?;
+        let model = ModelFile::from_json(&text)?;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        let origin = format!("{name}, SHA-256 {}", sha256(text.as_bytes()));
+        write(&model, &origin, prefix)
+    };
+    read().map_err(|error| match error {
+        CError::Model(error) => error.in_file(path).into(),
+        other => other,
+    })
+}
+
+/// `model` as the text of a C file whose names begin with `prefix`; `origin` says where the model comes from.
+///
+/// # Errors
+/// As [`from_file`].
+pub fn write(model: &ModelFile, origin: &str, prefix: &str) -> Result<String, CError> {
+    check_prefix(prefix)?;
+    let trocar = model.trocar()?;
+    let mut filling = Filling::default();
+    filling.set("travel", trocar.travel().is_some());
+    let (types, constants, code) = match trocar.seal() {
+        Seal::Ems(stages) => element::parts(stages.elements(), &mut filling, prefix),
+        Seal::Classical(model) => classical::parts(model, &mut filling),
+    };
+    filling.value("TITLE", format!("{}, written as C by trocar {}", title(trocar.seal()), env!("CARGO_PKG_VERSION")));
+    filling.value("ORIGIN", origin_lines(model, origin));
+    let travel = trocar.travel().map_or_else(String::new, travel_constants);
+    let template = [
+        include_str!("head.c"),
+        include_str!("declarations.c"),
+        types,
+        &constants,
+        &travel,
+        include_str!("arithmetic.c"),
+        include_str!("sliding.c"),
+        &code,
+        include_str!("public.c"),
+    ];
+    Ok(filling.fill(&template.concat(), prefix))
+}
+
+/// Whether names in C may begin with `prefix`.
+///
+/// # Errors
+/// [`CError::Prefix`] if not.
+pub fn check_prefix(prefix: &str) -> Result<(), CError> {
+    let begins = prefix.starts_with(|first: char| first.is_ascii_alphabetic());
+    let goes_on = prefix.chars().all(|next| next.is_ascii_alphanumeric() || next == '_');
+    if begins && goes_on && prefix.len() <= LONGEST_PREFIX {
+        return Ok(());
+    }
+    Err(CError::Prefix { found: prefix.to_owned() })
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+fn title(seal: &Seal) -> String {
+    match seal {
+        Seal::Ems(stages) => match stages.elements().len() {
+            1 => "Force of a trocar seal: one Extended Maxwell-Slip (EMS) element".to_owned(),
+            count => format!("Force of a trocar seal: {count} Extended Maxwell-Slip (EMS) elements in parallel"),
+        },
+        Seal::Classical(model) => format!("Force of a trocar seal: {} friction model", model.kind()),
+    }
+}
+
+/// Where the model comes from, as lines of a comment.
+fn origin_lines(model: &ModelFile, origin: &str) -> String {
+    let made = match model.origin.kind {
+        OriginKind::Identified => "estimated from recordings",
+        OriginKind::Plausible => "made up so as to be plausible; describes no particular trocar",
+        OriginKind::HandMade => "written or changed by hand",
+    };
+    let mut lines = format!(" * From: {}\n", remark(origin));
+    let _ = writeln!(lines, " * Model: {made}, {}", remark(&model.origin.program));
+    if let Some(note) = &model.origin.note {
+        let _ = writeln!(lines, " * Note: {}", remark(note));
+    }
+    if let Some(sensor) = model.sensor {
+        let _ = writeln!(
+            lines,
+            " * The sensor's offset of {} N is left out: not part of the seal's force.",
+            sensor.offset_n
+        );
+    }
+    lines
+}
+
+/// The profile along the way; its values are named in `public.c`.
+fn travel_constants(travel: Travel<'_>) -> String {
+    let mut text = String::from(
+        "/* How the force depends on the position: F = F_0(x) + level(x)*F_seal, straight between even knots. */\n",
+    );
+    let knots = travel.levels().len();
+    let _ = writeln!(text, "enum {{ trocar_knots = {knots} }};");
+    constant(&mut text, "trocar_from_m", travel.from());
+    constant(&mut text, "trocar_to_m", travel.to());
+    table(&mut text, "trocar_offset_n", travel.offsets());
+    table(&mut text, "trocar_level_along", travel.levels());
+    text.push('\n');
+    text
+}
+
+/// One constant.
+fn constant(text: &mut String, name: &str, value: f64) {
+    let _ = writeln!(text, "static const double {name} = {};", number(value));
+}
+
+/// A row of constants.
+fn table(text: &mut String, name: &str, values: &[f64]) {
+    let _ = writeln!(text, "static const double {name}[{}] = {{", values.len());
+    for value in values {
+        let _ = writeln!(text, "    {},", number(*value));
+    }
+    text.push_str("};\n");
+}
+
+/// Pairs of constants, one pair a line.
+fn pairs(text: &mut String, indent: &str, values: &[[f64; 2]]) {
+    for [first, second] in values {
+        let _ = writeln!(text, "{indent}{{ {}, {} }},", hexadecimal(*first), hexadecimal(*second));
+    }
+}
+
+/// How g depends on speed: which of its shapes occur, and what they need.
+fn stribeck_shapes(exponents: impl Iterator<Item = f64>, filling: &mut Filling) {
+    for exponent in exponents {
+        filling.need(&["stribeck", "decay", "bits"]);
+        match exponent {
+            2.0 => filling.need(&["gaussian"]),
+            1.0 => (),
+            _ => filling.need(&["shaped", "power", "logarithm"]),
+        }
+    }
+}

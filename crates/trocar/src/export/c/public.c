@@ -1,0 +1,73 @@
+//@if travel
+/* A profile along the way at position x: straight between the knots, constant outside. */
+static double trocar_along(const double *values, double x)
+{
+    const double intervals = (double)(trocar_knots - 1);
+    double along = (x - trocar_from_m) / (trocar_to_m - trocar_from_m) * intervals;
+    int knot;
+    along = along > 0.0 ? along : 0.0;
+    along = along < intervals ? along : intervals;
+    knot = (int)along;
+    knot = knot < trocar_knots - 2 ? knot : trocar_knots - 2;
+    return values[knot] + (along - (double)knot) * (values[knot + 1] - values[knot]);
+}
+
+//@end
+/* The force at position x where the seal is as it is: F = F_0(x) + level(x)*F_seal. */
+static double trocar_force_at(const trocar_state *state, double x)
+{
+//@if ems
+    double force = -0.0;
+    int k;
+    for (k = 0; k < trocar_elements; ++k) {
+        force += state->element[k].force_n;
+    }
+//@else
+    const double force = state->seal_force_n;
+//@end
+//@if travel
+    return trocar_along(trocar_offset_n, x) + trocar_along(trocar_level_along, x) * force;
+//@else
+    (void)x;
+    return force;
+//@end
+}
+
+static double trocar_advance_to(trocar_state *state, double position, double displacement, double duration)
+{
+    if (duration > 0.0 && duration <= trocar_greatest && fabs(position) <= trocar_greatest) {
+        const double velocity = displacement / duration;
+        if (fabs(velocity) <= trocar_greatest) {
+//@if ems
+            int k;
+            for (k = 0; k < trocar_elements; ++k) {
+                trocar_step_element(&trocar_element_constants[k], &state->element[k], velocity, duration);
+            }
+//@else
+            trocar_step_seal(state, velocity, displacement, duration);
+//@end
+            state->position_m = position;
+            state->force_n = trocar_force_at(state, position);
+        }
+    }
+    return state->force_n;
+}
+
+void trocar_rest(trocar_state *state, double position_m)
+{
+    state->position_m = fabs(position_m) <= trocar_greatest ? position_m : 0.0;
+    trocar_rest_seal(state);
+    state->force_n = trocar_force_at(state, state->position_m);
+}
+
+double trocar_step(trocar_state *state, double displacement_m, double duration_s)
+{
+    return trocar_advance_to(state, state->position_m + displacement_m, displacement_m, duration_s);
+}
+
+double trocar_step_to(trocar_state *state, double position_m, double duration_s)
+{
+    return trocar_advance_to(state, position_m, position_m - state->position_m, duration_s);
+}
+
+#endif

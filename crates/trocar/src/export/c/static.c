@@ -1,0 +1,24 @@
+static void trocar_rest_seal(trocar_state *state)
+{
+    state->held_force_n = 0.0;
+    state->seal_force_n = 0.0;
+}
+
+/* EMS (11); at rest the force of the last motion without its viscous part. */
+static void trocar_step_seal(trocar_state *state, double velocity, double displacement, double duration)
+{
+    const double s = trocar_sign(velocity);
+    double held = state->held_force_n, force = held;
+    (void)displacement;
+    (void)duration;
+    if (s != 0.0) {
+        /* The last bit of g may lie beyond the bound. */
+        held = s * trocar_least(trocar_level(&trocar_sliding, velocity), trocar_sliding.static_force_n);
+        force = held + trocar_sliding.viscous_damping_n_s_m * velocity;
+    }
+    if (fabs(force) <= trocar_greatest) {
+        state->held_force_n = held;
+        state->seal_force_n = force;
+    }
+}
+

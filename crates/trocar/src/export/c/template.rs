@@ -1,0 +1,139 @@
+//! Templates of the C file: readable C whose lines are taken or left out.
+//!
+//! `//@if NAME`, `//@else` and `//@end` stand on lines of their own and may nest; `@NAME@` is a value; the prefix
+//! `trocar_` of all names is replaced.
+
+use std::collections::BTreeSet;
+
+/// Prefix of all names in the templates.
+const PREFIX: &str = "trocar_";
+
+/// What decides how a template is filled in.
+#[derive(Debug, Default)]
+pub(super) struct Filling {
+    /// Names that hold.
+    pub(super) features: BTreeSet<&'static str>,
+    /// Values by name.
+    pub(super) values: Vec<(&'static str, String)>,
+}
+
+impl Filling {
+    /// Lets `name` hold if `holds`.
+    pub(super) fn set(&mut self, name: &'static str, holds: bool) {
+        if holds {
+            self.features.insert(name);
+        }
+    }
+
+    /// Lets all `names` hold.
+    pub(super) fn need(&mut self, names: &[&'static str]) {
+        self.features.extend(names);
+    }
+
+    /// Whether `name` holds.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.features.contains(name)
+    }
+
+    /// Sets what stands for `@name@`.
+    pub(super) fn value(&mut self, name: &'static str, text: impl Into<String>) {
+        self.values.push((name, text.into()));
+    }
+
+    /// `template` with the lines whose conditions hold, names with `prefix`, and the values in place.
+    pub(super) fn fill(&self, template: &str, prefix: &str) -> String {
+        let mut text = String::with_capacity(template.len());
+        let mut conditions: Vec<bool> = Vec::new();
+        for line in template.lines() {
+            match line.strip_prefix("//@").map(|condition| condition.split_once(' ').unwrap_or((condition, ""))) {
+                Some(("if", name)) => conditions.push(self.has(name)),
+                Some(("else", _)) => {
+                    if let Some(last) = conditions.last_mut() {
+                        *last = !*last;
+                    }
+                }
+                Some(_) => drop(conditions.pop()),
+                None if conditions.iter().all(|holds| *holds) => {
+                    text.push_str(&line.replace(PREFIX, &format!("{prefix}_")));
+                    text.push('\n');
+                }
+                None => (),
+            }
+        }
+        // Last: what the values hold is nobody's name.
+        for (name, value) in &self.values {
+            text = text.replace(&format!("@{name}@"), value);
+        }
+        text
+    }
+}
+
+/// `value` in C: the very bits as a hexadecimal constant, the decimal beside it.
+pub(super) fn number(value: f64) -> String {
+    if value.is_infinite() {
+        return if value < 0.0 { "-INFINITY".into() } else { "INFINITY".into() };
+    }
+    format!("{} /* {value:?} */", hexadecimal(value))
+}
+
+/// A finite `value` as a hexadecimal constant of C99.
+pub(super) fn hexadecimal(value: f64) -> String {
+    const MANTISSA_BITS: u32 = 52;
+    let bits = value.to_bits();
+    let sign = if value.is_sign_negative() { "-" } else { "" };
+    let mantissa = bits & ((1 << MANTISSA_BITS) - 1);
+    let biased = ((bits >> MANTISSA_BITS) & 0x7ff) as i32;
+    if biased == 0 && mantissa == 0 {
+        return format!("{sign}0.0");
+    }
+    let (lead, exponent) = if biased == 0 { (0, -1022) } else { (1, biased - 1023) };
+    let digits = format!("{mantissa:013x}");
+    let digits = digits.trim_end_matches('0');
+    let point = if digits.is_empty() { "" } else { "." };
+    format!("{sign}0x{lead}{point}{digits}p{exponent:+}")
+}
+
+/// `text` for the inside of a comment: printable ASCII, without the marks that begin and end one.
+pub(super) fn remark(text: &str) -> String {
+    let plain: String = text.chars().map(|c| if matches!(c, ' '..='~') { c } else { '?' }).collect();
+    plain.replace("*/", "* /").replace("/*", "/ *").replace("??/", "?? /")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_taken_by_their_conditions() {
+        let template = "a\n//@if x\nb\n//@if y\nc\n//@end\n//@else\nd\n//@end\ntrocar_e @V@\n";
+        let mut filling = Filling::default();
+        filling.value("V", "7");
+        assert_eq!(filling.fill(template, "p"), "a\nd\np_e 7\n");
+        filling.need(&["x"]);
+        assert_eq!(filling.fill(template, "p"), "a\nb\np_e 7\n");
+        filling.need(&["y"]);
+        assert_eq!(filling.fill(template, "p"), "a\nb\nc\np_e 7\n");
+    }
+
+    /// Constants of C99 as the standard's own examples and `%a` of C libraries write them.
+    #[test]
+    fn hexadecimal_constants_are_those_of_c() {
+        let cases = [
+            (1.0, "0x1p+0"),
+            (-0.1, "-0x1.999999999999ap-4"),
+            (0.0, "0.0"),
+            (f64::MAX, "0x1.fffffffffffffp+1023"),
+            (f64::MIN_POSITIVE, "0x1p-1022"),
+            (5e-324, "0x0.0000000000001p-1022"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(hexadecimal(value), text);
+        }
+    }
+
+    #[test]
+    fn a_remark_cannot_end_its_comment() {
+        assert_eq!(remark("a*/ int x; /*\nb ü"), "a* / int x; / *?b ?");
+        assert!(!remark("/*/").contains("*/"));
+    }
+}

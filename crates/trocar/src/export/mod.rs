@@ -1,0 +1,3 @@
+//! Models written out for other programs, one module per form.
+
+pub mod c;
