@@ -87,7 +87,7 @@ static double trocar_logarithm(double x)
     unsigned long long exponent;
     double n, m;
     number.number = x;
-    /* Less the bits of the square root of 1/2: what lies above counts to the next power of two. 1024 keeps it positive. */
+    /* Less the bits of the square root of 1/2: what lies above counts to the next power of two; 1024 is a bias. */
     exponent = (number.bits - 0x3fe6a09e667f3bcduLL + (1024uLL << 52)) >> 52;
     number.bits -= (exponent - 1024u) << 52;
     n = (double)(int)exponent - 1024.0;

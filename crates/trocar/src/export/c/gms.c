@@ -17,7 +17,7 @@ typedef struct {
     double faded_rate, fade;     /* the last rate over the whole step, 1/s, and what it leaves */
 } trocar_drive;
 
-/* Distance (m) from the limit after a step in slip; *rate from 1/s to the speed (m/s) at which it then shrinks, EMS (5). */
+/* Distance (m) from the limit after a step in slip, EMS (5); *rate becomes the speed (m/s) at which it then shrinks. */
 static double trocar_relax(double distance, double *rate, trocar_drive *drive)
 {
     const double linear = distance - drive->fastest / *rate;

@@ -68,12 +68,13 @@ impl Filling {
     }
 }
 
-/// `value` in C: the very bits as a hexadecimal constant, the decimal beside it.
+/// `value` in C: the very bits as a hexadecimal constant, and for people nine digits beside it.
 pub(super) fn number(value: f64) -> String {
     if value.is_infinite() {
         return if value < 0.0 { "-INFINITY".into() } else { "INFINITY".into() };
     }
-    format!("{} /* {value:?} */", hexadecimal(value))
+    let shown = format!("{value:.8e}").parse().unwrap_or(value);
+    format!("{} /* {shown:?} */", hexadecimal(value))
 }
 
 /// A finite `value` as a hexadecimal constant of C99.

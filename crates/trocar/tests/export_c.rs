@@ -1,0 +1,475 @@
+//! The C that models are written as, compiled and run beside the library. Needs gcc.
+
+#[path = "../../trocar-model/tests/common/mod.rs"]
+mod common;
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use trocar::export::c::{CError, check_prefix, from_file, write};
+use trocar::model_file::{ModelFile, Origin, OriginKind};
+use trocar_model::{
+    Classical, Dahl, DahlParams, DeformationForce, Element, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
+    Relaxation, RelaxationArm, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+};
+
+/// Largest difference from the library, as a part of the force or of 1 N, whichever is greater: the last digit that counts.
+/// Rounding of a double is 1.1e-16; `log1p` of two C libraries may differ by that.
+const TOLERANCE: f64 = 1e-12;
+
+/// As strict as gcc checks C99.
+const FLAGS: [&str; 7] =
+    ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wmissing-prototypes", "-ffp-contract=off"];
+
+/// EMS models of random elements.
+const RANDOM_MODELS: usize = 12;
+
+/// Steps of the adversarial motion.
+const STEPS: usize = 20_000;
+
+/// One call of the model: `step_to` or `step`, where to, and how long.
+#[derive(Clone, Copy)]
+struct Call {
+    to: bool,
+    way: f64,
+    duration: f64,
+}
+
+/// What came of it: force, position, and whether a byte of the state changed.
+#[derive(Clone, Copy)]
+struct Outcome {
+    force: f64,
+    position: f64,
+    touched: bool,
+}
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Whether gcc is there; without it the test is skipped, in CI it fails.
+fn has_gcc() -> bool {
+    let found = Command::new("gcc").arg("--version").output().is_ok_and(|output| output.status.success());
+    if !found {
+        println!("skipped: no gcc");
+        assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs gcc");
+    }
+    found
+}
+
+fn gcc(folder: &Path, arguments: &[&str]) {
+    let output = Command::new("gcc").current_dir(folder).args(FLAGS).args(arguments).output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "gcc {arguments:?}\n{errors}");
+}
+
+fn conformance_models() -> Vec<(String, ModelFile)> {
+    let mut paths: Vec<PathBuf> =
+        fs::read_dir(repository().join("conformance/models")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let name = |path: &Path| path.file_stem().unwrap().to_str().unwrap().to_owned();
+    paths.iter().map(|path| (name(path), ModelFile::read(path).unwrap())).collect()
+}
+
+fn conformance_motion() -> (f64, Vec<Call>) {
+    let text = fs::read_to_string(repository().join("conformance/motion.csv")).unwrap();
+    let rows: Vec<(f64, f64)> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split_once(',').unwrap())
+        .map(|(time, position)| (time.parse().unwrap(), position.parse().unwrap()))
+        .collect();
+    let call = |pair: &[(f64, f64)]| Call { to: true, way: pair[1].1, duration: pair[1].0 - pair[0].0 };
+    (rows[0].1, rows.windows(2).map(call).collect())
+}
+
+/// Any ingredient on its own or together.
+fn elements() -> impl Strategy<Value = Element> {
+    let some = |values: std::ops::Range<f64>| prop_oneof![Just(0.0), values];
+    let arm = (some(10.0..2000.0), 0.01..10.0_f64).prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });
+    let curve = prop_oneof![Just(None), Just(Some(1.0)), Just(Some(2.0))];
+    let slow = (some(1e-6..1e-3), some(1e-3..0.1), [arm.clone(), arm]);
+    let general = (common::general_elements(), 1.0..4.0_f64, slow, curve, -1.0..1.0_f64).prop_map(
+        |(element, kappa, (creep, lag, arms), curve, bend)| {
+            let mut params = *element.params();
+            let deformation = &params.deformation;
+            let kappa = Some(kappa * deformation.yield_stiffness());
+            params.deformation = DeformationForce::new(*deformation.rising(), *deformation.falling(), kappa).unwrap();
+            params.creep_velocity = creep;
+            params.friction_lag = if creep > 0.0 { lag } else { 0.0 };
+            params.relaxation = Relaxation { arms };
+            params.damping.coefficients[1] = bend.max(0.0);
+            params.damping.coefficients[2] = 1.0 + bend;
+            if let Some(exponent) = curve {
+                params.insertion.stribeck_exponent = exponent;
+            }
+            Element::new(params).unwrap()
+        },
+    );
+    prop_oneof![1 => common::seals().prop_map(|seal| seal.element()), 3 => general]
+}
+
+/// One to four random elements each, every third with a profile along the way.
+fn random_models() -> Vec<(String, ModelFile)> {
+    let mut runner = TestRunner::deterministic();
+    let mut draw = || prop::collection::vec(elements(), 1..=4).new_tree(&mut runner).unwrap().current();
+    let profile = ModelFile::read(&repository().join("conformance/models/ems_travel.json")).unwrap().travel;
+    let model = |k: usize| {
+        let mut model = ModelFile::new(draw(), Origin::new(OriginKind::HandMade));
+        model.travel = profile.clone().filter(|_| k % 3 == 0);
+        (format!("random{k}"), model)
+    };
+    (0..RANDOM_MODELS).map(model).collect()
+}
+
+/// The shapes of the classical models that the conformance models leave out.
+fn classical_models() -> Vec<(String, ModelFile)> {
+    let curve = |stribeck_exponent| SlidingFriction {
+        coulomb_force: 2.0,
+        static_force: 3.0,
+        stribeck_velocity: 0.01,
+        stribeck_exponent,
+        viscous_damping: 4.0,
+    };
+    let level = SlidingFriction::coulomb(2.5, 0.0);
+    let dahl = |exponent| {
+        let params = DahlParams { stiffness: 2000.0, coulomb_force: 3.0, exponent, viscous_damping: 1.0 };
+        Classical::Dahl(Dahl::new(params).unwrap())
+    };
+    let lugre = |sliding, damping_velocity, curve| {
+        let params = LuGreParams { stiffness: 1500.0, micro_damping: 5.0, damping_velocity, sliding, curve };
+        Classical::LuGre(LuGre::new(params).unwrap())
+    };
+    let bank: Vec<SlipElement> =
+        (1..5).map(|k| SlipElement { stiffness: 500.0 * f64::from(k), limit_force: 1.0 }).collect();
+    let leuven = |sliding, exponent, micro_damping| {
+        Classical::Leuven(Leuven::new(&bank, LeuvenParams { sliding, exponent, micro_damping }).unwrap())
+    };
+    let gms = |sliding, slip_rate, damping| {
+        let element = |k: u32| GmsElement {
+            stiffness: 400.0 * f64::from(k),
+            share: 0.25,
+            attraction: 0.01 * f64::from(k),
+            damping,
+        };
+        let elements: Vec<GmsElement> = (1..5).map(element).collect();
+        Classical::Gms(Gms::new(&elements, sliding, slip_rate).unwrap())
+    };
+    let models = [
+        Classical::Static(StaticFriction::new(level).unwrap()),
+        Classical::Static(StaticFriction::new(curve(1.0)).unwrap()),
+        dahl(1.0),
+        dahl(0.5),
+        dahl(1.5),
+        dahl(300.0),
+        lugre(level, f64::INFINITY, StribeckCurve::Exponential),
+        lugre(curve(1.3), 0.05, StribeckCurve::Exponential),
+        lugre(curve(0.7), 0.05, StribeckCurve::Rational),
+        leuven(curve(2.0), 1.0, 1.0),
+        leuven(level, 2.0, 0.0),
+        leuven(curve(1.0), 1.7, 1.0),
+        leuven(curve(0.5), 0.6, 0.5),
+        gms(curve(2.0), SlipRate::Free, 0.0),
+        gms(curve(1.5), SlipRate::Limited, 0.7),
+        gms(level, SlipRate::Limited, 0.0),
+    ];
+    let file = |(k, model)| (format!("classical{k}"), ModelFile::new(model, Origin::new(OriginKind::HandMade)));
+    models.into_iter().enumerate().map(file).collect()
+}
+
+/// Reversals, creeping, jumps, holds, durations from 1 ns to 1 s, and what is no motion at all.
+fn adversarial_motion() -> Vec<Call> {
+    let mut state = 0x2545_f491_4f6c_dd1d_u64;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut decade = |from: f64, to: f64| 10_f64.powf(from + (to - from) * uniform());
+    let mut sign = 1.0;
+    let mut call = |k: usize| {
+        sign = if k % 97 < 40 { -sign } else { sign };
+        let (way, duration) = match k % 1000 {
+            7 => (f64::NAN, 1e-3),
+            107 => (1e-3, f64::NAN),
+            207 => (f64::INFINITY, 1e-3),
+            307 => (1e-3, f64::INFINITY),
+            407 => (1e-3, 0.0),
+            507 => (1e-3, -1e-3),
+            607 => (f64::MAX, 1e-3),
+            707 => (1e300, 1.0),
+            807 => (0.0, decade(-9.0, 0.0)),
+            _ if k % 5 == 0 => (sign * decade(-9.0, -5.0), decade(-4.0, 0.0)),
+            _ if k % 7 == 0 => (sign * decade(-4.0, -1.0), decade(-9.0, 0.0)),
+            _ => (sign * decade(-6.0, -2.5), 1e-3),
+        };
+        Call { to: false, way, duration }
+    };
+    (0..STEPS).map(&mut call).collect()
+}
+
+/// Whether the rules of a step leave the state untouched.
+fn is_refused(call: Call, position: f64) -> bool {
+    let displacement = if call.to { call.way - position } else { call.way };
+    let velocity = displacement / call.duration;
+    !(call.duration > 0.0 && call.duration.is_finite() && velocity.is_finite() && (position + displacement).is_finite())
+}
+
+/// A program that runs every model of `names` through the calls on its standard input.
+fn driver(names: &[String]) -> String {
+    let mut text = String::from("#include <stdio.h>\n#include <string.h>\n");
+    for name in names {
+        let _ = writeln!(text, "#include \"{name}.c\"");
+    }
+    text.push_str("static double call[3];\nstatic double outcome[3];\nstatic double start;\n");
+    text.push_str("static char before[4096];\n");
+    for name in names {
+        let _ = write!(
+            text,
+            "static void run_{name}(FILE *calls)\n{{\n    {name}_state state;\n    memset(&state, 0, sizeof state);\n    \
+             {name}_rest(&state, start);\n    outcome[0] = state.force_n;\n    fwrite(outcome, 8, 3, stdout);\n    \
+             while (fread(call, 8, 3, calls) == 3) {{\n        memcpy(before, &state, sizeof state);\n        \
+             outcome[0] = call[0] != 0.0 ? {name}_step_to(&state, call[1], call[2])\n                                    \
+             : {name}_step(&state, call[1], call[2]);\n        outcome[1] = state.position_m;\n        \
+             outcome[2] = memcmp(before, &state, sizeof state) != 0 || outcome[0] != state.force_n ? 1.0 : 0.0;\n        \
+             fwrite(outcome, 8, 3, stdout);\n    }}\n}}\n"
+        );
+    }
+    text.push_str("int main(int count, char **names)\n{\n    FILE *calls = fopen(names[count - 1], \"rb\");\n");
+    for name in names {
+        let _ = writeln!(
+            text,
+            "    rewind(calls);\n    if (fread(&start, 8, 1, calls) == 1) {{\n        run_{name}(calls);\n    }}"
+        );
+    }
+    text.push_str("    return 0;\n}\n");
+    text
+}
+
+/// Runs `program` over `calls`; one row of outcomes for each of `models` models, the first that of the rest.
+fn run_c(program: &Path, start: f64, calls: &[Call], models: usize) -> Vec<Vec<Outcome>> {
+    let path = program.with_extension("calls");
+    let mut file = fs::File::create(&path).unwrap();
+    let numbers = calls.iter().flat_map(|call| [f64::from(u8::from(call.to)), call.way, call.duration]);
+    let bytes: Vec<u8> = [start].into_iter().chain(numbers).flat_map(f64::to_ne_bytes).collect();
+    file.write_all(&bytes).unwrap();
+    let output = Command::new(program).arg(&path).stderr(Stdio::piped()).output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && errors.is_empty(), "{errors}");
+    let number = |bytes: &[u8]| f64::from_ne_bytes(bytes.try_into().unwrap());
+    let outcome = |bytes: &[u8]| Outcome {
+        force: number(&bytes[..8]),
+        position: number(&bytes[8..16]),
+        touched: number(&bytes[16..]) != 0.0,
+    };
+    let outcomes: Vec<Outcome> = output.stdout.chunks_exact(24).map(outcome).collect();
+    let rows: Vec<Vec<Outcome>> = outcomes.chunks(calls.len() + 1).map(<[Outcome]>::to_vec).collect();
+    assert_eq!(rows.len(), models);
+    rows
+}
+
+/// Compares one model with the library; returns the largest difference as in [`TOLERANCE`] and the steps that are not
+/// the same to the last bit.
+fn compare(name: &str, model: &ModelFile, start: f64, calls: &[Call], outcomes: &[Outcome]) -> (f64, usize) {
+    let trocar = model.trocar().unwrap();
+    let mut state = trocar.rest(start);
+    let (mut largest, mut unequal) = (0.0_f64, 0);
+    let mut see = |force: f64, outcome: &Outcome, k: usize| {
+        let difference = (force - outcome.force).abs() / force.abs().max(1.0);
+        assert!(difference <= TOLERANCE, "{name}, step {k}: library {force:e}, C {:e}", outcome.force);
+        largest = largest.max(difference);
+        unequal += usize::from(force != outcome.force);
+    };
+    see(state.force(), &outcomes[0], 0);
+    for (k, (call, outcome)) in calls.iter().zip(&outcomes[1..]).enumerate() {
+        let refused = is_refused(*call, state.position());
+        let force = match call.to {
+            true => trocar.step_to(&mut state, call.way, call.duration),
+            false => trocar.step(&mut state, call.way, call.duration),
+        };
+        see(force, outcome, k + 1);
+        assert!(outcome.position == state.position(), "{name}, step {}: position", k + 1);
+        assert!(!(refused && outcome.touched), "{name}, step {}: the state changed", k + 1);
+    }
+    (largest, unequal)
+}
+
+#[test]
+fn c_gives_the_forces_of_the_library() {
+    if !has_gcc() {
+        return;
+    }
+    let models = [conformance_models(), random_models(), classical_models()].concat();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, model) in &models {
+        fs::write(folder.path().join(format!("{name}.c")), write(model, "a test", name).unwrap()).unwrap();
+    }
+    let names: Vec<String> = models.iter().map(|(name, _)| name.clone()).collect();
+    fs::write(folder.path().join("driver.c"), driver(&names)).unwrap();
+    gcc(folder.path(), &["-O2", "-Werror", "driver.c", "-o", "fast", "-lm"]);
+    gcc(folder.path(), &["-O1", "-fsanitize=undefined", "-fno-sanitize-recover", "driver.c", "-o", "checked", "-lm"]);
+    let (start, recorded) = conformance_motion();
+    let adversarial = adversarial_motion();
+    assert!(adversarial.iter().filter(|call| is_refused(**call, 0.0)).count() > STEPS / 200);
+    for (motion, start, calls) in [("conformance", start, &recorded), ("adversarial", 0.05, &adversarial)] {
+        for program in ["fast", "checked"] {
+            let rows = run_c(&folder.path().join(program), start, calls, models.len());
+            for ((name, model), outcomes) in models.iter().zip(&rows) {
+                let (largest, unequal) = compare(name, model, start, calls, outcomes);
+                println!(
+                    "{motion:12} {program:8} {name:15} largest {largest:.1e}, not the same {unequal} of {}",
+                    calls.len()
+                );
+            }
+        }
+    }
+}
+
+/// Also as a header of its own, for a start that is not a number, which counts as 0.
+#[test]
+fn each_file_stands_alone_without_a_hosted_compiler() {
+    if !has_gcc() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (name, model) in conformance_models() {
+        fs::write(folder.path().join("model.c"), write(&model, "a test", "seal_2").unwrap()).unwrap();
+        gcc(folder.path(), &["-O2", "-Werror", "-ffreestanding", "-c", "model.c", "-o", &format!("{name}.o")]);
+    }
+    let user = "#define seal_2_DECLARATIONS_ONLY\n#include \"model.c\"\n#include \"model.c\"\nint main(void)\n{\n    \
+                seal_2_state state;\n    seal_2_rest(&state, 0.0 / 0.0);\n    return state.position_m != 0.0;\n}\n";
+    fs::write(folder.path().join("user.c"), user).unwrap();
+    gcc(folder.path(), &["-Werror", "user.c", "static.o", "-o", "user", "-lm"]);
+    assert!(Command::new(folder.path().join("user")).status().unwrap().success());
+}
+
+#[test]
+fn only_what_a_model_needs_is_written() {
+    let text = |name: &str| from_file(&repository().join(format!("conformance/models/{name}.json")), "p").unwrap();
+    let plain = text("ems");
+    for part in ["find_root", "creep", "arm", "stribeck", "travel", "knots", "seal_damping", "sqrt"] {
+        assert!(!plain.contains(part), "{part}");
+    }
+    assert!(!text("maxwell_slip").contains("decay") && !text("ems_stribeck").contains("log1p"));
+    assert!(text("ems_slow").contains("find_root") && text("ems_travel").contains("p_knots"));
+    for (name, _) in conformance_models() {
+        let text = text(&name);
+        assert!(!text.contains('@') && !text.contains("trocar_"), "{name}");
+        assert!(text.contains("Not a medical device") && text.contains(&format!("{name}.json, SHA-256 ")), "{name}");
+        assert!(text.lines().all(|line| line.len() <= 120), "{name}");
+        let includes: Vec<&str> = text.lines().filter(|line| line.starts_with("#include")).collect();
+        assert_eq!(includes, ["#include <math.h>"], "{name}");
+    }
+}
+
+#[test]
+fn what_makes_no_names_is_refused() {
+    for prefix in ["", "9a", "_a", "a-b", "a b", "ä", "abcdefghijklmnopqrstu"] {
+        assert!(matches!(check_prefix(prefix), Err(CError::Prefix { .. })), "{prefix}");
+    }
+    for prefix in ["t", "int", "Trocar_2", "abcdefghijklmnopqrst"] {
+        assert!(check_prefix(prefix).is_ok(), "{prefix}");
+    }
+    let missing = from_file(Path::new("missing.json"), "p").unwrap_err().to_string();
+    assert!(missing.starts_with("missing.json: cannot read the model"), "{missing}");
+}
+
+/// Names and notes of a model stand in a comment, whatever they hold.
+#[test]
+fn a_note_cannot_become_code() {
+    let mut model = ModelFile::plausible_10_5_mm().unwrap();
+    model.origin.note = Some("*/ #error /* \\\n@TITLE@ trocar_x \u{202e}".to_owned());
+    let text = write(&model, "*/", "p").unwrap();
+    assert_eq!(text.matches("/*").count(), text.matches("*/").count());
+    if has_gcc() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("model.c"), text).unwrap();
+        gcc(folder.path(), &["-Werror", "-c", "model.c"]);
+    }
+}
+
+/// Sizes and speed for the documentation: `cargo test --release -p trocar --test export_c -- --ignored --nocapture`
+#[test]
+#[ignore = "prints figures, checks nothing"]
+fn sizes_and_speed() {
+    if !has_gcc() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (start, calls) = conformance_motion();
+    let plausible = ("plausible".to_owned(), ModelFile::plausible_10_5_mm().unwrap());
+    println!("| model | lines | code and constants, -Os | state | step, -O2 | library |");
+    for (name, model) in [plausible].into_iter().chain(conformance_models()) {
+        let text = write(&model, "a test", "p").unwrap();
+        fs::write(folder.path().join("p.c"), &text).unwrap();
+        fs::write(folder.path().join("speed.c"), SPEED).unwrap();
+        gcc(folder.path(), &["-Os", "-c", "p.c", "-o", "p.o"]);
+        gcc(folder.path(), &["-O2", "speed.c", "-o", "speed", "-lm"]);
+        let sizes = Command::new("size").arg(folder.path().join("p.o")).output().unwrap();
+        let sizes = String::from_utf8(sizes.stdout).unwrap();
+        let bytes: Vec<&str> = sizes.lines().last().unwrap().split_whitespace().collect();
+        let numbers = calls.iter().flat_map(|call| [call.way, call.duration]);
+        let input: Vec<u8> = [start].into_iter().chain(numbers).flat_map(f64::to_ne_bytes).collect();
+        fs::write(folder.path().join("calls"), input).unwrap();
+        let run = Command::new(folder.path().join("speed")).current_dir(folder.path()).output().unwrap();
+        let seen = String::from_utf8(run.stdout).unwrap();
+        let (state, nanoseconds) = seen.trim().split_once(' ').unwrap();
+        let own = library_speed(&model, start, &calls);
+        let lines = text.lines().count();
+        println!("| {name} | {lines} | {} B | {state} B | {nanoseconds} ns | {own:.1} ns |", bytes[0]);
+    }
+}
+
+/// Nanoseconds of one step of the library, the least of a hundred runs.
+fn library_speed(model: &ModelFile, start: f64, calls: &[Call]) -> f64 {
+    let trocar = model.trocar().unwrap();
+    let run = || {
+        let begin = std::time::Instant::now();
+        let mut state = trocar.rest(start);
+        for call in calls {
+            std::hint::black_box(trocar.step_to(&mut state, call.way, call.duration));
+        }
+        begin.elapsed().as_secs_f64()
+    };
+    1e9 * (0..100).map(|_| run()).fold(f64::INFINITY, f64::min) / calls.len() as f64
+}
+
+/// Prints the size of the state and the nanoseconds of one step, the least of a hundred runs.
+const SPEED: &str = r#"
+#include <stdio.h>
+#include <time.h>
+#include "p.c"
+static double calls[10000];
+int main(void)
+{
+    FILE *file = fopen("calls", "rb");
+    const int count = (int)fread(calls, 8, 10000, file) / 2;
+    volatile double force;
+    double least = 1e9;
+    int run, k;
+    for (run = 0; run < 100; ++run) {
+        p_state state;
+        clock_t begin = clock();
+        double seconds;
+        int again;
+        for (again = 0; again < 20; ++again) {
+            p_rest(&state, calls[0]);
+            for (k = 0; k < count; ++k) {
+                force = p_step_to(&state, calls[1 + 2 * k], calls[2 + 2 * k]);
+            }
+        }
+        seconds = (double)(clock() - begin) / CLOCKS_PER_SEC / 20.0;
+        least = seconds < least ? seconds : least;
+    }
+    (void)force;
+    printf("%d %.1f\n", (int)sizeof(p_state), least / count * 1e9);
+    return 0;
+}
+"#;
