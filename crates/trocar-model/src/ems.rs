@@ -264,13 +264,15 @@ impl Element {
         const CELLS: i32 = 200;
         let force = if force.is_finite() { force } else { 0.0 };
         let c = self.params.deformation.half_width();
-        let at = |k: i32| c * f64::from(k) / f64::from(CELLS);
+        let at = |k: f64| c * k / f64::from(CELLS);
         let excess = |z: f64| self.params.deformation.mid(z) - force;
-        let brackets = (-CELLS..CELLS).filter(|k| excess(at(*k)) * excess(at(k + 1)) <= 0.0);
-        let Some(cell) = brackets.min_by_key(|k| (2 * k + 1).abs()) else {
+        let ends = |k: i32| (at(f64::from(k)), at(f64::from(k) + 1.0));
+        let brackets = (-CELLS..CELLS).filter(|k| excess(ends(*k).0) * excess(ends(*k).1) <= 0.0);
+        // The cell nearest to 0: -1 - k is !k, which cannot overflow.
+        let Some(cell) = brackets.min_by_key(|k| if *k < 0 { !k } else { *k }) else {
             return self.rest_state(if force > 0.0 { c } else { -c });
         };
-        let (mut low, mut high) = (at(cell), at(cell + 1));
+        let (mut low, mut high) = ends(cell);
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if excess(low) * excess(middle) <= 0.0 { high = middle } else { low = middle }

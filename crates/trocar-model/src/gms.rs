@@ -61,12 +61,12 @@ pub struct GmsState {
 impl GmsState {
     /// z_i, m: deflection of each element, |z_i| <= ν_i·F_s.
     pub fn deflections(&self) -> &[f64] {
-        &self.deflections[..self.count]
+        &self.deflections[..self.count.min(MAX_ELEMENTS)]
     }
 
     /// Whether each element slips.
     pub fn slipping(&self) -> &[bool] {
-        &self.slipping[..self.count]
+        &self.slipping[..self.count.min(MAX_ELEMENTS)]
     }
 
     /// F, N: force that the instrument exerts on the seal.
@@ -168,7 +168,7 @@ impl Gms {
 
     /// The elements.
     pub fn elements(&self) -> &[GmsElement] {
-        &self.elements[..self.count]
+        &self.elements[..self.count.min(MAX_ELEMENTS)]
     }
 
     /// g and β.

@@ -52,7 +52,7 @@ impl LeuvenState {
 
     /// f_i, N: force of each element of the bank, |f_i| <= F_i.
     pub fn element_forces(&self) -> &[f64] {
-        &self.forces[..self.count]
+        &self.forces[..self.count.min(MAX_ELEMENTS)]
     }
 
     /// F_h = Σf_i, N: hysteresis force.
@@ -206,7 +206,7 @@ impl Leuven {
         let mut hysteresis = self.bank.force(&state.forces);
         let mut left = travel;
         let mut reached = None;
-        let mut strides = 0;
+        let mut strides_left = STRIDES;
         for _ in 0..STRIDES + 2 * MAX_ELEMENTS + 1 {
             if left <= 0.0 {
                 break;
@@ -221,8 +221,8 @@ impl Leuven {
             }
             let start = gain.abs();
             let settled = (level - s * hysteresis).abs() / stiffness;
-            let stride = if strides < STRIDES { self.stride(ratio) * level / stiffness } else { f64::INFINITY };
-            strides += usize::from(stride < room);
+            let stride = if strides_left > 0 { self.stride(ratio) * level / stiffness } else { f64::INFINITY };
+            strides_left = strides_left.saturating_sub(usize::from(stride < room));
             let far = room.min(settled).min(stride).min(start * left);
             let gain_there = if far < settled { self.gain(ratio + s * heading * stiffness * far / level) } else { 0.0 };
             let end = gain_there.abs();

@@ -79,7 +79,7 @@ pub struct MaxwellSlipState {
 impl MaxwellSlipState {
     /// f_i, N: force of each element, |f_i| <= F_i.
     pub fn element_forces(&self) -> &[f64] {
-        &self.forces[..self.count]
+        &self.forces[..self.count.min(MAX_ELEMENTS)]
     }
 
     /// F, N: force that the instrument exerts on the seal.
@@ -143,7 +143,7 @@ impl MaxwellSlip {
     /// counts as 0.
     pub fn rest_at_force(&self, force: f64) -> MaxwellSlipState {
         let forces = self.bank.share(force, self.bank.limit);
-        let count = self.bank.count;
+        let count = self.elements().len();
         MaxwellSlipState { forces, count, force: forces[..count].iter().sum() }
     }
 

@@ -69,7 +69,7 @@ impl Stages {
 
     /// The elements, at least one.
     pub fn elements(&self) -> &[Element] {
-        &self.elements[..self.count]
+        &self.elements[..self.count.min(MAX_STAGES)]
     }
 
     /// State at rest with every element at `deflection`, m; one that is not finite counts as 0.
@@ -106,7 +106,7 @@ pub struct StagesState {
 impl StagesState {
     /// The states, in the order of the elements.
     pub fn states(&self) -> &[State] {
-        &self.states[..self.count]
+        &self.states[..self.count.min(MAX_STAGES)]
     }
 }
 
@@ -119,7 +119,7 @@ impl Friction for Stages {
     }
 
     fn step(&self, state: &mut StagesState, displacement: f64, duration: f64) -> f64 {
-        step_parallel(self.elements(), &mut state.states[..self.count], displacement, duration)
+        step_parallel(self.elements(), &mut state.states[..self.count.min(MAX_STAGES)], displacement, duration)
     }
 
     fn force(state: &StagesState) -> f64 {

@@ -1,0 +1,125 @@
+//! The worst step of each model: ten million adversarial steps, `cargo bench -p trocar-proof --bench worst_case`.
+//!
+//! Each step is timed by itself with the cycle counter behind `Instant`, so the times hold the clock's own cost, which is
+//! printed. The same steps are run several times and each counts with its least time: what the machine interrupts, it
+//! interrupts at another step the next time. Give a number of steps to run fewer.
+
+use std::fs;
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+
+use trocar::model_file::ModelFile;
+use trocar_model::Trocar;
+
+/// Steps of each model.
+const STEPS: usize = 10_000_000;
+
+/// Runs of the same steps; the least time of each step counts.
+const RUNS: usize = 3;
+
+/// Displacement (m) and duration (s) of adversarial steps, from a seed: the same for every model and every run.
+struct Adversary {
+    random: u64,
+    sign: f64,
+    step: usize,
+}
+
+impl Adversary {
+    fn new() -> Self {
+        Self { random: 0x9e37_79b9_7f4a_7c15, sign: 1.0, step: 0 }
+    }
+
+    fn uniform(&mut self) -> f64 {
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        (self.random >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Even in its logarithm, from 2^`from` to 2^`to` within a part in a thousand or so: without a slow power.
+    fn scale(&mut self, from: i32, to: i32) -> f64 {
+        let exponent = from + (self.uniform() * f64::from(to - from)) as i32;
+        f64::from_bits(((1023 + exponent) as u64) << 52) * (1.0 + self.uniform())
+    }
+
+    /// What is no motion, and motion at the edge of all numbers.
+    fn fault(&mut self) -> (f64, f64) {
+        match (self.uniform() * 8.0) as u32 {
+            0 => (f64::NAN, 1e-3),
+            1 => (1e-3, f64::NAN),
+            2 => (f64::INFINITY, 1e-3),
+            3 => (1e-3, 0.0),
+            4 => (1e300, 1.0),
+            5 => (f64::MIN_POSITIVE, f64::MAX),
+            6 => (5e-324, 1e-3),
+            _ => (0.0, 1.0),
+        }
+    }
+
+    /// In turn, some hundred steps each: reversals at every step, creeping about one place, drives past the ends with a
+    /// short way back, holds of a second after jumps, and anything at all.
+    fn next(&mut self) -> (f64, f64) {
+        self.step += 1;
+        if self.step % 509 == 0 {
+            return self.fault();
+        }
+        let phase = (self.step / 256) % 6;
+        self.sign = if matches!(phase, 0 | 1 | 5) || self.uniform() < 0.05 { -self.sign } else { self.sign };
+        let (way, duration) = match phase {
+            0 => (self.scale(-10, -6), 1e-3),
+            1 => (self.scale(-30, -15), self.scale(-12, 0)),
+            2 => (self.scale(-12, -5), self.scale(-30, 0)),
+            3 if self.step % 3 == 0 => (self.scale(-40, -20), 1.0),
+            3 => (self.scale(-9, -2), self.scale(-30, -5)),
+            4 => (self.scale(-14, -8), self.scale(-11, -6)),
+            _ => (self.scale(-34, 1), self.scale(-30, 0)),
+        };
+        (self.sign * way, duration)
+    }
+}
+
+/// Least nanoseconds of each step; the state after the first run tells that the model did move.
+fn least_times(trocar: &Trocar<'_>, steps: usize) -> Vec<u32> {
+    let mut least = vec![u32::MAX; steps];
+    for _ in 0..RUNS {
+        let mut adversary = Adversary::new();
+        let mut state = trocar.rest(0.1);
+        for slot in &mut least {
+            let (way, duration) = adversary.next();
+            let begin = Instant::now();
+            black_box(trocar.step(black_box(&mut state), black_box(way), black_box(duration)));
+            let nanoseconds = begin.elapsed().as_nanos();
+            *slot = (*slot).min(u32::try_from(nanoseconds).unwrap_or(u32::MAX));
+        }
+    }
+    least
+}
+
+/// Nanoseconds that the clock itself takes: median and 99.9th percentile.
+fn clock() -> (u32, u32) {
+    let mut times: Vec<u32> = (0..1_000_000).map(|_| Instant::now().elapsed().as_nanos() as u32).collect();
+    times.sort_unstable();
+    (times[times.len() / 2], times[times.len() / 1000 * 999])
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let steps = std::env::args().skip(1).find_map(|argument| argument.parse().ok()).unwrap_or(STEPS).max(1000);
+    let (median, late) = clock();
+    println!(
+        "{steps} adversarial steps a model, each the least of {RUNS} runs; the clock's own {median} ns (99.9 %: {late} ns) is in"
+    );
+    println!("{:16} {:>10} {:>10} {:>10}", "ns per step", "median", "99.9 %", "worst");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance/models");
+    let mut paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    paths.sort();
+    for path in paths {
+        let model = ModelFile::read(&path)?;
+        let mut times = least_times(&model.trocar()?, steps);
+        times.sort_unstable();
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let at = |part: f64| times[((steps - 1) as f64 * part) as usize];
+        println!("{name:16} {:10} {:10} {:10}", at(0.5), at(0.999), at(1.0));
+    }
+    Ok(())
+}
