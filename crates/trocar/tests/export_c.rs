@@ -115,17 +115,23 @@ fn elements() -> impl Strategy<Value = Element> {
     prop_oneof![1 => common::seals().prop_map(|seal| seal.element()), 3 => general]
 }
 
-/// One to four random elements each, every third with a profile along the way.
+/// One to four random elements each, every third with a profile along the way; and a hump above the sliding force, with
+/// and without anything that decides the slip speed.
 fn random_models() -> Vec<(String, ModelFile)> {
     let mut runner = TestRunner::deterministic();
     let mut draw = || prop::collection::vec(elements(), 1..=4).new_tree(&mut runner).unwrap().current();
     let profile = ModelFile::read(&repository().join("conformance/models/ems_travel.json")).unwrap().travel;
-    let model = |k: usize| {
-        let mut model = ModelFile::new(draw(), Origin::new(OriginKind::HandMade));
+    let file = |elements: Vec<Element>| ModelFile::new(elements, Origin::new(OriginKind::HandMade));
+    let random = (0..RANDOM_MODELS).map(|k| {
+        let mut model = file(draw());
         model.travel = profile.clone().filter(|_| k % 3 == 0);
         (format!("random{k}"), model)
-    };
-    (0..RANDOM_MODELS).map(model).collect()
+    });
+    let humped = [0.0, 5.0].into_iter().enumerate().map(|(k, beta)| {
+        let element = Element::new(common::humped(beta)).unwrap();
+        (format!("humped{k}"), file(vec![element]))
+    });
+    random.chain(humped).collect()
 }
 
 /// The shapes of the classical models that the conformance models leave out.
