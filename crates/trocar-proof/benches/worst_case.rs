@@ -67,7 +67,7 @@ impl Adversary {
     /// short way back, holds of a second after jumps, and anything at all.
     fn next(&mut self) -> (f64, f64) {
         self.step += 1;
-        if self.step % 509 == 0 {
+        if self.step.is_multiple_of(509) {
             return self.fault();
         }
         let phase = (self.step / 256) % 6;
@@ -76,7 +76,7 @@ impl Adversary {
             0 => (self.scale(-10, -6), 1e-3),
             1 => (self.scale(-30, -15), self.scale(-12, 0)),
             2 => (self.scale(-12, -5), self.scale(-30, 0)),
-            3 if self.step % 3 == 0 => (self.scale(-40, -20), 1.0),
+            3 if self.step.is_multiple_of(3) => (self.scale(-40, -20), 1.0),
             3 => (self.scale(-9, -2), self.scale(-30, -5)),
             4 => (self.scale(-14, -8), self.scale(-11, -6)),
             _ => (self.scale(-34, 1), self.scale(-30, 0)),

@@ -55,8 +55,8 @@ fn drive(trocar: &Trocar<'_>) {
     let mut state = trocar.rest(0.1);
     state = trocar.rest_at_force(state.position(), 0.5);
     for k in 0..20_000_u32 {
-        let way = 1e-9 * f64::from(1 << (k % 27)) * if k % 3 == 0 { -1.0 } else { 1.0 };
-        let way = if k % 101 == 0 { f64::NAN } else { way };
+        let way = 1e-9 * f64::from(1 << (k % 27)) * if k.is_multiple_of(3) { -1.0 } else { 1.0 };
+        let way = if k.is_multiple_of(101) { f64::NAN } else { way };
         let duration = [1e-3, 1e-9, 1.0, 0.0, f64::INFINITY][k as usize % 5];
         black_box(match k % 4 {
             0 => trocar.step_to(&mut state, way, duration),

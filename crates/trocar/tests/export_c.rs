@@ -212,8 +212,8 @@ fn adversarial_motion() -> Vec<Call> {
             607 => (f64::MAX, 1e-3),
             707 => (1e300, 1.0),
             807 => (0.0, decade(-9.0, 0.0)),
-            _ if k % 5 == 0 => (sign * decade(-9.0, -5.0), decade(-4.0, 0.0)),
-            _ if k % 7 == 0 => (sign * decade(-4.0, -1.0), decade(-9.0, 0.0)),
+            _ if k.is_multiple_of(5) => (sign * decade(-9.0, -5.0), decade(-4.0, 0.0)),
+            _ if k.is_multiple_of(7) => (sign * decade(-4.0, -1.0), decade(-9.0, 0.0)),
             _ => (sign * decade(-6.0, -2.5), 1e-3),
         };
         Call { to: false, way, duration }
