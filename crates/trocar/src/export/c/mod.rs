@@ -2,7 +2,7 @@
 //!
 //! The C works in the same order as `trocar_model` with the same numbers and its own exponential, so that a compiler which
 //! keeps to IEEE 754 gives the same bits, but for `log1p` and `log` of its library in rare corners. Only what the model
-//! needs is written. The templates beside this file are the code; [`element`] and [`classical`] fill in the constants.
+//! needs is written. The templates beside this file are the code; `element` and `classical` fill in the constants.
 
 use std::fmt::Write as _;
 use std::fs;
