@@ -38,7 +38,7 @@ pub(super) fn styles_json() -> Result<String, serde_json::Error> {
 }
 
 /// Replaces what HTML could take for markup; in JSON these characters occur inside strings only.
-fn inert(json: &str) -> String {
+pub(super) fn inert(json: &str) -> String {
     let mut text = String::with_capacity(json.len());
     for c in json.chars() {
         match c {
@@ -109,14 +109,14 @@ struct ChartStyle {
 /// Values as 16-bit codes between `low` and `high`, base64: a third of the size of decimal numbers, and finer than a pixel
 /// at any zoom the number of points allows.
 #[derive(Serialize)]
-struct Codes {
+pub(super) struct Codes {
     low: f64,
     high: f64,
     codes: String,
 }
 
 impl Codes {
-    fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
+    pub(super) fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let finite = values.clone().filter(|value| value.is_finite());
         let (low, high) = finite.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
         let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };

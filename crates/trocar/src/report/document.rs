@@ -491,7 +491,60 @@ impl Tile {
     }
 }
 
-/// A chapter of the report: paragraphs, then tables, then figures.
+/// A model that runs in the page: its parameters can be turned, and it can be moved by hand.
+///
+/// Unlike everything else in a document its numbers are in SI: the page runs the model with them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LiveModel {
+    /// The model, as [`trocar_model::Trocar::write_numbers`] writes it.
+    pub row: Vec<f64>,
+    /// All of [`trocar_model::Seal::tunables`], in that order.
+    pub knobs: Vec<Knob>,
+    /// Where a hand can move it, m.
+    pub way: [f64; 2],
+    /// A recorded motion to run it along.
+    pub stretch: Option<Stretch>,
+}
+
+/// A parameter that can be turned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Knob {
+    /// Name in words.
+    pub name: String,
+    /// Symbol, Unicode; may be empty.
+    pub symbol: String,
+    /// Unit for people, for example "mm"; empty for a number without unit.
+    pub unit: String,
+    /// What a value in SI is multiplied by for people.
+    pub scale: f64,
+    /// Value of the model, SI.
+    pub value: f64,
+    /// Ends of the slider, SI; none where the model has no use for the parameter or no finite value of it.
+    pub range: Option<[f64; 2]>,
+    /// 95 % interval, SI.
+    pub interval: Option<[f64; 2]>,
+    /// The same parameter of the other direction, by its place, where both directions have one value.
+    pub follows: Option<usize>,
+    /// Whether it is shown at once, not only on demand.
+    pub is_main: bool,
+}
+
+/// A recorded motion at even times, with the force that was measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stretch {
+    /// What it is, in words: "surgeon.csv from 12.5 s on".
+    pub name: String,
+    /// Time between two samples, s.
+    pub interval: f64,
+    /// Position of the instrument, m.
+    pub position: Vec<f64>,
+    /// Readings without the sensor's offset, N; as many.
+    pub force: Vec<f64>,
+    /// Sample from which the force of the model no longer depends on the unknown start.
+    pub known_from: usize,
+}
+
+/// A chapter of the report: paragraphs, then tables, then figures, then a model to play with.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Section {
     /// Heading.
@@ -502,6 +555,8 @@ pub struct Section {
     pub tables: Vec<Table>,
     /// Figures in order.
     pub figures: Vec<Figure>,
+    /// A model that runs in the page; at most one in a document.
+    pub live: Option<LiveModel>,
 }
 
 impl Section {

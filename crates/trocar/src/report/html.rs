@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use sha2::{Digest as _, Sha256};
 
 use super::document::{Cell, Document, Figure, Section, Table};
+use super::live::Embedded;
 use super::number::{decimals_for, fixed, significant};
 use super::style;
 use super::view::printable;
@@ -15,6 +16,7 @@ const UPLOT_SCRIPT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const UPLOT_LICENCE: &str = include_str!("assets/uplot/LICENSE");
 const REPORT_SCRIPT: &str = include_str!("assets/report.js");
+const LIVE_SCRIPT: &str = include_str!("assets/live.js");
 const REPORT_STYLE: &str = include_str!("assets/report.css");
 
 /// What one figure puts into the page.
@@ -25,11 +27,18 @@ pub(super) struct Drawn {
     pub(super) json: String,
 }
 
+/// The script of the page in a scope of its own; that of the live model shares it.
+fn script(live: Option<&Embedded>) -> String {
+    let live = if live.is_some() { LIVE_SCRIPT } else { "" };
+    format!("\"use strict\";\n(() => {{\n{REPORT_SCRIPT}{live}}})();\n")
+}
+
 /// The whole page. `drawn` holds the figures in document order, `styles` the JSON of line styles.
-pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str) -> String {
+pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str, live: Option<&Embedded>) -> String {
+    let script = script(live);
     let size: usize = drawn.iter().map(|figure| figure.svg.len() + figure.json.len()).sum();
     let mut page = String::with_capacity(size + 100_000);
-    head(&mut page, document);
+    head(&mut page, document, &script, live.is_some());
     page.push_str("<body>\n<a class=\"skip\" href=\"#main\">Skip to the report</a>\n<header>\n");
     element(&mut page, "h1", &document.title);
     if !document.subtitle.is_empty() {
@@ -42,13 +51,13 @@ pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str) -> String
     warnings(&mut page, &document.warnings);
     let mut drawn = drawn.iter();
     for (index, part) in document.sections.iter().enumerate() {
-        section(&mut page, index, part, &mut drawn);
+        section(&mut page, index, part, &mut drawn, live);
     }
     page.push_str("</main>\n");
     footer(&mut page, &document.provenance);
     let _ =
         write!(page, "<script type=\"application/json\" id=\"chart-styles\">{styles}</script>\n<!-- uPlot 1.6.32\n");
-    let _ = write!(page, "{UPLOT_LICENCE}-->\n<script>{UPLOT_SCRIPT}</script>\n<script>{REPORT_SCRIPT}</script>\n");
+    let _ = write!(page, "{UPLOT_LICENCE}-->\n<script>{UPLOT_SCRIPT}</script>\n<script>{script}</script>\n");
     page.push_str("</body>\n</html>\n");
     page
 }
@@ -71,17 +80,18 @@ pub(super) fn escape(text: &str) -> String {
 
 // Writing to a String cannot fail, so the results of `write!` are dropped throughout this file.
 
-fn head(page: &mut String, document: &Document) {
+fn head(page: &mut String, document: &Document, script: &str, has_live: bool) {
     let hash = |script: &str| STANDARD.encode(Sha256::digest(script));
-    let [uplot, report] = [UPLOT_SCRIPT, REPORT_SCRIPT].map(hash);
+    let [uplot, report] = [UPLOT_SCRIPT, script].map(hash);
+    let module = if has_live { " 'wasm-unsafe-eval'" } else { "" };
     page.push_str("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
     page.push_str("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
     page.push_str("<meta name=\"color-scheme\" content=\"light dark\">\n");
-    // Nothing may be loaded, and no script but these two may run, whatever a recording is called.
+    // Nothing may be loaded, and no script but these two and the model may run, whatever a recording is called.
     let _ = writeln!(
         page,
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
-         script-src 'sha256-{uplot}' 'sha256-{report}'; img-src data: blob:; base-uri 'none'; form-action 'none'\">"
+         script-src 'sha256-{uplot}' 'sha256-{report}'{module}; img-src data: blob:; base-uri 'none'; form-action 'none'\">"
     );
     element(page, "title", &document.title);
     let _ = write!(page, "<style>{UPLOT_STYLE}</style>\n<style>{REPORT_STYLE}{}</style>\n</head>\n", role_colours());
@@ -141,7 +151,13 @@ fn warnings(page: &mut String, warnings: &[String]) {
     page.push_str("</ul>\n</section>\n");
 }
 
-fn section<'d>(page: &mut String, index: usize, section: &Section, drawn: &mut impl Iterator<Item = &'d Drawn>) {
+fn section<'d>(
+    page: &mut String,
+    index: usize,
+    section: &Section,
+    drawn: &mut impl Iterator<Item = &'d Drawn>,
+    live: Option<&Embedded>,
+) {
     let id = format!("section-{}", index + 1);
     let heading = escape(&section.heading);
     let _ = write!(page, "<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{heading}</h2>\n");
@@ -154,7 +170,21 @@ fn section<'d>(page: &mut String, index: usize, section: &Section, drawn: &mut i
     for (part, drawn) in section.figures.iter().zip(drawn) {
         figure(page, part, drawn);
     }
+    if let (Some(_), Some(live)) = (&section.live, live) {
+        live_model(page, live);
+    }
     page.push_str("</section>\n");
+}
+
+/// Where the script builds what the model is played with, and what stands there until it has.
+fn live_model(page: &mut String, Embedded { module, json }: &Embedded) {
+    page.push_str("<div id=\"live\" class=\"live\">\n<p class=\"live-absent\">");
+    page.push_str(
+        "The model runs only where JavaScript and WebAssembly do: in a browser of 2023 or later, on a screen. ",
+    );
+    page.push_str("The rest of the report needs neither.</p>\n");
+    let _ = writeln!(page, "<script type=\"application/json\">{json}</script>");
+    let _ = writeln!(page, "<script type=\"application/gzip\">{module}</script>\n</div>");
 }
 
 fn figure(page: &mut String, figure: &Figure, drawn: &Drawn) {

@@ -36,6 +36,11 @@ pub struct IdentificationReport<'a> {
 /// Heading of the section on the fit to all motion.
 const MOTION: &str = "Motion of any kind";
 
+/// What the section of the live model is.
+const LIVE: &str = "The identified model itself runs here, the same steps as in every other program of this project. Turn its parameters (the \
+                    stroke above a slider is the value identified, the bar below it the 95 % interval), run it along a recorded motion, drag the \
+                    instrument, or draw a motion: force and loop follow at once. The measured force is shown less the sensor offset.";
+
 /// Root mean square error, N, that EMS section IV-C reports on its own data.
 const ERROR_OF_EMS: &str = "EMS reports 0.17 N on its own data";
 
@@ -147,7 +152,17 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
     if let Some(table) = figures::branch_coefficients(found) {
         all.push(Section::new("Coefficients of the branches").table(table));
     }
+    all.push(live(input, scored));
     all
+}
+
+/// The model to play with.
+fn live(input: &IdentificationReport, scored: &Scored) -> Section {
+    let section = Section::new("The model, live");
+    match figures::live_model(input.identification, scored) {
+        Ok(model) => Section { live: Some(model), ..section.paragraph(LIVE) },
+        Err(why) => section.paragraph(why),
+    }
 }
 
 /// The fit to all motion; `None` where there was none.

@@ -15,6 +15,7 @@ mod draw;
 mod figures;
 mod html;
 pub mod identification;
+mod live;
 mod number;
 mod style;
 mod svg;
@@ -29,8 +30,8 @@ use rayon::prelude::*;
 use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Family, Figure, Kind, Mark, Panel, Parameter, Role, Section, Series, Table,
-    Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Family, Figure, Kind, Knob, LiveModel, Mark, Panel, Parameter, Role, Section,
+    Series, Stretch, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
@@ -81,6 +82,12 @@ pub enum ReportError {
         /// Columns of the table.
         expected: usize,
     },
+    /// A document has two models to play with, or one whose numbers do not belong together.
+    #[error("live model: {reason}")]
+    Live {
+        /// What is wrong.
+        reason: &'static str,
+    },
     /// A figure could not be drawn.
     #[error("figure {figure:?} cannot be drawn: {reason}")]
     Drawing {
@@ -123,7 +130,9 @@ pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), 
         some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;
     }
     let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
-    Ok(folder.write("report.html", html::page(document, &drawn, &styles).as_bytes())?)
+    let live = document.sections.iter().find_map(|section| section.live.as_ref()).map(live::embed);
+    let live = live.transpose().map_err(|error| drawing_error("live", error))?;
+    Ok(folder.write("report.html", html::page(document, &drawn, &styles, live.as_ref()).as_bytes())?)
 }
 
 fn figures(document: &Document) -> impl Iterator<Item = &Figure> {
@@ -165,7 +174,27 @@ fn check(document: &Document) -> Result<(), ReportError> {
             check_series(figure, series)?;
         }
     }
-    document.sections.iter().flat_map(|section| &section.tables).try_for_each(check_table)
+    document.sections.iter().flat_map(|section| &section.tables).try_for_each(check_table)?;
+    check_live(document)
+}
+
+fn check_live(document: &Document) -> Result<(), ReportError> {
+    let mut models = document.sections.iter().filter_map(|section| section.live.as_ref());
+    let Some(model) = models.next() else { return Ok(()) };
+    let refuse = |reason| Err(ReportError::Live { reason });
+    if models.next().is_some() {
+        return refuse("a document can carry one");
+    }
+    let Ok(trocar) = trocar_model::Trocar::from_numbers(&model.row) else { return refuse("its row is no model") };
+    if !trocar.seal().tunables().map(|tunable| tunable.value).eq(model.knobs.iter().map(|knob| knob.value)) {
+        return refuse("its knobs are not the parameters of its row");
+    }
+    match &model.stretch {
+        Some(stretch) if stretch.position.len() != stretch.force.len() || stretch.position.len() < 2 => {
+            refuse("its stretch has not as many forces as positions, at least two")
+        }
+        _ => Ok(()),
+    }
 }
 
 fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {

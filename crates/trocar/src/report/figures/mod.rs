@@ -5,6 +5,7 @@
 pub(super) mod comparison;
 mod deformation;
 mod half_width;
+mod live;
 mod motion;
 mod reversal;
 mod sliding;
@@ -22,6 +23,7 @@ use crate::recording::{Recording, local_acceleration};
 
 pub(super) use deformation::{deformation_force, deformation_velocity};
 pub(super) use half_width::half_width;
+pub(super) use live::live_model;
 pub(super) use motion::{held_out_errors, in_words as motion_in_words, ingredients, small_motion};
 pub(super) use reversal::velocity_step;
 pub(super) use sliding::static_friction;

@@ -1,0 +1,218 @@
+//! The identified model to play with: its parameters with their ranges, and a recorded stretch to run it along.
+
+use std::ops::Range;
+
+use trocar_model::{Seal, Trocar, Tunable};
+
+use super::Scored;
+use super::tables::{display, name_of};
+use crate::identify::{Estimate, Identification};
+use crate::recording::Recording;
+use crate::replay::forgotten_after;
+use crate::report::document::{Knob, LiveModel, Stretch};
+use crate::report::number::significant;
+use crate::segment::{passes, reversal_threshold};
+
+/// What is shown of a recording, s: the first length in which some stretch makes the model forget its start.
+const LENGTHS: [f64; 3] = [8.0, 30.0, 120.0];
+/// Steps in which the richest stretch is looked for, as a part of its length.
+const STEP: f64 = 1.0 / 16.0;
+/// Latest place, as a part of the stretch, at which the start has to be forgotten.
+const LATEST: f64 = 0.4;
+/// Most samples of a stretch.
+const MOST_SAMPLES: f64 = 2_000.0;
+/// A pass longer than this many half widths tells no more.
+const TELLING: f64 = 4.0;
+/// Room for a row in the module, numbers.
+const LONGEST_ROW: usize = 24_576;
+/// Where no recording says how far the instrument goes, m.
+const WAY: [f64; 2] = [0.0, 0.06];
+/// A deviation of an estimate from the model's parameter that leaves it the same number.
+const SAME: f64 = 1e-9;
+
+/// The model of `found` with a stretch that it has not seen, where there is one.
+pub(in super::super) fn live_model(found: &Identification, scored: &Scored) -> Result<LiveModel, String> {
+    let trocar = Trocar::new(Seal::Ems(found.stages), found.profile().map(|profile| profile.view()));
+    let mut row = vec![0.0; trocar.count_numbers()];
+    trocar.write_numbers(&mut row).map_err(|error| error.to_string())?;
+    if row.len() > LONGEST_ROW {
+        return Err("The model has too many knots along the way to run in a page.".to_owned());
+    }
+    let stretch = stretch(found, scored);
+    let way = stretch.as_ref().map_or(WAY, |stretch| {
+        let (low, high) = limits(&stretch.position);
+        let margin = 0.5 * found.model.half_width;
+        [low - margin, high + margin]
+    });
+    Ok(LiveModel { row, knobs: knobs(trocar.seal(), found), way, stretch })
+}
+
+fn limits(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)))
+}
+
+fn knobs(seal: &Seal, found: &Identification) -> Vec<Knob> {
+    let tunables: Vec<Tunable> = seal.tunables().collect();
+    let knob = |tunable: &Tunable| {
+        let (direction, plain) = direction(tunable.name);
+        let (words, symbol) = words(plain);
+        let (scale, unit) = display(&tunable.unit.replace('.', " "));
+        let stage = tunable.element.map_or_else(String::new, |i| format!(", element {}", i + 1));
+        let (side, sign) = match direction {
+            Some("insertion_") => (", insertion", "⁺"),
+            Some(_) => (", withdrawal", "⁻"),
+            None => ("", ""),
+        };
+        Knob {
+            name: format!("{words}{side}{stage}"),
+            symbol: format!("{symbol}{sign}"),
+            unit: if unit == "1" { String::new() } else { unit },
+            scale,
+            value: tunable.value,
+            range: range(tunable, plain, &tunables),
+            interval: interval(tunable, plain, found),
+            follows: (direction == Some("withdrawal_")).then(|| other_direction(tunable, &tunables)).flatten(),
+            is_main: tunable.element.is_none_or(|element| element == 0) && is_main(plain),
+        }
+    };
+    tunables.iter().map(knob).collect()
+}
+
+/// `insertion_coulomb_force_n`: the direction and the rest.
+fn direction(name: &str) -> (Option<&'static str>, &str) {
+    let sides = ["insertion_", "withdrawal_"];
+    let side = sides.into_iter().find(|side| name.starts_with(side));
+    (side, side.map_or(name, |side| &name[side.len()..]))
+}
+
+/// The place of the same parameter on insertion, where it has the same value.
+fn other_direction(tunable: &Tunable, all: &[Tunable]) -> Option<usize> {
+    let name = tunable.name.replacen("withdrawal_", "insertion_", 1);
+    all.iter().position(|one| one.name == name && one.element == tunable.element && one.value == tunable.value)
+}
+
+/// Short words, beside the symbol of the table of parameters.
+fn words(plain: &str) -> (String, String) {
+    let (long, symbol) = name_of(plain);
+    let short = match plain {
+        "half_width_m" => "Half width",
+        "static_ratio" => return ("Static ratio".to_owned(), "F_s/F_c".to_owned()),
+        "creep_velocity_m_s" => "Creep velocity",
+        "friction_lag_s" => "Stribeck lag",
+        "relaxation_stiffness_n_m" => "Relaxing stiffness",
+        _ => &long,
+    };
+    (short.to_owned(), symbol)
+}
+
+fn is_main(plain: &str) -> bool {
+    ["half_width_m", "coulomb_force_n", "static_ratio", "viscous_damping_n_s_m", "seal_damping_n_s_m"].contains(&plain)
+}
+
+/// Ends of a slider, SI: what is there goes from a quarter to twice itself, what is not up to where it would be felt.
+fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
+    let Tunable { value, least, .. } = *tunable;
+    if !value.is_finite() {
+        return None;
+    }
+    let of = |name: &str| all.iter().find(|one| one.element == tunable.element && one.name == name);
+    let half_width = of("half_width_m").map_or(0.01, |one| one.value);
+    let coulomb = of("insertion_coulomb_force_n").map_or(1.0, |one| one.value);
+    let felt = match plain {
+        "static_ratio" => least + (2.0 * (value - least)).max(1.0),
+        "viscous_damping_n_s_m" | "seal_damping_n_s_m" => (2.0 * value).max(10.0 * coulomb),
+        "creep_velocity_m_s" => (4.0 * value).max(1e-3),
+        "friction_lag_s" => (4.0 * value).max(0.1),
+        "relaxation_stiffness_n_m" => (2.0 * value).max(coulomb / half_width),
+        "stribeck_velocity_m_s" | "relaxation_time_s" => 4.0 * value,
+        _ => 2.0 * value,
+    };
+    let low = if tunable.above_least { 0.25 * value } else { least };
+    Some([low, felt])
+}
+
+/// The estimate behind a parameter; none where the model's number is not the one that was estimated.
+fn interval(tunable: &Tunable, plain: &str, found: &Identification) -> Option<[f64; 2]> {
+    let side = if tunable.name.starts_with("insertion_") { "positive" } else { "negative" };
+    let names = [plain.to_owned(), format!("{plain}_{side}")];
+    let is_same = |e: &&Estimate| (e.value - tunable.value).abs() <= SAME * tunable.value.abs() && e.pinned;
+    let estimate = names.iter().filter_map(|name| found.parameter(name)).find(is_same)?;
+    estimate.ci95.iter().all(|end| end.is_finite()).then_some(estimate.ci95)
+}
+
+/// A part of a recording without a break.
+struct Part<'a> {
+    recording: &'a Recording,
+    from: f64,
+    to: f64,
+    samples: Range<usize>,
+    /// Travel in it, m, of no pass more than tells something.
+    worth: f64,
+}
+
+/// The stretch that tells most: full of passes, and such that the model soon forgets how the seal stood before.
+fn stretch(found: &Identification, scored: &Scored) -> Option<Stretch> {
+    LENGTHS.into_iter().find_map(|length| {
+        let mut all: Vec<Part> =
+            scored.recordings.iter().flat_map(|recording| parts(recording, length, found.model.half_width)).collect();
+        all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        all.into_iter().find_map(|part| part.stretch(found, scored.held_out))
+    })
+}
+
+fn parts(recording: &Recording, length: f64, half_width: f64) -> Vec<Part<'_>> {
+    let (x, t) = (&recording.position, &recording.time);
+    let passes = passes(recording, reversal_threshold(recording));
+    let mut all = Vec::new();
+    for range in recording.unbroken().filter(|range| range.len() > 1) {
+        let (begin, end) = (t[range.start], t[range.end - 1]);
+        let starts = (0..).map(|k| begin + STEP * length * f64::from(k));
+        for from in starts.take_while(|from| *from == begin || from + length <= end) {
+            let to = (from + length).min(end);
+            let sample = |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);
+            let samples = sample(from)..sample(to) + 1;
+            let within = passes.iter().filter(|pass| samples.contains(&pass.start));
+            let travel = within.map(|pass| (x[pass.end.min(samples.end - 1)] - x[pass.start]).abs());
+            let worth = travel.map(|travel| travel.min(TELLING * half_width)).sum();
+            all.push(Part { recording, from, to, samples, worth });
+        }
+    }
+    all
+}
+
+impl Part<'_> {
+    /// Even times over the part; `None` where the start matters too long.
+    fn stretch(&self, found: &Identification, held_out: bool) -> Option<Stretch> {
+        let Recording { name, quality, .. } = self.recording;
+        let interval = quality.median_interval.max((self.to - self.from) / MOST_SAMPLES);
+        let count = ((self.to - self.from) / interval) as usize + 1;
+        let times: Vec<f64> = (0..count).map(|k| self.from + interval * k as f64).collect();
+        let position = self.at(&times, &self.recording.position);
+        let steps = position.windows(2).map(|pair| (pair[1] - pair[0], interval));
+        let known_from = forgotten_after(found.stages.elements(), steps)? + 1;
+        let readings = self.at(&times, &self.recording.force);
+        let force = readings.into_iter().map(|reading| reading - found.model.offset).collect();
+        let seen =
+            if held_out { "which the identification has not seen" } else { "which the model was identified from" };
+        let name = format!(
+            "{name}, {}\u{a0}s from {}\u{a0}s on, {seen}; every {}\u{a0}ms.",
+            significant(self.to - self.from, 2),
+            significant(self.from, 3),
+            significant(1e3 * interval, 3)
+        );
+        (known_from as f64 <= LATEST * count as f64).then_some(Stretch { name, interval, position, force, known_from })
+    }
+
+    /// Values at `times`, straight between the samples.
+    fn at(&self, times: &[f64], values: &[f64]) -> Vec<f64> {
+        let t = &self.recording.time;
+        let value = |time: &f64| {
+            let above = t.partition_point(|t| t < time).clamp(self.samples.start, self.samples.end - 1);
+            let below = above.saturating_sub(1).max(self.samples.start);
+            let span = t[above] - t[below];
+            let part = if span > 0.0 { ((time - t[below]) / span).clamp(0.0, 1.0) } else { 1.0 };
+            values[below] + part * (values[above] - values[below])
+        };
+        times.iter().map(value).collect()
+    }
+}

@@ -1,0 +1,101 @@
+//! The model that runs in the page: its module, its numbers, its recorded stretch, as text inside the page.
+
+use std::io::Write as _;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use serde::Serialize;
+
+use super::chart::{Codes, inert};
+use super::document::{Knob, LiveModel, Stretch};
+
+/// `crates/trocar-web`, built by its script; a test there holds its forces against the library's.
+const MODULE: &[u8] = include_bytes!("assets/model.wasm");
+
+/// What a page with a live model holds.
+pub(super) struct Embedded {
+    /// The module, compressed, base64.
+    pub(super) module: String,
+    /// Numbers, safe inside a script element.
+    pub(super) json: String,
+}
+
+/// The texts of `model`.
+///
+/// # Errors
+/// None in practice: nothing is written but memory.
+pub(super) fn embed(model: &LiveModel) -> Result<Embedded, serde_json::Error> {
+    let mut packed = GzEncoder::new(Vec::new(), Compression::best());
+    packed.write_all(MODULE).map_err(serde_json::Error::io)?;
+    let module = STANDARD.encode(packed.finish().map_err(serde_json::Error::io)?);
+    let bytes: Vec<u8> = model.row.iter().flat_map(|number| number.to_le_bytes()).collect();
+    let page = Page {
+        row: STANDARD.encode(bytes),
+        way: model.way,
+        knobs: model.knobs.iter().map(PageKnob::from).collect(),
+        stretch: model.stretch.as_ref().map(PageStretch::from),
+    };
+    Ok(Embedded { module, json: inert(&serde_json::to_string(&page)?) })
+}
+
+#[derive(Serialize)]
+struct Page<'a> {
+    /// 64-bit numbers, little endian, base64: to the last bit, infinite ones included.
+    row: String,
+    way: [f64; 2],
+    knobs: Vec<PageKnob<'a>>,
+    stretch: Option<PageStretch<'a>>,
+}
+
+#[derive(Serialize)]
+struct PageKnob<'a> {
+    name: &'a str,
+    symbol: &'a str,
+    unit: &'a str,
+    scale: f64,
+    value: f64,
+    range: Option<[f64; 2]>,
+    interval: Option<[f64; 2]>,
+    follows: Option<usize>,
+    main: bool,
+}
+
+impl<'a> From<&'a Knob> for PageKnob<'a> {
+    fn from(knob: &'a Knob) -> Self {
+        let Knob { name, symbol, unit, scale, value, range, interval, follows, is_main } = knob;
+        Self {
+            name,
+            symbol,
+            unit,
+            scale: *scale,
+            value: *value,
+            range: *range,
+            interval: *interval,
+            follows: *follows,
+            main: *is_main,
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct PageStretch<'a> {
+    name: &'a str,
+    interval: f64,
+    position: Codes,
+    force: Codes,
+    known: usize,
+}
+
+impl<'a> From<&'a Stretch> for PageStretch<'a> {
+    fn from(stretch: &'a Stretch) -> Self {
+        Self {
+            name: &stretch.name,
+            interval: stretch.interval,
+            position: Codes::new(stretch.position.iter().copied()),
+            force: Codes::new(stretch.force.iter().copied()),
+            known: stretch.known_from,
+        }
+    }
+}
