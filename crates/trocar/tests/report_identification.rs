@@ -9,7 +9,7 @@ use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{IdentificationReport, document};
 use trocar::report::{Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document};
 use trocar::validate::{Validation, validate};
-use trocar_model::{Element, ElementParams, Stages};
+use trocar_model::{Element, ElementParams, Seal, Stages, Trocar};
 
 /// A bench, what was identified on it, and the scores on another recording.
 struct Bench {
@@ -278,6 +278,61 @@ fn cross_validation_shows_the_slowest_and_the_fastest_speed_without_offset() {
         let (low, high) = deflection.y.iter().fold((0.0f64, 0.0f64), |(l, h), z| (l.min(*z), h.max(*z)));
         assert!(low < -7.5 && high > 7.5, "{low} to {high} mm");
     }
+}
+
+/// Largest rounding of a reading that was taken between two samples, N.
+const BETWEEN_SAMPLES: f64 = 0.2;
+
+#[test]
+fn the_live_model_is_the_identified_one_beside_a_stretch_it_has_not_seen() {
+    let bench = &*BENCH;
+    let report = full_report(bench);
+    let live = section(&report, "The model, live").live.as_ref().expect("a live model");
+    let trocar = Trocar::from_numbers(&live.row).unwrap();
+    assert_eq!(*trocar.seal(), Seal::Ems(bench.identification.stages));
+    let stretch = live.stretch.as_ref().expect("a stretch");
+    assert!(stretch.name.starts_with("validation.csv") && stretch.name.contains("has not seen"), "{}", stretch.name);
+    assert!((7.9..8.1).contains(&(stretch.interval * stretch.position.len() as f64)), "eight seconds");
+    let reach = stretch.position.iter().fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
+    assert!(live.way[0] < reach[0] && reach[1] < live.way[1]);
+
+    // The sensor's offset is out of the readings, and from `known_from` on any start gives the same force.
+    let offset = bench.identification.model.offset;
+    let recorded: Vec<f64> = bench.validation[0].force.iter().map(|reading| reading - offset).collect();
+    let near = |force: &f64| recorded.iter().any(|own| (own - force).abs() < BETWEEN_SAMPLES);
+    assert!(stretch.force.iter().all(near));
+    let run = |force: f64| {
+        let mut state = trocar.rest_at_force(stretch.position[0], force);
+        let step = |x: &f64| trocar.step_to(&mut state, *x, stretch.interval);
+        stretch.position[1..].iter().map(step).collect::<Vec<f64>>()
+    };
+    let (low, high) = (run(-10.0), run(10.0));
+    let error = |i: usize| (low[i] - high[i]).abs();
+    assert!((0..stretch.known_from / 2).any(|i| error(i) > 0.1), "the start matters at first");
+    assert!((stretch.known_from..low.len()).all(|i| error(i) < 1e-3));
+}
+
+#[test]
+fn every_parameter_can_be_turned_both_ways_from_the_value_identified() {
+    let bench = &*BENCH;
+    let report = full_report(bench);
+    let live = section(&report, "The model, live").live.as_ref().expect("a live model");
+    let seal = Seal::Ems(bench.identification.stages);
+    let values: Vec<f64> = live.knobs.iter().map(|knob| knob.value).collect();
+    for (at, knob) in live.knobs.iter().enumerate() {
+        let [low, high] = knob.range.unwrap_or_else(|| panic!("{} has no range", knob.name));
+        assert!(low <= knob.value && knob.value < high, "{}: {low} to {high}, value {}", knob.name, knob.value);
+        for end in [low, high] {
+            let turned: Vec<f64> = (0..values.len()).map(|i| if i == at { end } else { values[i] }).collect();
+            assert!(seal.tuned(&turned).is_ok(), "{} cannot be {end}", knob.name);
+        }
+    }
+    let named = |name: &str| live.knobs.iter().find(|knob| knob.name == name).unwrap_or_else(|| panic!("no {name}"));
+    let coulomb = named("Coulomb force, insertion");
+    let estimate = bench.identification.parameter("coulomb_force_n").unwrap();
+    assert_eq!((coulomb.interval, coulomb.unit.as_str()), (Some(estimate.ci95), "N"));
+    assert_eq!(named("Coulomb force, withdrawal").follows, Some(1), "one value on either side");
+    assert_eq!((named("Half width").unit.as_str(), named("Half width").scale), ("mm", 1e3));
 }
 
 #[test]
