@@ -320,7 +320,10 @@ fn every_parameter_can_be_turned_both_ways_from_the_value_identified() {
     let seal = Seal::Ems(bench.identification.stages);
     let values: Vec<f64> = live.knobs.iter().map(|knob| knob.value).collect();
     for (at, knob) in live.knobs.iter().enumerate() {
-        let [low, high] = knob.range.unwrap_or_else(|| panic!("{} has no range", knob.name));
+        let Some([low, high]) = knob.range else {
+            assert_eq!(knob.name, "Stribeck lag", "of use with creep only");
+            continue;
+        };
         assert!(low <= knob.value && knob.value < high, "{}: {low} to {high}, value {}", knob.name, knob.value);
         for end in [low, high] {
             let turned: Vec<f64> = (0..values.len()).map(|i| if i == at { end } else { values[i] }).collect();

@@ -116,6 +116,11 @@ fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
         return None;
     }
     let of = |name: &str| all.iter().find(|one| one.element == tunable.element && one.name == name);
+    let is_there = |name: &str| of(name).is_some_and(|one| one.value > 0.0);
+    // The lag is one of a contact that creeps.
+    if plain == "friction_lag_s" && !is_there("creep_velocity_m_s") {
+        return None;
+    }
     let half_width = of("half_width_m").map_or(0.01, |one| one.value);
     let coulomb = of("insertion_coulomb_force_n").map_or(1.0, |one| one.value);
     let felt = match plain {
@@ -127,7 +132,8 @@ fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
         "stribeck_velocity_m_s" | "relaxation_time_s" => 4.0 * value,
         _ => 2.0 * value,
     };
-    let low = if tunable.above_least { 0.25 * value } else { least };
+    let is_needed = plain == "creep_velocity_m_s" && is_there("friction_lag_s");
+    let low = if tunable.above_least || is_needed { 0.25 * value } else { least };
     Some([low, felt])
 }
 
