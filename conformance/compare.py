@@ -1,0 +1,64 @@
+"""Compares forces of several programs with those of the library: python compare.py FOLDER
+
+FOLDER holds a folder DOOR.forces per program, with one file of forces (N) per model, a row each; the command line's hold
+whole tables. Prints the largest difference by program, and ends with 1 where one is larger than it may be.
+"""
+
+import pathlib
+import struct
+import sys
+
+# Largest difference allowed, over the largest force of the run. The library's step is run everywhere but in exported C,
+# whose exponentials are those of the C library.
+EXACT = 0.0
+EXPORTED = 1e-12
+DOORS = {
+    "command line": EXACT,
+    "C": EXACT,
+    "C++": EXACT,
+    "exported C": EXPORTED,
+    "Python": EXACT,
+    "FMI 2.0": EXACT,
+    "FMI 3.0": EXACT,
+    "WebAssembly": EXACT,
+}
+
+
+def forces(path):
+    lines = path.read_text().splitlines()
+    if lines[0].startswith("time_s,"):
+        column = lines[0].split(",").index("force_n")
+        return [float(line.split(",")[column]) for line in lines[1:]]
+    return [float(line) for line in lines]
+
+
+def bits(values):
+    return struct.pack(f"{len(values)}d", *values)
+
+
+def main(folder):
+    library = {path.name: forces(path) for path in sorted((folder / "library.forces").iterdir())}
+    rows = sum(len(values) for values in library.values())
+    print(f"{len(library)} models, {rows} forces each; differences from the library")
+    print("| program | models equal to the last bit | largest difference (N) | of the largest force | in |")
+    print("|---|---|---|---|---|")
+    failed = []
+    for door, allowed in DOORS.items():
+        equal, worst = 0, (0.0, 0.0, "-")
+        for name, expected in library.items():
+            found = forces(folder / f"{door}.forces" / name)
+            if len(found) != len(expected):
+                sys.exit(f"{door}, {name}: {len(found)} forces, expected {len(expected)}")
+            equal += bits(found) == bits(expected)
+            difference = max(abs(a - b) for a, b in zip(found, expected))
+            if not difference <= worst[0]:
+                worst = (difference, difference / max(map(abs, expected)), name)
+        print(f"| {door} | {equal} of {len(library)} | {worst[0]:.1e} | {worst[1]:.1e} | {worst[2]} |")
+        if not worst[1] <= allowed or (allowed == EXACT and equal < len(library)):
+            failed.append(door)
+    if failed:
+        sys.exit(f"further off than allowed: {', '.join(failed)}")
+
+
+if __name__ == "__main__":
+    main(pathlib.Path(sys.argv[1]))
