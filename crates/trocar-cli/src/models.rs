@@ -1,7 +1,6 @@
 //! Lists of friction models as arguments: `ems,lugre,gms:4-10`.
 
 use trocar::compare::Choice;
-use trocar_model::MAX_ELEMENTS;
 
 /// Models named on the command line, none twice.
 #[derive(Debug, Clone)]
@@ -9,45 +8,5 @@ pub(crate) struct Models(pub(crate) Vec<Choice>);
 
 /// Reads a list; what is named twice counts once.
 pub(crate) fn models(text: &str) -> Result<Models, String> {
-    let mut all: Vec<Choice> = Vec::new();
-    for item in text.split(',') {
-        all.extend(choices(item.trim())?);
-    }
-    all.sort();
-    all.dedup();
-    Ok(Models(all))
-}
-
-/// One item: `all`, a family with its usual numbers of elements, or a family with a number or a range of its own.
-fn choices(item: &str) -> Result<Vec<Choice>, String> {
-    let usual = Choice::all();
-    if item == "all" {
-        return Ok(usual);
-    }
-    let (name, count) = item.split_once(':').map_or((item, None), |(name, count)| (name, Some(count)));
-    let own: Vec<Choice> = usual.iter().filter(|choice| choice.family() == name).copied().collect();
-    let Some(first) = own.first() else { return Err(unknown(item, &usual)) };
-    let Some(count) = count else { return Ok(own) };
-    let kind = match *first {
-        Choice::Classical(kind) if first.is_bank() => kind,
-        _ => return Err(format!("{name} has no number of elements, found {item:?}")),
-    };
-    let (low, high) = count.split_once('-').unwrap_or((count, count));
-    let number = |text: &str| text.parse().ok().filter(|n| (1..=MAX_ELEMENTS).contains(n));
-    let wrong = || format!("expected {name}:N or {name}:A-B with 1 to {MAX_ELEMENTS} elements, found {item:?}");
-    let (low, high) = (number(low).ok_or_else(wrong)?, number(high).ok_or_else(wrong)?);
-    if low > high {
-        return Err(wrong());
-    }
-    Ok((low..=high).map(|n| Choice::Classical(kind.with_elements(n))).collect())
-}
-
-fn unknown(item: &str, usual: &[Choice]) -> String {
-    let mut possible: Vec<String> = Vec::new();
-    for choice in usual {
-        let suffix = if choice.is_bank() { "[:N or :A-B]" } else { "" };
-        possible.push(format!("{}{suffix}", choice.family()));
-    }
-    possible.dedup();
-    format!("no model {item:?}; there are all, {}", possible.join(", "))
+    Choice::list(text).map(Models)
 }

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use trocar_model::{Classical, ClassicalState, Deformation, Element, Friction, Mode, State, rest_states};
 
+use crate::cancel;
 use crate::recording::Recording;
 use crate::travel::TravelProfile;
 
@@ -152,6 +153,7 @@ pub fn replay_along<M: Replayable + ?Sized>(
 ) -> Replay {
     let mut out = Replay::default();
     for range in recording.unbroken() {
+        cancel::check();
         let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
         let increments = || x.windows(2).zip(t.windows(2)).map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
         if let Some(after) = forgotten_after(model, increments()) {

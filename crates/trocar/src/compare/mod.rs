@@ -28,6 +28,7 @@ pub use claim::{ReversalMatch, reversal_match};
 pub use split::split;
 pub use summary::{Outcome, Summary};
 
+mod choices;
 mod claim;
 mod score;
 mod split;

@@ -17,6 +17,7 @@ use super::{
     Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Refinement, Segments, Warning, acceleration,
     sensors, settled_stretches, two_steps_of_part,
 };
+use crate::cancel;
 use crate::recording::Recording;
 use crate::segment::Direction;
 
@@ -366,6 +367,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
         let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
         let curves: Vec<&[f64]> =
             (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
+        cancel::check();
         BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
     let [up, down] = [Direction::Positive, Direction::Negative].map(|d| curves_of(&found.traverses, d).len());

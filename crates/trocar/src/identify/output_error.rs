@@ -12,6 +12,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use trocar_model::Friction;
 
+use crate::cancel;
+
 use super::random::normal;
 use super::training::{Run, Step, Training};
 
@@ -124,6 +126,7 @@ fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run) -> <T::Model as Frict
 pub(crate) fn costs<T: Trial>(training: &Training, trial: &T) -> Option<Vec<f64>> {
     let model = trial.model()?;
     let of_run = |run: &Run| {
+        cancel::check();
         let mut state = start(trial, &model, run);
         let mut squares = vec![0.0; training.clusters()];
         for step in &run.steps {
@@ -195,6 +198,7 @@ fn normal_equations<T: Trial>(training: &Training, trial: &T) -> Option<Normal> 
             models.iter().zip(&trials).map(|(m, t)| (start(t, m, run), Vec::with_capacity(BLOCK))).collect();
         for block in run.steps.chunks(BLOCK) {
             lanes.par_iter_mut().zip(&models).zip(&trials).for_each(|(((state, forces), model), t)| {
+                cancel::check();
                 forces.clear();
                 forces.extend(block.iter().map(|s| reading(t, model, state, s)));
             });

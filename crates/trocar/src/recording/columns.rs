@@ -185,6 +185,52 @@ impl Layout {
     }
 }
 
+/// A column of a table that is no file: where it stands, from 0, and how many of its unit make one SI unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableColumn {
+    /// Place among the names.
+    pub index: usize,
+    /// To be divided by.
+    pub per_si: f64,
+}
+
+/// Which columns of a table are which quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableColumns {
+    /// Time, position and force, in this order.
+    pub needed: [TableColumn; 3],
+    /// Velocity, if there is one.
+    pub velocity: Option<TableColumn>,
+    /// What was assumed.
+    pub notes: Vec<String>,
+}
+
+impl TableColumns {
+    /// Finds the columns of `table` by their `names`, by the same rules as in the header of a file, or by `mapping`
+    /// (`time_s,position_mm,-,force_n`) in their order.
+    ///
+    /// # Errors
+    /// [`RecordingError`] where a column or its unit is missing or unclear.
+    pub fn find(table: &str, names: &[String], mapping: Option<&str>) -> Result<Self, RecordingError> {
+        let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
+        let layout = match mapping {
+            Some(mapping) => Layout::from_mapping(mapping, &needed)?,
+            None => Layout::from_header(table, 1, names.to_vec(), &needed)?,
+        };
+        if layout.slots.len() != names.len() {
+            let problem = format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
+            return Err(RecordingError::BadColumns { entry: mapping.unwrap_or_default().to_owned(), problem });
+        }
+        let of = |quantity: Quantity| {
+            let slots = layout.slots.iter().enumerate();
+            let mut own = slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.quantity == quantity)?)));
+            own.next().map(|(index, slot)| TableColumn { index, per_si: slot.per_si })
+        };
+        let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
+        Ok(Self { needed: found, velocity: of(Quantity::Velocity), notes: layout.notes })
+    }
+}
+
 fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
     if matches!(name, "-" | "skip" | "") {
         return Ok(None);

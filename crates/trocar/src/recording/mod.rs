@@ -17,6 +17,7 @@ use rows::{Row, RowReader};
 use screen::{Columns, Lines};
 
 pub use crate::error::RecordingError;
+pub use columns::{TableColumn, TableColumns};
 pub use motion::{local_acceleration, local_velocity};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 
@@ -72,6 +73,19 @@ pub struct Recording {
     pub quality: Quality,
 }
 
+/// Columns that do not come from a file, in SI units.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Readings {
+    /// Time in s.
+    pub time: Vec<f64>,
+    /// Position in m, growing on insertion.
+    pub position: Vec<f64>,
+    /// Force in N, the device on the seal.
+    pub force: Vec<f64>,
+    /// Velocity in m/s, if there is one.
+    pub velocity: Option<Vec<f64>>,
+}
+
 /// How to read a file.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
@@ -96,24 +110,38 @@ impl Recording {
         position: Vec<f64>,
         force: Vec<f64>,
     ) -> Result<Self, RecordingError> {
+        Self::from_readings(name, &Readings { time, position, force, velocity: None }, None)
+    }
+
+    /// The same with a velocity column, and with `sensor_limit`, N, as in [`ReadOptions`].
+    ///
+    /// # Errors
+    /// As for [`Recording::from_columns`].
+    pub fn from_readings(
+        name: impl Into<String>,
+        readings: &Readings,
+        sensor_limit: Option<f64>,
+    ) -> Result<Self, RecordingError> {
         let name = name.into();
-        for (column, values) in [("position", &position), ("force", &force)] {
+        let Readings { time, position, force, velocity } = readings;
+        let given = [("position", Some(position)), ("force", Some(force)), ("velocity", velocity.as_ref())];
+        for (column, values) in given.into_iter().filter_map(|(column, values)| Some((column, values?))) {
             if values.len() != time.len() {
                 let (file, found, expected) = (name, values.len(), time.len());
                 return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
         let mut hash = Sha256::new();
-        for column in [&time, &position, &force] {
+        for column in [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten() {
             column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
-        let mut collector = Collector::new(time.len(), false);
+        let mut collector = Collector::new(time.len(), velocity.is_some());
         collector.columns.lines = Lines::counted();
         for k in 0..time.len() {
-            let values = [time[k], position[k], force[k], f64::NAN];
+            let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
             collector.add(Row { line: k as u64, values });
         }
-        collector.finish(&name, name.clone(), rows::hex(&hash.finalize()), None)
+        collector.finish(&name, name.clone(), rows::hex(&hash.finalize()), sensor_limit)
     }
 
     /// Number of samples.

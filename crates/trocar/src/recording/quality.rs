@@ -1,9 +1,9 @@
 //! What is known about the data themselves: sampling, noise, and everything lost or doubtful.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Rows with a fault in common.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RowList {
     /// How many.
     pub count: usize,
@@ -32,7 +32,7 @@ impl RowList {
 }
 
 /// Time without samples.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// First sample after the gap.
     pub index: usize,
@@ -47,7 +47,7 @@ pub struct Gap {
 }
 
 /// A jump of the position that no motion explains.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Reset {
     /// First sample after the jump.
     pub index: usize,
@@ -59,7 +59,7 @@ pub struct Reset {
 }
 
 /// Force readings stuck at the end of the sensor's range.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Saturation {
     /// Samples concerned.
     pub count: usize,
@@ -71,7 +71,7 @@ pub struct Saturation {
 }
 
 /// Which kind of loss or doubt a warning is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum WarningKind {
@@ -98,7 +98,7 @@ pub enum WarningKind {
 }
 
 /// One loss or doubt, for people to read.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Warning {
     /// What it is about.
     pub kind: WarningKind,
@@ -110,7 +110,7 @@ pub struct Warning {
 }
 
 /// What was found about a recording. Numbers are SI; keys in JSON carry the unit.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Median interval between samples.
     #[serde(rename = "median_interval_s")]

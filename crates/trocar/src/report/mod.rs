@@ -19,6 +19,7 @@ mod live;
 mod number;
 mod style;
 mod svg;
+pub mod validation;
 mod view;
 
 use std::collections::HashSet;
@@ -121,10 +122,13 @@ pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportEr
 pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
-    let (drawn, ()) = rayon::join(
-        || figures.par_iter().map(|figure| draw_vector(folder, figure)).collect::<Result<Vec<_>, _>>(),
-        draw::load_fonts,
-    );
+    let draw = |figure: &&Figure| {
+        let vector = draw_vector(figure)?;
+        folder.write(format!("figures/{}.svg", figure.id), vector.file(figure).as_bytes())?;
+        for_page(figure, &vector)
+    };
+    let (drawn, ()) =
+        rayon::join(|| figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>(), draw::load_fonts);
     let drawn = drawn?;
     for some in figures.chunks(FIGURES_AT_A_TIME) {
         some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;
@@ -135,14 +139,40 @@ pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), 
     Ok(folder.write("report.html", html::page(document, &drawn, &styles, live.as_ref()).as_bytes())?)
 }
 
+/// The page of [`write_document`] alone: `report.html`, with everything inside.
+///
+/// # Errors
+/// A malformed document, or a figure that cannot be drawn.
+pub fn page(document: &Document) -> Result<String, ReportError> {
+    check(document)?;
+    let figures: Vec<&Figure> = figures(document).collect();
+    let draw = |figure: &&Figure| for_page(figure, &draw_vector(figure)?);
+    let drawn = figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>()?;
+    let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
+    Ok(html::page(document, &drawn, &styles))
+}
+
+/// The figures of [`write_document`] alone: id and SVG of each, in order.
+///
+/// # Errors
+/// As [`page`].
+pub fn vectors(document: &Document) -> Result<Vec<(String, String)>, ReportError> {
+    check(document)?;
+    let figures: Vec<&Figure> = figures(document).collect();
+    let draw = |figure: &&Figure| Ok((figure.id.clone(), draw_vector(figure)?.file(figure)));
+    figures.par_iter().map(draw).collect()
+}
+
 fn figures(document: &Document) -> impl Iterator<Item = &Figure> {
     document.sections.iter().flat_map(|section| &section.figures)
 }
 
-fn draw_vector(folder: &StagedFolder, figure: &Figure) -> Result<html::Drawn, ReportError> {
-    let vector = svg::Drawing::new(&draw::scene(figure, draw::Medium::Vector))
-        .ok_or_else(|| drawing_error(&figure.id, "the SVG has no opening tag"))?;
-    folder.write(format!("figures/{}.svg", figure.id), vector.file(figure).as_bytes())?;
+fn draw_vector(figure: &Figure) -> Result<svg::Drawing, ReportError> {
+    svg::Drawing::new(&draw::scene(figure, draw::Medium::Vector))
+        .ok_or_else(|| drawing_error(&figure.id, "the SVG has no opening tag"))
+}
+
+fn for_page(figure: &Figure, vector: &svg::Drawing) -> Result<html::Drawn, ReportError> {
     let json = chart::figure_json(figure).map_err(|error| drawing_error(&figure.id, error))?;
     Ok(html::Drawn { svg: vector.inline(figure), json })
 }

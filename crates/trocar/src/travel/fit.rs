@@ -10,6 +10,7 @@ use serde::Serialize;
 use trocar_model::travel::place;
 
 use super::{ProfileError, TravelProfile, mean_along};
+use crate::cancel;
 use crate::recording::Recording;
 use crate::segment::Pass;
 
@@ -315,6 +316,7 @@ impl<'a> Data<'a> {
     }
 
     fn candidate(&self, parts: &[Sums], all: &Sums, knots: usize, roughness: f64) -> Option<Candidate> {
+        cancel::check();
         let unit = self.samples.len() as f64 / knots as f64;
         let penalty = penalty(knots, roughness * unit, RIDGE * unit);
         let (mut held_out, mut constant, mut better_folds) = (0.0, 0.0, 0);

@@ -85,7 +85,7 @@ pub(super) fn without_hidden_mass<'a>(recordings: &'a [Recording], model: &Candi
 }
 
 /// Samples of `range` that draw the same line as all of them; `x` grows.
-fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (low, high) = (x.first().copied().unwrap_or(0.0), x.last().copied().unwrap_or(1.0));
     let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);
     (kept.iter().map(|&i| x[i]).collect(), kept.iter().map(|&i| y[i]).collect())

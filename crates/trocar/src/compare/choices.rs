@@ -1,0 +1,56 @@
+//! Lists of friction models as text: `ems,lugre,gms:4-10`.
+
+use trocar_model::MAX_ELEMENTS;
+
+use super::Choice;
+
+impl Choice {
+    /// Reads a list of families with commas between, `all`, or banks with a number or a range of elements (`gms:4-10`);
+    /// what is named twice counts once.
+    ///
+    /// # Errors
+    /// A sentence that says what was found and what there is.
+    pub fn list(text: &str) -> Result<Vec<Self>, String> {
+        let mut all: Vec<Self> = Vec::new();
+        for item in text.split(',') {
+            all.extend(choices(item.trim())?);
+        }
+        all.sort();
+        all.dedup();
+        Ok(all)
+    }
+}
+
+/// One item: `all`, a family with its usual numbers of elements, or a family with a number or a range of its own.
+fn choices(item: &str) -> Result<Vec<Choice>, String> {
+    let usual = Choice::all();
+    if item == "all" {
+        return Ok(usual);
+    }
+    let (name, count) = item.split_once(':').map_or((item, None), |(name, count)| (name, Some(count)));
+    let own: Vec<Choice> = usual.iter().filter(|choice| choice.family() == name).copied().collect();
+    let Some(first) = own.first() else { return Err(unknown(item, &usual)) };
+    let Some(count) = count else { return Ok(own) };
+    let kind = match *first {
+        Choice::Classical(kind) if first.is_bank() => kind,
+        _ => return Err(format!("{name} has no number of elements, found {item:?}")),
+    };
+    let (low, high) = count.split_once('-').unwrap_or((count, count));
+    let number = |text: &str| text.parse().ok().filter(|n| (1..=MAX_ELEMENTS).contains(n));
+    let wrong = || format!("expected {name}:N or {name}:A-B with 1 to {MAX_ELEMENTS} elements, found {item:?}");
+    let (low, high) = (number(low).ok_or_else(wrong)?, number(high).ok_or_else(wrong)?);
+    if low > high {
+        return Err(wrong());
+    }
+    Ok((low..=high).map(|n| Choice::Classical(kind.with_elements(n))).collect())
+}
+
+fn unknown(item: &str, usual: &[Choice]) -> String {
+    let mut possible: Vec<String> = Vec::new();
+    for choice in usual {
+        let suffix = if choice.is_bank() { "[:N or :A-B]" } else { "" };
+        possible.push(format!("{}{suffix}", choice.family()));
+    }
+    possible.dedup();
+    format!("no model {item:?}; there are all, {}", possible.join(", "))
+}
