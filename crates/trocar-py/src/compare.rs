@@ -1,0 +1,143 @@
+//! `compare`, and `Compared`: what it leaves behind.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+use trocar::compare::{Choice, CompareOptions, Comparison, Outcome, split};
+use trocar::identify::IdentifyOptions;
+use trocar::output::StagedFolder;
+use trocar::recording::Recording as Record;
+use trocar::report::comparison::document;
+use trocar::report::{self, Document, ReportError};
+use trocar::summary::MovingMass;
+
+use crate::errors::{CompareError, ParameterError, Raise};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::shared::{Picture, figures, moving_mass, records, without, write_page};
+use crate::work::{How, run};
+
+/// A finished comparison.
+#[pyclass(module = "trocar._core", frozen)]
+pub(crate) struct Compared(Arc<Job>);
+
+struct Job {
+    comparison: Comparison,
+    seed: u64,
+    held_back: bool,
+    moving_mass: MovingMass,
+}
+
+/// Fits and scores friction models; `trocar.compare` wraps it.
+#[pyfunction]
+#[pyo3(signature = (recordings, held_back, *, models, seed, timing, moving_mass_kg, gravity_m_s2, threads, progress))]
+#[allow(clippy::too_many_arguments)] // keywords in Python
+pub(crate) fn compare(
+    py: Python<'_>,
+    recordings: Vec<PyRef<'_, Recording>>,
+    held_back: Vec<PyRef<'_, Recording>>,
+    models: &str,
+    seed: u64,
+    timing: bool,
+    moving_mass_kg: f64,
+    gravity_m_s2: f64,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Compared> {
+    let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
+    let models = Choice::list(models).map_err(|why| ParameterError::new_err(format!("models: {why}")))?;
+    let (training, validation) = (records(&recordings), records(&held_back));
+    refuse_twice(training.iter().chain(&validation))?;
+    let identify =
+        IdentifyOptions { bootstrap: 0, seed, inertia_removed: moving_mass.mass > 0.0, ..Default::default() };
+    let options = CompareOptions { models, identify, timing };
+    let task = move |report: &crate::work::Report| {
+        let corrected = |recordings: Vec<Record>| {
+            recordings.into_iter().map(|recording| without(recording, moving_mass, 0.0)).collect::<Result<Vec<_>, _>>()
+        };
+        let (mut training, mut validation) = (corrected(training)?, corrected(validation)?);
+        let held_back = validation.is_empty();
+        if held_back {
+            (training, validation) = split(&training)?;
+        }
+        let progress = |stage: &str, part: f64| report.tell(stage, part);
+        let comparison = trocar::compare::compare(&training, &validation, &options, &progress)?;
+        Ok(Job { comparison, seed, held_back, moving_mass })
+    };
+    let job =
+        run(py, How { progress, threads }, task)?.map_err(|error: trocar::compare::CompareError| error.raise())?;
+    Ok(Compared(Arc::new(job)))
+}
+
+/// A recording counted twice would weigh twice; one in both lists would not be validated on.
+fn refuse_twice<'a>(recordings: impl Iterator<Item = &'a Record>) -> PyResult<()> {
+    let recordings: Vec<&Record> = recordings.collect();
+    for (i, second) in recordings.iter().enumerate() {
+        if let Some(first) = recordings[..i].iter().find(|first| first.sha256 == second.sha256) {
+            let (first, second) = (&first.name, &second.name);
+            return Err(CompareError::new_err(format!(
+                "{first} and {second} hold the same bytes: a recording is either fitted or scored on, and once only"
+            )));
+        }
+    }
+    Ok(())
+}
+
+impl Job {
+    fn outcome(&self) -> Outcome<'_> {
+        let Self { comparison, seed, held_back, moving_mass } = self;
+        Outcome { comparison, seed: *seed, held_back: *held_back, moving_mass: *moving_mass }
+    }
+
+    fn document(&self) -> Document {
+        document(&self.outcome(), "Friction models compared")
+    }
+
+    fn save(&self, folder: &Path) -> Result<(), ReportError> {
+        let staged = StagedFolder::create(folder)?;
+        let outcome = self.outcome();
+        staged.write("compare.json", outcome.summary().to_json().as_bytes())?;
+        for (path, model) in outcome.model_files() {
+            staged.write(&path, model.to_json().as_bytes())?;
+        }
+        report::stage_document(&staged, &self.document())?;
+        Ok(staged.commit()?)
+    }
+}
+
+#[pymethods]
+impl Compared {
+    /// The text of compare.json.
+    fn summary_json(&self) -> String {
+        self.0.outcome().summary().to_json()
+    }
+
+    /// The models, in the order of the summary.
+    fn models(&self) -> PyResult<Vec<Model>> {
+        self.0.outcome().model_files().into_iter().map(|(_, file)| Model::new(file)).collect()
+    }
+
+    /// Recordings on which the seal never slides all round, in words.
+    fn unknown_states(&self) -> Vec<String> {
+        self.0.outcome().unknown_states()
+    }
+
+    /// The figures of the report.
+    fn figures(&self, py: Python<'_>) -> PyResult<Vec<Picture>> {
+        let job = self.0.clone();
+        figures(py, move || job.document())
+    }
+
+    /// Writes the page of the report, one file with everything inside.
+    fn report(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let job = self.0.clone();
+        write_page(py, path, move || job.document())
+    }
+
+    /// Writes compare.json, models, report.html and figures.
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
+        let job = self.0.clone();
+        run(py, How::default(), move |_| job.save(&folder))?.map_err(Raise::raise)
+    }
+}

@@ -1,0 +1,148 @@
+//! Errors of the library as Python exceptions, with their messages as they are but for the names of options.
+
+use std::io;
+
+use pyo3::PyErr;
+use pyo3::create_exception;
+use pyo3::exceptions::{
+    PyFileNotFoundError, PyIsADirectoryError, PyNotADirectoryError, PyOSError, PyPermissionError, PyRuntimeError,
+    PyValueError,
+};
+
+create_exception!(trocar, TrocarError, PyValueError, "Input that cannot be used; the base of all errors of trocar.");
+create_exception!(trocar, ArrayError, TrocarError, "An array of the wrong kind, shape or length, or one not writable.");
+create_exception!(trocar, RecordingError, TrocarError, "A recording that cannot be used.");
+create_exception!(trocar, MotionError, TrocarError, "A motion that a model cannot follow.");
+create_exception!(trocar, ModelFileError, TrocarError, "A file or text that is no model.");
+create_exception!(trocar, ParameterError, TrocarError, "A parameter or option out of its range.");
+create_exception!(trocar, IdentifyError, TrocarError, "Recordings that no model can be identified from.");
+create_exception!(trocar, CompareError, TrocarError, "Recordings that models cannot be compared on.");
+create_exception!(trocar, NotConverged, CompareError, "A model that could not be fitted from any start.");
+create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot run.");
+create_exception!(trocar, InternalError, PyRuntimeError, "A fault inside trocar; please report it.");
+
+/// An error of the library on its way to Python.
+pub(crate) trait Raise {
+    /// The exception.
+    fn raise(self) -> PyErr;
+}
+
+impl Raise for trocar::recording::RecordingError {
+    fn raise(self) -> PyErr {
+        use trocar::recording::RecordingError as E;
+        let text = in_python(&self.to_string());
+        match self {
+            E::Open { source, .. } | E::Read { source, .. } => os_error(&source, text),
+            _ => RecordingError::new_err(text),
+        }
+    }
+}
+
+impl Raise for trocar::model_file::ModelFileError {
+    fn raise(self) -> PyErr {
+        use trocar::model_file::ModelFileError as E;
+        fn unreadable(error: &E) -> Option<&io::Error> {
+            match error {
+                // Bytes that are no text are a fault of the contents.
+                E::Unreadable(source) if source.kind() != io::ErrorKind::InvalidData => Some(source),
+                E::InFile { source, .. } => unreadable(source),
+                _ => None,
+            }
+        }
+        let text = in_python(&self.to_string());
+        match unreadable(&self) {
+            Some(source) => os_error(source, text),
+            None => ModelFileError::new_err(text),
+        }
+    }
+}
+
+impl Raise for trocar::identify::IdentifyError {
+    fn raise(self) -> PyErr {
+        use trocar::identify::IdentifyError as E;
+        let text = in_python(&self.to_string());
+        match self {
+            E::Degree(_) => ParameterError::new_err(text),
+            _ => IdentifyError::new_err(text),
+        }
+    }
+}
+
+impl Raise for trocar::compare::CompareError {
+    fn raise(self) -> PyErr {
+        use trocar::compare::CompareError as E;
+        match self {
+            E::Identify(error) => error.raise(),
+            E::Recording(error) => error.raise(),
+            E::NoFit { .. } => NotConverged::new_err(in_python(&self.to_string())),
+            _ => CompareError::new_err(in_python(&self.to_string())),
+        }
+    }
+}
+
+impl Raise for trocar::bench::BenchError {
+    fn raise(self) -> PyErr {
+        BenchError::new_err(self.to_string())
+    }
+}
+
+impl Raise for trocar::bench::ConfigError {
+    fn raise(self) -> PyErr {
+        BenchError::new_err(self.to_string())
+    }
+}
+
+impl Raise for trocar_model::ParamError {
+    fn raise(self) -> PyErr {
+        ParameterError::new_err(self.to_string())
+    }
+}
+
+impl Raise for trocar::output::OutputError {
+    fn raise(self) -> PyErr {
+        use trocar::output::OutputError as E;
+        let text = in_python(&self.to_string());
+        match &self {
+            E::Create { source, .. } | E::Write { source, .. } => os_error(source, text),
+            _ => PyOSError::new_err(text),
+        }
+    }
+}
+
+impl Raise for trocar::report::ReportError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::Output(error) => error.raise(),
+            other => InternalError::new_err(other.to_string()),
+        }
+    }
+}
+
+/// The exception that Python itself raises for such an error, with our message.
+pub(crate) fn os_error(source: &io::Error, text: String) -> PyErr {
+    match source.kind() {
+        io::ErrorKind::NotFound => PyFileNotFoundError::new_err(text),
+        io::ErrorKind::PermissionDenied => PyPermissionError::new_err(text),
+        io::ErrorKind::IsADirectory => PyIsADirectoryError::new_err(text),
+        io::ErrorKind::NotADirectory => PyNotADirectoryError::new_err(text),
+        _ => PyOSError::new_err(text),
+    }
+}
+
+/// Options as they are called in Python: `--flip-force` is `flip_force=True`, `--columns a,b` is `columns="a,b"`.
+pub(crate) fn in_python(text: &str) -> String {
+    let mut words = text.split(' ').peekable();
+    let mut out: Vec<String> = Vec::new();
+    while let Some(word) = words.next() {
+        match word {
+            "--flip-force" => out.push("flip_force=True".to_owned()),
+            "--out" => out.push("another path".to_owned()),
+            "--columns" => match words.next_if(|next| next.contains(',')) {
+                Some(names) => out.push(format!("columns=\"{names}\"")),
+                None => out.push("columns".to_owned()),
+            },
+            other => out.push(other.to_owned()),
+        }
+    }
+    out.join(" ")
+}

@@ -1,0 +1,210 @@
+//! `identify`, and `Found`: what it leaves behind.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Ingredient, Progress};
+use trocar::output::StagedFolder;
+use trocar::recording::{Recording as Record, RecordingError};
+use trocar::report::identification::{IdentificationReport, document};
+use trocar::report::{self, Document, ReportError};
+use trocar::summary::{MovingMass, Outcome};
+use trocar::validate::{Validation, validate_along};
+
+use crate::errors::{ParameterError, Raise};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::shared::{Picture, figures, moving_mass, records, without, write_page};
+use crate::validate::Validated;
+use crate::work::{How, run};
+
+/// A finished identification.
+#[pyclass(module = "trocar._core", frozen)]
+pub(crate) struct Found(Arc<Job>);
+
+struct Job {
+    identification: Identification,
+    options: IdentifyOptions,
+    recordings: Vec<Record>,
+    held_back: Vec<Record>,
+    validation: Option<Validation>,
+    moving_mass: MovingMass,
+}
+
+/// Why there is none.
+enum Failure {
+    Identify(IdentifyError),
+    Recording(RecordingError),
+}
+
+impl From<IdentifyError> for Failure {
+    fn from(error: IdentifyError) -> Self {
+        Self::Identify(error)
+    }
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        Self::Recording(error)
+    }
+}
+
+impl Raise for Failure {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::Identify(error) => error.raise(),
+            Self::Recording(error) => error.raise(),
+        }
+    }
+}
+
+/// Identifies a model; `trocar.identify` wraps it.
+#[pyfunction]
+#[pyo3(signature = (recordings, held_back, *, bootstrap, seed, degrees, refine, free_motion, without, moving_mass_kg,
+    gravity_m_s2, threads, progress))]
+#[allow(clippy::too_many_arguments)] // keywords in Python
+pub(crate) fn identify(
+    py: Python<'_>,
+    recordings: Vec<PyRef<'_, Recording>>,
+    held_back: Vec<PyRef<'_, Recording>>,
+    bootstrap: usize,
+    seed: u64,
+    degrees: [usize; 2],
+    refine: bool,
+    free_motion: bool,
+    without: Vec<String>,
+    moving_mass_kg: f64,
+    gravity_m_s2: f64,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Found> {
+    let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
+    let options = IdentifyOptions {
+        bootstrap,
+        seed,
+        degrees,
+        refine,
+        inertia_removed: moving_mass.mass > 0.0,
+        free_motion,
+        without: without.iter().map(|name| ingredient(name)).collect::<PyResult<_>>()?,
+        ..IdentifyOptions::default()
+    };
+    let (recordings, held_back) = (records(&recordings), records(&held_back));
+    let task = move |report: &crate::work::Report| {
+        Job::run(recordings, held_back, moving_mass, options, &|stage, part| report.tell(stage, part))
+    };
+    let job = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
+    Ok(Found(Arc::new(job)))
+}
+
+fn ingredient(name: &str) -> PyResult<Ingredient> {
+    let names = || Ingredient::ALL.map(Ingredient::name).join(", ");
+    let found = Ingredient::ALL.into_iter().find(|ingredient| ingredient.name() == name);
+    found.ok_or_else(|| ParameterError::new_err(format!("without {name:?}: expected one of {}", names())))
+}
+
+impl Job {
+    fn run(
+        recordings: Vec<Record>,
+        held_back: Vec<Record>,
+        moving_mass: MovingMass,
+        options: IdentifyOptions,
+        progress: Progress,
+    ) -> Result<Self, Failure> {
+        let corrected = |recordings: Vec<Record>, hidden: f64| {
+            recordings
+                .into_iter()
+                .map(|recording| without(recording, moving_mass, hidden))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        let recordings = corrected(recordings, 0.0)?;
+        let identification = trocar::identify::identify(&recordings, &options, progress)?;
+        let recordings = identification.in_step(recordings)?;
+        let held_back = identification.in_step(corrected(held_back, identification.model.hidden_mass)?)?;
+        let (elements, offset) = (identification.stages.elements(), identification.model.offset);
+        let validation =
+            (!held_back.is_empty()).then(|| validate_along(elements, identification.profile(), &held_back, offset));
+        Ok(Self { identification, options, recordings, held_back, validation, moving_mass })
+    }
+
+    fn outcome(&self) -> Outcome<'_> {
+        Outcome {
+            identification: &self.identification,
+            options: &self.options,
+            recordings: &self.recordings,
+            held_back: &self.held_back,
+            validation: self.validation.as_ref(),
+            moving_mass: self.moving_mass,
+        }
+    }
+
+    fn document(&self) -> Document {
+        document(&IdentificationReport {
+            identification: &self.identification,
+            training: &self.recordings,
+            validation: self.validation.as_ref().map(|validation| (self.held_back.as_slice(), validation)),
+            truth: None,
+            seed: self.options.seed,
+            bootstrap: self.options.bootstrap,
+            title: "Force between instrument and trocar",
+        })
+    }
+
+    fn save(&self, folder: &std::path::Path) -> Result<(), ReportError> {
+        let staged = StagedFolder::create(folder)?;
+        let outcome = self.outcome();
+        staged.write("model.json", outcome.model_file().to_json().as_bytes())?;
+        staged.write("summary.json", outcome.summary().to_json().as_bytes())?;
+        report::stage_document(&staged, &self.document())?;
+        Ok(staged.commit()?)
+    }
+}
+
+#[pymethods]
+impl Found {
+    /// The identified model.
+    fn model(&self) -> PyResult<Model> {
+        Model::new(self.0.outcome().model_file())
+    }
+
+    /// The text of summary.json.
+    fn summary_json(&self) -> String {
+        self.0.outcome().summary().to_json()
+    }
+
+    /// Names of the parameters, in the order of their importance.
+    fn names(&self) -> Vec<&str> {
+        self.0.identification.parameters.iter().map(|parameter| parameter.name.as_str()).collect()
+    }
+
+    /// The validation on the recordings held back, if there were any.
+    fn validated(&self, py: Python<'_>) -> PyResult<Option<Validated>> {
+        let job = self.0.clone();
+        run(py, How::default(), move |_| {
+            let Job { identification, held_back, validation, moving_mass, .. } = &*job;
+            let (elements, offset) = (identification.stages.elements(), identification.model.offset);
+            let mass = moving_mass.mass + identification.model.hidden_mass;
+            let validation = validation.clone()?;
+            Some(Validated::new(elements, identification.profile(), held_back.clone(), validation, offset, mass))
+        })
+    }
+
+    /// The figures of the report.
+    fn figures(&self, py: Python<'_>) -> PyResult<Vec<Picture>> {
+        let job = self.0.clone();
+        figures(py, move || job.document())
+    }
+
+    /// Writes the page of the report, one file with everything inside.
+    fn report(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let job = self.0.clone();
+        write_page(py, path, move || job.document())
+    }
+
+    /// Writes model.json, summary.json, report.html and figures.
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
+        let job = self.0.clone();
+        run(py, How::default(), move |_| job.save(&folder))?.map_err(Raise::raise)
+    }
+}

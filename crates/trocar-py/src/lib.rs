@@ -1,0 +1,55 @@
+//! The Python package `trocar`, its native part: thin types over the library, arrays in and out without a copy, long
+//! work off the interpreter's lock. The rest of the package is Python, in `python/trocar/`.
+//!
+//! ```text
+//! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Found, Validated, Compared ─▶ Python results
+//!                  time, position ─▶ simulate, Stepper ◀─ Model
+//! ```
+//! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception with the library's
+//! message; a panic becomes `InternalError` and never reaches the interpreter.
+
+mod arrays;
+mod bench;
+mod compare;
+mod errors;
+mod identify;
+mod model;
+mod recording;
+mod shared;
+mod simulate;
+mod stepper;
+mod validate;
+mod work;
+
+/// Native part of the package `trocar`.
+#[pyo3::pymodule]
+mod _core {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::bench::{bench, bench_config};
+    #[pymodule_export]
+    use crate::compare::{Compared, compare};
+    #[pymodule_export]
+    use crate::errors::{
+        ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError, MotionError, NotConverged,
+        ParameterError, RecordingError, TrocarError,
+    };
+    #[pymodule_export]
+    use crate::identify::{Found, identify};
+    #[pymodule_export]
+    use crate::model::{Model, Tunable};
+    #[pymodule_export]
+    use crate::recording::{Recording, read};
+    #[pymodule_export]
+    use crate::simulate::{simulate, simulate_full};
+    #[pymodule_export]
+    use crate::stepper::Stepper;
+    #[pymodule_export]
+    use crate::validate::{Validated, validate};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

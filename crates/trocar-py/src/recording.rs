@@ -1,0 +1,298 @@
+//! `Recording` and `read`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::PyArray1;
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyAny, PyTuple, PyType};
+use trocar::output::AtomicFile;
+use trocar::recording::{self, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns};
+
+use crate::arrays::column;
+use crate::errors::{ArrayError, InternalError, ParameterError, Raise};
+use crate::work::{How, run};
+
+/// One recording in SI units: time, position and force of an instrument in a seal.
+///
+/// Position grows on insertion; the force is that of the instrument on the seal. Arrays may be anything that NumPy turns
+/// into numbers. What is lost or doubtful about the data is in `warnings`, what was assumed in `notes`.
+#[pyclass(module = "trocar", frozen)]
+pub(crate) struct Recording {
+    record: Arc<Record>,
+    columns: [PyOnceLock<Py<PyArray1<f64>>>; 4],
+}
+
+impl Recording {
+    pub(crate) fn new(record: Record) -> Self {
+        Self { record: Arc::new(record), columns: [const { PyOnceLock::new() }; 4] }
+    }
+
+    pub(crate) fn record(&self) -> &Record {
+        &self.record
+    }
+
+    /// A column as a read-only array, made when it is asked for first.
+    fn column(&self, py: Python<'_>, place: usize, values: &[f64]) -> PyResult<Py<PyArray1<f64>>> {
+        let make = || {
+            let array = PyArray1::from_slice(py, values);
+            array.call_method1(intern!(py, "setflags"), (false,))?;
+            Ok::<_, PyErr>(array.unbind())
+        };
+        Ok(self.columns[place].get_or_try_init(py, make)?.clone_ref(py))
+    }
+}
+
+/// Columns in SI units become a recording.
+fn recording_of(
+    py: Python<'_>,
+    name: String,
+    mut readings: Readings,
+    sensor_limit_n: Option<f64>,
+    flip_force: bool,
+) -> PyResult<Record> {
+    check_limit(sensor_limit_n)?;
+    if flip_force {
+        readings.force.iter_mut().for_each(|force| *force = -*force);
+    }
+    let mut record = py.detach(|| Record::from_readings(name, &readings, sensor_limit_n)).map_err(Raise::raise)?;
+    if flip_force {
+        record.quality.notes.push("sign of the force reversed".to_owned());
+    }
+    Ok(record)
+}
+
+fn check_limit(limit: Option<f64>) -> PyResult<()> {
+    match limit {
+        Some(limit) if !(limit.is_finite() && limit > 0.0) => {
+            Err(ParameterError::new_err(format!("sensor_limit_n must be positive, got {limit} N")))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[pymethods]
+impl Recording {
+    #[new]
+    #[pyo3(signature = (time_s, position_m, force_n, velocity_m_s=None, *, name="recording".to_owned(), sensor_limit_n=None,
+        flip_force=false), text_signature = "(time_s, position_m, force_n, velocity_m_s=None, *, name='recording', \
+        sensor_limit_n=None, flip_force=False)")]
+    #[allow(clippy::too_many_arguments)] // keywords in Python
+    fn from_arrays(
+        py: Python<'_>,
+        time_s: &Bound<'_, PyAny>,
+        position_m: &Bound<'_, PyAny>,
+        force_n: &Bound<'_, PyAny>,
+        velocity_m_s: Option<&Bound<'_, PyAny>>,
+        name: String,
+        sensor_limit_n: Option<f64>,
+        flip_force: bool,
+    ) -> PyResult<Self> {
+        let values = |name, values| -> PyResult<Vec<f64>> { Ok(column(name, values)?.as_slice()?.to_vec()) };
+        let readings = Readings {
+            time: values("time_s", time_s)?,
+            position: values("position_m", position_m)?,
+            force: values("force_n", force_n)?,
+            velocity: velocity_m_s.map(|velocity| values("velocity_m_s", velocity)).transpose()?,
+        };
+        Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, flip_force)?))
+    }
+
+    /// A recording from a pandas or polars data frame, or from a dictionary of columns.
+    ///
+    /// Columns are found by their names, units included, as in the header of a file: `time_s`, `Position (mm)`, `force_N`.
+    /// `columns` names them in order instead, `-` skips one: `"time_s,position_mm,-,force_n"`.
+    #[classmethod]
+    #[pyo3(signature = (frame, *, columns=None, name="frame".to_owned(), sensor_limit_n=None, flip_force=false),
+        text_signature = "(frame, *, columns=None, name='frame', sensor_limit_n=None, flip_force=False)")]
+    fn from_frame(
+        _class: &Bound<'_, PyType>,
+        frame: &Bound<'_, PyAny>,
+        columns: Option<&str>,
+        name: String,
+        sensor_limit_n: Option<f64>,
+        flip_force: bool,
+    ) -> PyResult<Self> {
+        let py = frame.py();
+        let helpers = py.import(intern!(py, "trocar._arrays"))?;
+        let names: Vec<String> = helpers.call_method1(intern!(py, "names"), (frame,))?.extract()?;
+        let found = TableColumns::find(&name, &names, columns).map_err(Raise::raise)?;
+        let values = |TableColumn { index, per_si }: TableColumn| -> PyResult<Vec<f64>> {
+            let series = helpers.call_method1(intern!(py, "series"), (frame, index))?;
+            Ok(column(&names[index], &series)?.as_slice()?.iter().map(|value| value / per_si).collect())
+        };
+        let [time, position, force] = found.needed;
+        let readings = Readings {
+            time: values(time)?,
+            position: values(position)?,
+            force: values(force)?,
+            velocity: found.velocity.map(values).transpose()?,
+        };
+        let mut record = recording_of(py, name, readings, sensor_limit_n, flip_force)?;
+        record.quality.notes.extend(found.notes);
+        Ok(Self::new(record))
+    }
+
+    /// Name of the recording: that of its file without the folder.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.record.name
+    }
+
+    /// SHA-256 of the file's bytes, or of the columns when there is no file.
+    #[getter]
+    fn sha256(&self) -> &str {
+        &self.record.sha256
+    }
+
+    /// Time, s; a read-only array.
+    #[getter]
+    fn time_s(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
+        self.column(py, 0, &self.record.time)
+    }
+
+    /// Position, m, growing on insertion; a read-only array.
+    #[getter]
+    fn position_m(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
+        self.column(py, 1, &self.record.position)
+    }
+
+    /// Force of the instrument on the seal, N; a read-only array.
+    #[getter]
+    fn force_n(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
+        self.column(py, 2, &self.record.force)
+    }
+
+    /// Velocity, m/s, a read-only array; None if the recording has none.
+    #[getter]
+    fn velocity_m_s(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.record.velocity.as_ref().map(|velocity| self.column(py, 3, velocity)).transpose()
+    }
+
+    /// Time from the first to the last sample, s.
+    #[getter]
+    fn duration_s(&self) -> f64 {
+        self.record.duration()
+    }
+
+    /// Range of the position, m.
+    #[getter]
+    fn stroke_m(&self) -> f64 {
+        self.record.quality.stroke
+    }
+
+    /// Median interval between samples, s.
+    #[getter]
+    fn median_interval_s(&self) -> f64 {
+        self.record.quality.median_interval
+    }
+
+    /// Everything lost or doubtful about the data.
+    #[getter]
+    fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.record.quality.warnings.iter().map(|w| crate::errors::in_python(&w.to_string())))
+    }
+
+    /// What was assumed, such as which columns were taken.
+    #[getter]
+    fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.record.quality.notes)
+    }
+
+    /// What was found about the data: sampling, resolution, noise, gaps, as in summary.json.
+    #[getter]
+    fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("json")?.call_method1("loads", (quality_json(&self.record.quality)?,))
+    }
+
+    /// Writes the recording as CSV, in SI units; the file appears whole or not at all.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let Record { time, position, force, velocity, .. } = &*self.record;
+        let write = || {
+            let mut file = AtomicFile::create(&path)?;
+            let outcome = recording::write(&mut file, time, position, velocity.as_deref(), force);
+            outcome.map_err(|source| file.write_error(source))?;
+            file.commit()
+        };
+        py.detach(write).map_err(Raise::raise)
+    }
+
+    fn __len__(&self) -> usize {
+        self.record.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let (name, samples, seconds) = (&self.record.name, self.record.len(), self.record.duration());
+        let stroke = 1e3 * self.record.quality.stroke;
+        let doubts = match self.record.quality.warnings.len() {
+            0 => String::new(),
+            1 => ", 1 warning".to_owned(),
+            count => format!(", {count} warnings"),
+        };
+        format!("<trocar.Recording {name:?}: {samples} samples, {seconds:.1} s, stroke {stroke:.1} mm{doubts}>")
+    }
+
+    fn _repr_html_(slf: Bound<'_, Self>) -> PyResult<Bound<'_, PyAny>> {
+        let py = slf.py();
+        py.import(intern!(py, "trocar._show"))?.call_method1(intern!(py, "recording"), (slf,))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let py = slf.py();
+        let own = slf.get();
+        let quality = quality_json(&own.record.quality)?;
+        let columns = (own.time_s(py)?, own.position_m(py)?, own.force_n(py)?, own.velocity_m_s(py)?);
+        let state = (columns.0, columns.1, columns.2, columns.3, own.name(), own.sha256(), quality);
+        Ok((slf.get_type().getattr(intern!(py, "_restore"))?, state.into_pyobject(py)?))
+    }
+
+    /// What unpickling calls.
+    #[staticmethod]
+    fn _restore(
+        time_s: &Bound<'_, PyAny>,
+        position_m: &Bound<'_, PyAny>,
+        force_n: &Bound<'_, PyAny>,
+        velocity_m_s: Option<&Bound<'_, PyAny>>,
+        name: String,
+        sha256: String,
+        quality: &str,
+    ) -> PyResult<Self> {
+        let py = time_s.py();
+        let mut own = Self::from_arrays(py, time_s, position_m, force_n, velocity_m_s, name, None, false)?;
+        let length = column("time_s", time_s)?.as_slice()?.len();
+        let quality: Quality =
+            serde_json::from_str(quality).map_err(|error| InternalError::new_err(error.to_string()))?;
+        if own.record.len() != length || quality.breaks.iter().any(|at| *at >= length) {
+            return Err(ArrayError::new_err("the columns of a pickled recording do not belong together"));
+        }
+        let record = Arc::make_mut(&mut own.record);
+        (record.sha256, record.quality) = (sha256, quality);
+        Ok(own)
+    }
+}
+
+fn quality_json(quality: &Quality) -> PyResult<String> {
+    serde_json::to_string(quality).map_err(|error| InternalError::new_err(error.to_string()))
+}
+
+/// Reads a recording from a text file with columns of time, position and force.
+///
+/// Columns are found by their names, units included; `columns` names them in order instead, `-` skips one:
+/// `"time_s,position_mm,-,force_n"`. `flip_force` reverses the sign of the force; readings at `sensor_limit_n` count as
+/// saturated.
+#[pyfunction]
+#[pyo3(signature = (path, *, columns=None, flip_force=false, sensor_limit_n=None))]
+pub(crate) fn read(
+    py: Python<'_>,
+    path: PathBuf,
+    columns: Option<String>,
+    flip_force: bool,
+    sensor_limit_n: Option<f64>,
+) -> PyResult<Recording> {
+    check_limit(sensor_limit_n)?;
+    let options = ReadOptions { columns, sensor_limit: sensor_limit_n, flip_force, memory_limit: None };
+    let record = run(py, How::default(), move |_| recording::read(&path, &options))?;
+    Ok(Recording::new(record.map_err(Raise::raise)?))
+}

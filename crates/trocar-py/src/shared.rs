@@ -1,0 +1,79 @@
+//! What several functions take or give.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use trocar::output::AtomicFile;
+use trocar::recording::Recording as Record;
+use trocar::report::{self, Document};
+use trocar::summary::MovingMass;
+
+use crate::errors::{ParameterError, Raise};
+use crate::recording::Recording;
+use crate::work::{How, run};
+
+/// Recordings as they are worked on: copies without single glitches of the position, as the command line does it.
+pub(crate) fn records(recordings: &[PyRef<'_, Recording>]) -> Vec<Record> {
+    recordings.iter().map(|recording| recording.record().clone().without_glitches()).collect()
+}
+
+/// A declared moving mass.
+pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
+    not_negative("moving_mass_kg", mass, "kg")?;
+    finite("gravity_m_s2", gravity, "m/s^2")?;
+    Ok(MovingMass { mass, gravity })
+}
+
+pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {
+    let wrong = || ParameterError::new_err(format!("{name} must be finite, got {value} {unit}"));
+    value.is_finite().then_some(()).ok_or_else(wrong)
+}
+
+pub(crate) fn not_negative(name: &str, value: f64, unit: &str) -> PyResult<()> {
+    let wrong = || ParameterError::new_err(format!("{name} must be finite and not negative, got {value} {unit}"));
+    (value.is_finite() && value >= 0.0).then_some(()).ok_or_else(wrong)
+}
+
+/// The recording without the declared mass and without the hidden one, whose weight is part of the offset.
+pub(crate) fn without(
+    recording: Record,
+    declared: MovingMass,
+    hidden: f64,
+) -> Result<Record, trocar::recording::RecordingError> {
+    let mass = declared.mass + hidden;
+    if mass == 0.0 {
+        return Ok(recording);
+    }
+    recording.without_moving_mass(mass, declared.gravity * declared.mass / mass)
+}
+
+/// A figure: name, title, caption, SVG.
+pub(crate) type Picture = (String, String, String, String);
+
+/// The figures of a document, drawn off the lock.
+pub(crate) fn figures(py: Python<'_>, document: impl FnOnce() -> Document + Send + 'static) -> PyResult<Vec<Picture>> {
+    let draw = move || {
+        let document = document();
+        let svgs = report::vectors(&document)?;
+        let figures = document.sections.into_iter().flat_map(|section| section.figures);
+        Ok(figures.zip(svgs).map(|(figure, (id, svg))| (id, figure.title, figure.caption, svg)).collect())
+    };
+    run(py, How::default(), move |_| draw())?.map_err(|error: report::ReportError| error.raise())
+}
+
+/// Writes the page of a document to `path`, made off the lock; the file appears whole or not at all.
+pub(crate) fn write_page(
+    py: Python<'_>,
+    path: PathBuf,
+    document: impl FnOnce() -> Document + Send + 'static,
+) -> PyResult<()> {
+    let write = move || {
+        let page = report::page(&document())?;
+        let mut file = AtomicFile::create(&path)?;
+        let outcome = file.write_all(page.as_bytes());
+        outcome.map_err(|source| file.write_error(source))?;
+        Ok(file.commit()?)
+    };
+    run(py, How::default(), move |_| write())?.map_err(|error: report::ReportError| error.raise())
+}

@@ -1,0 +1,211 @@
+//! `simulate` and `simulate_full`: a model along whole arrays.
+
+use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyAny;
+use trocar::recording::LONGEST_STROKE;
+use trocar_model::{Deformation, Mode, Trocar, TrocarState};
+
+use crate::arrays::{column, place};
+use crate::errors::{MotionError, ParameterError};
+use crate::model::Model;
+use crate::shared::finite;
+
+/// Samples between two looks at the signals: some milliseconds of work.
+const CHUNK: usize = 1 << 17;
+
+/// Force of the model along a motion, N: that of the instrument on the seal, without any sensor offset.
+///
+/// The first sample is the start: at rest there, undeformed, or with `initial_force_n` or `initial_deflection_m`. Times may
+/// be uneven; a sample with the time and position of the one before changes nothing. `out` takes the result: a
+/// contiguous, writable array of float64. Other threads of Python run meanwhile.
+#[pyfunction]
+#[pyo3(signature = (model, time_s, position_m, *, initial_force_n=None, initial_deflection_m=None, out=None))]
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, Model>,
+    time_s: &Bound<'py, PyAny>,
+    position_m: &Bound<'py, PyAny>,
+    initial_force_n: Option<f64>,
+    initial_deflection_m: Option<f64>,
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = (time.as_slice()?, position.as_slice()?);
+    let trocar = model.get().trocar();
+    let mut run = Run::new(py, &trocar, time, position, Start { initial_force_n, initial_deflection_m })?;
+    let result = match out {
+        Some(out) => out.clone(),
+        None => PyArray1::<f64>::zeros(py, time.len(), false).into_any(),
+    };
+    let mut forces = place(&result, time.len())?;
+    run.chunks(py, forces.as_slice_mut()?, |state, force| *force = state.force())?;
+    drop(forces);
+    Ok(result)
+}
+
+/// The same with the deflection, m, and whether the seal slides: (force, deflection, sliding).
+///
+/// Deflection and sliding are None for a classical model, which does not tell.
+#[pyfunction]
+#[pyo3(signature = (model, time_s, position_m, *, initial_force_n=None, initial_deflection_m=None))]
+#[allow(clippy::type_complexity)]
+pub(crate) fn simulate_full<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, Model>,
+    time_s: &Bound<'py, PyAny>,
+    position_m: &Bound<'py, PyAny>,
+    initial_force_n: Option<f64>,
+    initial_deflection_m: Option<f64>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)>)> {
+    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = (time.as_slice()?, position.as_slice()?);
+    let trocar = model.get().trocar();
+    let mut run = Run::new(py, &trocar, time, position, Start { initial_force_n, initial_deflection_m })?;
+    let tells = run.state.deformation().is_some();
+    let mut rows = vec![Row::default(); time.len()];
+    run.chunks(py, &mut rows, Row::take)?;
+    let force = PyArray1::from_iter(py, rows.iter().map(|row| row.force));
+    let deformation = tells.then(|| {
+        let deflection = PyArray1::from_iter(py, rows.iter().map(|row| row.deflection));
+        (deflection, PyArray1::from_iter(py, rows.iter().map(|row| row.slides)))
+    });
+    Ok((force, deformation))
+}
+
+#[derive(Clone, Copy, Default)]
+struct Row {
+    force: f64,
+    deflection: f64,
+    slides: bool,
+}
+
+impl Row {
+    fn take(state: &TrocarState, row: &mut Self) {
+        row.force = state.force();
+        if let Some(Deformation { deflection, mode }) = state.deformation() {
+            (row.deflection, row.slides) = (deflection, mode == Mode::Sliding);
+        }
+    }
+}
+
+/// How the seal stands at the first sample.
+struct Start {
+    initial_force_n: Option<f64>,
+    initial_deflection_m: Option<f64>,
+}
+
+impl Start {
+    fn state(&self, trocar: &Trocar<'_>, position: f64) -> PyResult<TrocarState> {
+        match (self.initial_force_n, self.initial_deflection_m) {
+            (None, None) => Ok(trocar.rest(position)),
+            (Some(force), None) => {
+                finite("initial_force_n", force, "N")?;
+                Ok(trocar.rest_at_force(position, force))
+            }
+            (None, Some(deflection)) => {
+                finite("initial_deflection_m", deflection, "m")?;
+                trocar.rest_at_deflection(position, deflection).ok_or_else(|| {
+                    ParameterError::new_err(
+                        "initial_deflection_m is for EMS elements; a classical model has no deflection",
+                    )
+                })
+            }
+            _ => Err(PyTypeError::new_err("give initial_force_n or initial_deflection_m, not both")),
+        }
+    }
+}
+
+/// A model under way along a motion that it can follow.
+struct Run<'a> {
+    trocar: &'a Trocar<'a>,
+    time: &'a [f64],
+    position: &'a [f64],
+    state: TrocarState,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        py: Python<'_>,
+        trocar: &'a Trocar<'a>,
+        time: &'a [f64],
+        position: &'a [f64],
+        start: Start,
+    ) -> PyResult<Self> {
+        if time.len() != position.len() {
+            let (t, x) = (time.len(), position.len());
+            return Err(MotionError::new_err(format!("position_m has {x} samples, expected {t} as time_s has")));
+        }
+        py.detach(|| check(time, position)).map_err(MotionError::new_err)?;
+        let state = start.state(trocar, position.first().copied().unwrap_or(0.0))?;
+        Ok(Self { trocar, time, position, state })
+    }
+
+    /// Steps through all samples; `take` keeps what is wanted of each state.
+    fn chunks<R: Send>(
+        &mut self,
+        py: Python<'_>,
+        rows: &mut [R],
+        take: impl Fn(&TrocarState, &mut R) + Sync,
+    ) -> PyResult<()> {
+        let Self { trocar, time, position, state } = self;
+        let mut before = time.first().copied().unwrap_or(0.0);
+        for ((rows, time), position) in rows.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK)) {
+            py.detach(|| {
+                for ((row, &t), &x) in rows.iter_mut().zip(time).zip(position) {
+                    // No time passes at the first sample and at repeated ones: the state stays.
+                    trocar.step_to(state, x, t - before);
+                    before = t;
+                    take(state, row);
+                }
+            });
+            py.check_signals()?;
+        }
+        Ok(())
+    }
+}
+
+/// What a model cannot follow, in words: where, found, expected.
+fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
+    let follows = |t: &[f64], x: &[f64]| {
+        let (duration, displacement) = (t[1] - t[0], x[1] - x[0]);
+        (duration > 0.0 && (displacement / duration).is_finite()) || (duration == 0.0 && displacement == 0.0)
+    };
+    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+    let pairs = || time.windows(2).zip(position.windows(2));
+    if !finite(time) || !finite(position) || !pairs().all(|(t, x)| follows(t, x)) {
+        return Err(first_fault(time, position));
+    }
+    let (low, high) = position.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let stroke = high - low;
+    if stroke > LONGEST_STROKE {
+        return Err(format!(
+            "position_m covers {stroke} m, expected at most {LONGEST_STROKE} m\n\nhint: is the unit right? divide millimetres by 1000"
+        ));
+    }
+    Ok(())
+}
+
+#[cold]
+fn first_fault(time: &[f64], position: &[f64]) -> String {
+    for (i, (&t, &x)) in time.iter().zip(position).enumerate() {
+        for (name, value, unit) in [("time_s", t, "s"), ("position_m", x, "m")] {
+            if !value.is_finite() {
+                return format!("sample {i}: {name} is {value} {unit}, expected a finite number");
+            }
+        }
+        let Some(before) = i.checked_sub(1) else { continue };
+        let (from_t, from_x) = (time[before], position[before]);
+        if t < from_t {
+            return format!("sample {i}: time_s goes back from {from_t} s to {t} s, expected it to advance");
+        }
+        if x != from_x && !((x - from_x) / (t - from_t)).is_finite() {
+            return format!(
+                "sample {i}: position_m goes from {from_x} m to {x} m while time_s goes from {from_t} s to {t} s, expected a \
+                 finite velocity"
+            );
+        }
+    }
+    "the motion changed while it was read".to_owned()
+}

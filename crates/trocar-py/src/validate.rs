@@ -1,0 +1,118 @@
+//! `validate`, and `Validated`: what it leaves behind.
+
+use std::sync::Arc;
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use trocar::model_file::Model as Kind;
+use trocar::recording::{Recording as Record, RecordingError};
+use trocar::replay::{Replay, Replayable, replay_along};
+use trocar::report::validation::document;
+use trocar::summary::MovingMass;
+use trocar::travel::TravelProfile;
+use trocar::validate::{Validation, validate_along};
+
+use crate::errors::{InternalError, ParameterError, Raise};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::shared::{Picture, figures, finite, not_negative, records, without};
+use crate::work::{How, run};
+
+/// A finished validation.
+#[pyclass(module = "trocar._core", frozen)]
+pub(crate) struct Validated(Arc<Job>);
+
+struct Job {
+    recordings: Vec<Record>,
+    runs: Vec<Replay>,
+    validation: Validation,
+    offset: f64,
+    mass: f64,
+}
+
+/// Compares a model with recordings; `trocar.validate` wraps it.
+#[pyfunction]
+#[pyo3(signature = (model, recordings, *, moving_mass_kg, offset_n, threads))]
+pub(crate) fn validate(
+    py: Python<'_>,
+    model: &Bound<'_, Model>,
+    recordings: Vec<PyRef<'_, Recording>>,
+    moving_mass_kg: Option<f64>,
+    offset_n: Option<f64>,
+    threads: usize,
+) -> PyResult<Validated> {
+    if recordings.is_empty() {
+        return Err(ParameterError::new_err("no recording to validate on"));
+    }
+    let file = model.get().file().clone();
+    let mass = moving_mass_kg.unwrap_or(file.sensor.map_or(0.0, |sensor| sensor.moving_mass_kg));
+    let offset = offset_n.unwrap_or(file.sensor.map_or(0.0, |sensor| sensor.offset_n));
+    let lag = file.sensor.map_or(0.0, |sensor| sensor.position_lag_s);
+    not_negative("moving_mass_kg", mass, "kg")?;
+    finite("offset_n", offset, "N")?;
+    let recordings = records(&recordings);
+    let task = move |_: &crate::work::Report| {
+        // The weight of the mass is part of the offset.
+        let taken_out = MovingMass { mass, gravity: 0.0 };
+        let prepared = |recording| without(recording, taken_out, 0.0)?.with_position_lag(lag);
+        let recordings: Vec<Record> = recordings.into_iter().map(prepared).collect::<Result<_, RecordingError>>()?;
+        let travel = file.travel.as_ref();
+        Ok(match &file.model {
+            Kind::Ems(elements) => {
+                let elements = elements.as_slice();
+                let validation = validate_along(elements, travel, &recordings, offset);
+                Validated::new(elements, travel, recordings, validation, offset, mass)
+            }
+            Kind::Classical(model) => {
+                let validation = validate_along(model, travel, &recordings, offset);
+                Validated::new(model, travel, recordings, validation, offset, mass)
+            }
+        })
+    };
+    run(py, How { progress: None, threads }, task)?.map_err(|error: RecordingError| error.raise())
+}
+
+impl Validated {
+    /// The scores, and the runs behind them; `recordings` as they were scored.
+    pub(crate) fn new<M: Replayable + ?Sized>(
+        model: &M,
+        travel: Option<&TravelProfile>,
+        recordings: Vec<Record>,
+        validation: Validation,
+        offset: f64,
+        mass: f64,
+    ) -> Self {
+        let runs = recordings.iter().map(|recording| replay_along(model, travel, recording, offset)).collect();
+        Self(Arc::new(Job { recordings, runs, validation, offset, mass }))
+    }
+}
+
+#[pymethods]
+impl Validated {
+    /// The text that `trocar validate --json` prints.
+    fn summary_json(&self) -> PyResult<String> {
+        serde_json::to_string(&self.0.validation).map_err(|error| InternalError::new_err(error.to_string()))
+    }
+
+    /// Sensor offset and moving mass that were taken out.
+    fn taken_out(&self) -> (f64, f64) {
+        (self.0.offset, self.0.mass)
+    }
+
+    /// Time, measured force less the offset, and the model's force along one recording.
+    fn forces<'py>(&self, py: Python<'py>, index: usize) -> [Bound<'py, PyArray1<f64>>; 3] {
+        let (recording, run) = (&self.0.recordings[index], &self.0.runs[index]);
+        let measured = recording.force.iter().map(|force| force - self.0.offset);
+        [
+            PyArray1::from_slice(py, &recording.time),
+            PyArray1::from_iter(py, measured),
+            PyArray1::from_slice(py, &run.force),
+        ]
+    }
+
+    /// Measured and computed force of the first recordings.
+    fn figures(&self, py: Python<'_>) -> PyResult<Vec<Picture>> {
+        let job = self.0.clone();
+        figures(py, move || document(&job.recordings, &job.runs, &job.validation, job.offset, "Validation"))
+    }
+}

@@ -1,0 +1,259 @@
+"""From recordings of an instrument in a trocar to a validated model of the force between them.
+
+    import trocar
+
+    recording = trocar.read("strokes.csv")          # or trocar.Recording(time_s, position_m, force_n), .from_frame(df)
+    found = trocar.identify([recording])
+    found.parameters["coulomb_force_n"]             # value, unit, 95 % interval
+    force_n = trocar.simulate(found.model, time_s, position_m)
+
+SI units throughout, in every name. Position and force are positive on insertion; the force is that of the instrument on
+the seal. Bad input raises ``TrocarError`` (a ``ValueError``) or one of its kinds, and leaves nothing half done. Not a
+medical device.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings as _python_warnings
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Callable, Optional, Union
+
+from . import _core
+from ._core import (
+    ArrayError,
+    BenchError,
+    CompareError,
+    IdentifyError,
+    InternalError,
+    Model,
+    ModelFileError,
+    MotionError,
+    NotConverged,
+    ParameterError,
+    Recording,
+    RecordingError,
+    Stepper,
+    TrocarError,
+    Tunable,
+    __version__,
+    bench,
+    bench_config,
+    read,
+    simulate,
+)
+from ._arrays import column as _column
+from .results import (
+    ComparedModel,
+    Comparison,
+    Figure,
+    Forces,
+    Identification,
+    Parameter,
+    RecordingValidation,
+    ResultWarning,
+    Simulation,
+    Validation,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+__all__ = [
+    "ArrayError",
+    "BenchError",
+    "CompareError",
+    "ComparedModel",
+    "Comparison",
+    "Figure",
+    "Forces",
+    "Identification",
+    "IdentifyError",
+    "InternalError",
+    "Model",
+    "ModelFileError",
+    "MotionError",
+    "NotConverged",
+    "Parameter",
+    "ParameterError",
+    "Recording",
+    "RecordingError",
+    "RecordingValidation",
+    "ResultWarning",
+    "Simulation",
+    "Stepper",
+    "TrocarError",
+    "Tunable",
+    "Validation",
+    "__version__",
+    "bench",
+    "bench_config",
+    "compare",
+    "identify",
+    "read",
+    "simulate",
+    "simulate_full",
+    "validate",
+]
+
+#: One recording or several.
+Recordings = Union[Recording, Iterable[Recording]]
+#: Told the stage of the work and the part done, 0 to 1.
+Progress = Callable[[str, float], object]
+
+
+def identify(
+    recordings: Recordings,
+    *,
+    validate: Optional[Recordings] = None,
+    bootstrap: int = 200,
+    seed: int = 1,
+    degrees: Sequence[int] = (4, 4),
+    refine: bool = True,
+    free_motion: bool = True,
+    without: Sequence[str] = (),
+    moving_mass_kg: float = 0.0,
+    gravity_m_s2: float = 0.0,
+    threads: int = 0,
+    progress: Optional[Progress] = None,
+) -> Identification:
+    """Identifies a model from recordings, and validates it on those given with ``validate``.
+
+    Every recording is searched for what it can give; what it does not pin has an infinite interval and a warning.
+
+    :param bootstrap: resamples of the bootstrap over cycles; 0 takes the quicker jackknife
+    :param seed: of everything random; equal recordings and seed give equal results
+    :param degrees: of the two joined polynomials of each branch, 2 to 7
+    :param refine: refine the two-step result against the simulated force
+    :param free_motion: fit the element to all motion, where the recordings hold more than full strokes
+    :param without: ingredients that this fit leaves out: stribeck, seal_damping, minor_loops, creep, relaxation,
+        second_relaxation, hidden_mass, asymmetry, second_stage
+    :param moving_mass_kg: mass between sensor and seal: its inertia is taken out of the readings
+    :param gravity_m_s2: gravity along the insertion as it acts on the reading of that mass; 0 leaves the weight in the
+        offset
+    :param threads: to work on; 0 takes one for each processor
+    :param progress: called with the stage and the part done, 0 to 1, on the calling thread
+    :raises IdentifyError: where there is nothing to identify from
+    """
+    training = _recordings("recordings", recordings)
+    held_back = [] if validate is None else _recordings("validate", validate)
+    seen = {recording.sha256 for recording in training}
+    overlap = [recording.name for recording in held_back if recording.sha256 in seen]
+    if overlap:
+        text = f"{', '.join(overlap)}: validated on what it was identified from: no validation"
+        _python_warnings.warn(text, stacklevel=2)
+    found = _core.identify(
+        training,
+        held_back,
+        bootstrap=_count("bootstrap", bootstrap),
+        seed=_count("seed", seed),
+        degrees=_degrees(degrees),
+        refine=refine,
+        free_motion=free_motion,
+        without=[without] if isinstance(without, str) else list(without),
+        moving_mass_kg=moving_mass_kg,
+        gravity_m_s2=gravity_m_s2,
+        threads=_count("threads", threads),
+        progress=progress,
+    )
+    return Identification._of(found)
+
+
+def validate(
+    model: Model,
+    recordings: Recordings,
+    *,
+    moving_mass_kg: Optional[float] = None,
+    offset_n: Optional[float] = None,
+    threads: int = 0,
+) -> Validation:
+    """Runs a model along the positions of recordings and compares its force with the readings.
+
+    Scored are the samples at which the state of the seal is known, that is after it has slid once.
+
+    :param moving_mass_kg: mass whose inertia is taken out of the readings; by default that of the model's sensor
+    :param offset_n: reading at rest without any force of the seal; by default that of the model's sensor
+    """
+    scored = _recordings("recordings", recordings)
+    options = {"moving_mass_kg": moving_mass_kg, "offset_n": offset_n}
+    return Validation._of(_core.validate(model, scored, **options, threads=_count("threads", threads)))
+
+
+def compare(
+    recordings: Recordings,
+    *,
+    validate: Optional[Recordings] = None,
+    models: Union[str, Sequence[str]] = "all",
+    seed: int = 1,
+    timing: bool = False,
+    moving_mass_kg: float = 0.0,
+    gravity_m_s2: float = 0.0,
+    threads: int = 0,
+    progress: Optional[Progress] = None,
+) -> Comparison:
+    """Fits friction models to the same recordings and scores them on the same others, those given with ``validate``.
+
+    Without those, the last third of each recording is held back from the fits and scored on.
+
+    :param models: names, with commas between or in a list: ems, ems-output-error, coulomb, coulomb-viscous, stribeck, dahl,
+        lugre, lugre-rational, leuven, maxwell-slip, gms; the last three also with numbers of elements, as in gms:4-10
+    :param timing: measure the time of a step and of each fit; results then differ from run to run
+    :raises NotConverged: where a model could not be fitted from any start
+    """
+    held_back = [] if validate is None else _recordings("validate", validate)
+    done = _core.compare(
+        _recordings("recordings", recordings),
+        held_back,
+        models=models if isinstance(models, str) else ",".join(models),
+        seed=_count("seed", seed),
+        timing=timing,
+        moving_mass_kg=moving_mass_kg,
+        gravity_m_s2=gravity_m_s2,
+        threads=_count("threads", threads),
+        progress=progress,
+    )
+    return Comparison._of(done)
+
+
+def simulate_full(
+    model: Model,
+    time_s: ArrayLike,
+    position_m: ArrayLike,
+    *,
+    initial_force_n: Optional[float] = None,
+    initial_deflection_m: Optional[float] = None,
+) -> Simulation:
+    """As ``simulate``, with the deflection of the seal and whether it slides."""
+    time, position = _column("time_s", time_s), _column("position_m", position_m)
+    options = {"initial_force_n": initial_force_n, "initial_deflection_m": initial_deflection_m}
+    force, deformation = _core.simulate_full(model, time, position, **options)
+    deflection, sliding = deformation or (None, None)
+    return Simulation(time, position, force, deflection, sliding)
+
+
+def _recordings(name: str, given: Recordings) -> list[Recording]:
+    if isinstance(given, Recording):
+        return [given]
+    if isinstance(given, (str, bytes, os.PathLike)):
+        raise TypeError(f"{name}: expected recordings, got a path; read it with trocar.read({given!r})")
+    if hasattr(given, "columns"):
+        raise TypeError(f"{name}: expected recordings, got a data frame; use trocar.Recording.from_frame(frame)")
+    found = list(given)
+    for item in found:
+        if not isinstance(item, Recording):
+            raise TypeError(f"{name}: expected trocar.Recording, got {type(item).__name__}")
+    return found
+
+
+def _count(name: str, value: int) -> int:
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise TypeError(f"{name} must be a whole number, got {value!r}")
+    if not 0 <= value < 2**64:
+        raise ParameterError(f"{name} must be a whole number from 0 on, got {value}")
+    return value
+
+
+def _degrees(degrees: Sequence[int]) -> tuple[int, int]:
+    if isinstance(degrees, (str, bytes)) or len(degrees) != 2:
+        raise ParameterError(f"degrees must be two numbers such as (4, 4), got {degrees!r}")
+    return _count("degrees", degrees[0]), _count("degrees", degrees[1])

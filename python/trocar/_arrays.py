@@ -1,0 +1,93 @@
+"""Columns from whatever people have; called by the native part when an array does not fit as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._core import ArrayError
+
+#: Kinds of NumPy's types that are numbers: whole, without sign, floating.
+_NUMBERS = "iuf"
+
+_KINDS = {
+    "b": "truth values",
+    "c": "complex numbers",
+    "m": "time differences",
+    "M": "dates",
+    "O": "objects",
+    "S": "bytes",
+    "U": "text",
+    "V": "records",
+}
+
+_HINTS = {
+    "m": "\n\nhint: give seconds, for example column.dt.total_seconds()",
+    "M": "\n\nhint: give seconds from the start, for example (column - column.iloc[0]).dt.total_seconds()",
+    "O": "\n\nhint: is there a None, or a text, among the numbers?",
+}
+
+
+def column(name: str, values: Any) -> npt.NDArray[np.float64]:
+    """The numbers of ``values`` as contiguous float64; what is missing becomes nan."""
+    array = _array(name, values)
+    if array.dtype.kind not in _NUMBERS:
+        kind_ = array.dtype.kind
+        raise ArrayError(f"{name} must hold numbers, got {_KINDS.get(kind_, array.dtype)}{_HINTS.get(kind_, '')}")
+    if array.ndim != 1:
+        raise ArrayError(f"{name} must have one dimension, got shape {array.shape}")
+    return np.require(array, dtype=np.float64, requirements=["C_CONTIGUOUS", "ALIGNED"])
+
+
+def _array(name: str, values: Any) -> npt.NDArray[Any]:
+    if isinstance(values, np.ma.MaskedArray):
+        return np.ma.asarray(values, dtype=np.float64).filled(np.nan)
+    kind_ = getattr(getattr(values, "dtype", None), "kind", None)
+    if kind_ in ("i", "u", "f") and hasattr(values, "to_numpy") and hasattr(values, "iloc"):
+        # pandas, whose own types may hold NA.
+        return np.asarray(values.to_numpy(dtype="float64", na_value=np.nan))
+    try:
+        return np.asarray(values.to_numpy() if hasattr(values, "to_numpy") else values)
+    except (TypeError, ValueError) as error:
+        raise ArrayError(f"{name} must be a row of numbers: {error}") from error
+
+
+def kind(values: Any) -> str:
+    """What ``values`` are, for messages."""
+    if isinstance(values, np.ndarray):
+        order = "" if values.dtype.isnative else " in foreign byte order"
+        return f"an array of {values.dtype.name}{order} of shape {values.shape}"
+    return f"{type(values).__name__}"
+
+
+def names(frame: Any) -> list[str]:
+    """Names of the columns of a data frame, a table, a record array or a dictionary, in order."""
+    if isinstance(frame, Mapping):
+        found: Any = frame.keys()
+    elif hasattr(frame, "column_names"):
+        found = frame.column_names
+    elif hasattr(frame, "collect") and not hasattr(frame, "to_series"):
+        raise TypeError(f"{type(frame).__name__} holds no data yet; call its collect() first")
+    elif hasattr(frame, "columns"):
+        found = frame.columns
+    elif getattr(getattr(frame, "dtype", None), "names", None):
+        found = frame.dtype.names
+    else:
+        raise TypeError(f"expected a data frame or a dictionary of columns, got {type(frame).__name__}")
+    return [str(name) for name in found]
+
+
+def series(frame: Any, index: int) -> Any:
+    """The column at ``index`` of what ``names`` understands."""
+    if isinstance(frame, Mapping):
+        return list(frame.values())[index]
+    if hasattr(frame, "column_names"):
+        return frame.column(index)
+    if hasattr(frame, "iloc"):
+        return frame.iloc[:, index]
+    if hasattr(frame, "to_series"):
+        return frame.to_series(index)
+    return frame[names(frame)[index]]

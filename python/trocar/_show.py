@@ -1,0 +1,173 @@
+"""How objects look in a notebook: small tables, and figures as pictures."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ._core import Model, Recording
+    from .results import Comparison, Figure, Identification, Parameter, Validation
+
+#: Figures of an identification that are shown without being asked for, those that there are.
+_FIRST = ("cross-validation", "static-friction", "deformation-force")
+#: Most models of a comparison and most further parameters in a table before the rest is folded away.
+_MOST_ROWS = 12
+
+#: Units that people think in.
+_DISPLAY = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "N/m": (1e-3, "N/mm"), "kg": (1e3, "g")}
+
+_LEFT = "text-align:left"
+_SMALL = "font-size:85%;opacity:0.75"
+
+
+def _number(value: float, digits: int = 4) -> str:
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return f"{value:.{digits}g}".replace("-", "−")
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> str:
+    """Cells are HTML already; the first column is flush left."""
+
+    def cells(tag: str, row: Sequence[str]) -> str:
+        style = (f' style="{_LEFT}"', "")
+        return "".join(f"<{tag}{style[min(i, 1)]}>{cell}</{tag}>" for i, cell in enumerate(row))
+
+    body = "".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
+    top = f'<caption style="{_LEFT};caption-side:top;color:inherit">{caption}</caption>' if caption else ""
+    return f"<table>{top}<thead><tr>{cells('th', head)}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _fold(summary: str, inside: str) -> str:
+    return f"<details><summary>{escape(summary)}</summary>{inside}</details>"
+
+
+def _list(title: str, lines: Iterable[str]) -> str:
+    items = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f'<p style="margin:0.5em 0 0">{title}</p><ul style="margin:0">{items}</ul>' if items else ""
+
+
+def figure(found: Figure) -> str:
+    """A picture of its own: what is inside cannot collide with the page, whatever else it shows."""
+    data = base64.b64encode(found.encode()).decode()
+    picture = (
+        f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(found.title)}" '
+        'style="width:44em;max-width:100%;background:#fff">'
+    )
+    caption = f'<figcaption style="{_SMALL};max-width:52em"><b>{escape(found.title)}.</b> {escape(found.caption)}</figcaption>'
+    return f'<figure style="margin:1em 0">{picture}{caption}</figure>'
+
+
+def _gallery(figures: Mapping[str, Figure], first: Iterable[str]) -> str:
+    shown = [name for name in first if name in figures] or list(figures)[:1]
+    others = [name for name in figures if name not in shown]
+    more = f'<p style="{_SMALL}">More in <code>.figures</code>: {escape(", ".join(others))}.</p>' if others else ""
+    return "".join(figure(figures[name]) for name in shown) + more
+
+
+def _parameter(found: Parameter) -> tuple[str, str, str, str]:
+    scale, unit = _DISPLAY.get(found.unit, (1.0, found.unit))
+    low, high = (_number(scale * end) for end in (found.ci95_low, found.ci95_high))
+    interval = f"{low} … {high}" if found.known else "not pinned by the data"
+    return f"<code>{escape(found.name)}</code>", _number(scale * found.value), interval, escape(unit)
+
+
+def _parameters(found: Mapping[str, Parameter]) -> str:
+    head = ("parameter", "value", "95 % interval", "unit")
+    main = [_parameter(p) for name, p in found.items() if "_theta" not in name]
+    rest = [_parameter(p) for name, p in found.items() if "_theta" in name]
+    fold = _fold(f"{len(rest)} coefficients of the deformation force", _table(head, rest)) if rest else ""
+    return _table(head, main) + fold
+
+
+def identification(found: Identification) -> str:
+    names = ", ".join(r["name"] for r in found.summary["recordings"] if r["used_for"] == "identification")
+    caption = f"<b>Identified</b> from {escape(names)}: {_number(found.residual_rms_n, 3)} N rms left"
+    warnings = [str(warning) for warning in found.warnings if warning.doubtful]
+    remarks = [str(warning) for warning in found.warnings if not warning.doubtful]
+    validated = "" if found.validation is None else _validation_table(found.validation)
+    return (
+        f'<div><p style="margin:0">{caption}</p>{_parameters(found.parameters)}{validated}'
+        f"{_list('<b>Doubtful:</b>', warnings)}{_list('Remarks:', remarks)}"
+        f"{_gallery(found.figures, _FIRST)}</div>"
+    )
+
+
+def _validation_table(found: Validation) -> str:
+    head = ("recording", "rms N", "fit %", "bias N", "worst N", "samples")
+    rows = [
+        (escape(r.name), _number(r.rms_n, 3), f"{r.fit_percent:.2f}", _number(r.bias_n, 3), _number(r.worst_n, 3), f"{r.samples}")
+        for r in found.recordings
+    ]
+    if len(rows) > 1:
+        rows.append(("all", _number(found.rms_n, 3), f"{found.fit_percent:.2f}", "", "", ""))
+    caption = (
+        f"<b>Validation</b>, offset {_number(found.offset_n, 3)} N and moving mass {_number(found.moving_mass_kg, 3)} kg taken out"
+    )
+    warnings = [f"{r.name}: {warning}" for r in found.recordings for warning in r.warnings]
+    return _table(head, rows, caption) + _list("<b>Doubtful:</b>", warnings)
+
+
+def validation(found: Validation) -> str:
+    return f"<div>{_validation_table(found)}{_gallery(found.figures, list(found.figures)[:2])}</div>"
+
+
+def comparison(found: Comparison) -> str:
+    head = ("model", "parameters", "train N", "validate N", "fit %", "worst reversal N", "AIC", "BIC", "warnings")
+    rows = [
+        (
+            f"<code>{escape(m.label)}</code>",
+            f"{m.parameters}",
+            _number(m.train_rms_n, 3),
+            _number(m.validate_rms_n, 3),
+            f"{m.fit_percent:.2f}",
+            _number(m.worst_reversal_n, 3),
+            f"{m.aic:.1f}".replace("-", "−"),
+            f"{m.bic:.1f}".replace("-", "−"),
+            f"{len(m.warnings) or ''}",
+        )
+        for m in found
+    ]
+    where = "on the last third of each recording, held back from the fits" if found.held_back else "on recordings not fitted"
+    caption = f"<b>{len(rows)} friction models</b>, scored {where}"
+    table = _table(head, rows[:_MOST_ROWS], caption)
+    if rows[_MOST_ROWS:]:
+        table += _fold(f"{len(rows) - _MOST_ROWS} more", _table(head, rows[_MOST_ROWS:]))
+    warnings = _list("<b>Doubtful:</b>", found.warnings)
+    return f"<div>{table}{_list('', found.claims)}{warnings}{_gallery(found.figures, ('error-by-parameters',))}</div>"
+
+
+def recording(found: Recording) -> str:
+    rows = [
+        ("samples", f"{len(found)}"),
+        ("duration", f"{found.duration_s:.1f} s"),
+        ("interval", f"{_number(1e3 * found.median_interval_s)} ms"),
+        ("stroke", f"{1e3 * found.stroke_m:.1f} mm"),
+        ("force", f"{_number(float(found.force_n.min()), 3)} … {_number(float(found.force_n.max()), 3)} N"),
+    ]
+    table = _table((escape(found.name), ""), rows)
+    return f"<div>{table}{_list('<b>Doubtful:</b>', found.warnings)}{_list('Notes:', found.notes)}</div>"
+
+
+def model(found: Model) -> str:
+    intervals = found.to_dict().get("intervals", {})
+
+    def interval(name: str) -> str:
+        if name not in intervals:
+            return ""
+        low, high = (math.inf if end is None else end for end in intervals[name]["ci95"])
+        return f"{_number(low)} … {_number(high)}"
+
+    rows = [
+        (f"<code>{escape(t.name)}</code>", _number(t.value), escape(t.unit), f'<span style="{_SMALL}">{escape(t.description)}</span>')
+        for t in found.tunables
+    ]
+    shown = [(f"<code>{escape(name)}</code>", interval(name)) for name in intervals if "_theta" not in name]
+    fold = _fold("95 % intervals of the identification", _table(("parameter", "interval"), shown)) if shown else ""
+    return f"<div>{_table(('parameter', 'value', 'unit', ''), rows, escape(repr(found)))}{fold}</div>"

@@ -1,0 +1,375 @@
+"""What identify, validate, compare and simulate_full give: plain objects that show themselves in a notebook."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, NamedTuple, Optional
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core, _show
+from ._core import Model
+
+__all__ = [
+    "ComparedModel",
+    "Comparison",
+    "Figure",
+    "Forces",
+    "Identification",
+    "Parameter",
+    "RecordingValidation",
+    "ResultWarning",
+    "Simulation",
+    "Validation",
+]
+
+
+class Figure(str):
+    """A figure as the text of an SVG file, with its name, title and caption; a notebook shows the picture."""
+
+    name: str
+    title: str
+    caption: str
+
+    def __new__(cls, svg: str, name: str = "figure", title: str = "", caption: str = "") -> Figure:
+        self = super().__new__(cls, svg)
+        self.name, self.title, self.caption = name, title, caption
+        return self
+
+    def __getnewargs__(self) -> tuple[str, str, str, str]:
+        return str(self), self.name, self.title, self.caption
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the SVG file."""
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self)
+
+    def __repr__(self) -> str:
+        return f"<trocar.Figure {self.name!r}: {self.title}>"
+
+    def _repr_html_(self) -> str:
+        return _show.figure(self)
+
+
+def _figures(drawn: list[tuple[str, str, str, str]]) -> Mapping[str, Figure]:
+    return MappingProxyType({name: Figure(svg, name, title, caption) for name, title, caption, svg in drawn})
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An estimated parameter with its 95 % interval, all in ``unit``."""
+
+    name: str
+    value: float
+    unit: str
+    #: Ends of the interval; infinite where the data set none.
+    ci95_low: float
+    ci95_high: float
+    #: Whether the data pin it; if not, ``note`` says why.
+    known: bool
+    note: Optional[str] = None
+
+    @classmethod
+    def _of(cls, name: str, found: Mapping[str, Any]) -> Parameter:
+        low, high = found["ci95"]
+        bounds = (-np.inf if low is None else low, np.inf if high is None else high)
+        value = np.nan if found["value"] is None else found["value"]
+        return cls(name, value, found["unit"], *bounds, known=found["pinned"], note=found.get("note"))
+
+
+@dataclass(frozen=True)
+class ResultWarning:
+    """Something to know about a result: what it concerns, what it is, and whether the result is doubtful for it."""
+
+    subject: str
+    message: str
+    doubtful: bool
+
+    def __str__(self) -> str:
+        return f"{self.subject}: {self.message}"
+
+
+class Forces(NamedTuple):
+    """Measured and computed force along one recording, the sensor's offset taken out."""
+
+    time_s: npt.NDArray[np.float64]
+    measured_n: npt.NDArray[np.float64]
+    model_n: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RecordingValidation:
+    """The error of a model on one recording."""
+
+    name: str
+    rms_n: float
+    fit_percent: float
+    bias_n: float
+    worst_n: float
+    #: Samples scored, and those left out because the seal had not slid yet.
+    samples: int
+    samples_before_known: int
+    warnings: tuple[str, ...]
+    #: Everything, as in the JSON of the command line: errors by speed and phase, whiteness, scatter of strokes.
+    details: Mapping[str, Any] = field(repr=False)
+
+    @classmethod
+    def _of(cls, found: Mapping[str, Any]) -> RecordingValidation:
+        same = ("rms_n", "fit_percent", "bias_n", "worst_n", "samples", "samples_before_known")
+        values = {key: found[key] for key in same}
+        return cls(name=found["path"], warnings=tuple(found["warnings"]), details=found, **values)
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """The error of a model on recordings: root mean square, N, and fit 100·(1 − rms/sd of the readings), %."""
+
+    rms_n: float
+    fit_percent: float
+    recordings: tuple[RecordingValidation, ...]
+    #: Taken out of the readings: offset of the sensor, and inertia of the mass between it and the seal.
+    offset_n: float
+    moving_mass_kg: float
+    summary: Mapping[str, Any] = field(repr=False)
+    _done: _core.Validated = field(repr=False)
+
+    @classmethod
+    def _of(cls, done: _core.Validated) -> Validation:
+        summary = json.loads(done.summary_json())
+        recordings = tuple(RecordingValidation._of(found) for found in summary["recordings"])
+        return cls(summary["rms_n"], summary["fit_percent"], recordings, *done.taken_out(), summary, done)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether a recording never let the seal forget its unknown start."""
+        return any(recording.warnings for recording in self.recordings)
+
+    def forces(self, recording: int | str = 0) -> Forces:
+        """Measured and computed force along a recording, by its number or name."""
+        names = [found.name for found in self.recordings]
+        if isinstance(recording, str):
+            if recording not in names:
+                raise KeyError(f"no recording {recording!r}; there are {', '.join(names)}")
+            recording = names.index(recording)
+        return Forces(*self._done.forces(range(len(names))[recording]))
+
+    @cached_property
+    def figures(self) -> Mapping[str, Figure]:
+        """Measured and computed force over time, for the first four recordings."""
+        return _figures(self._done.figures())
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a Validation cannot be pickled; pickle its .summary")
+
+    def _repr_html_(self) -> str:
+        return _show.validation(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An identified model with everything that is known about it."""
+
+    model: Model
+    #: By name with unit, the main ones first.
+    parameters: Mapping[str, Parameter]
+    warnings: tuple[ResultWarning, ...] = field(repr=False)
+    #: Root mean square error over the recordings it was identified from, N.
+    residual_rms_n: float
+    #: On the recordings held back; None without any.
+    validation: Optional[Validation]
+    #: The contents of summary.json.
+    summary: Mapping[str, Any] = field(repr=False)
+    _done: _core.Found = field(repr=False)
+
+    @classmethod
+    def _of(cls, done: _core.Found) -> Identification:
+        summary = json.loads(done.summary_json())
+        found = summary["parameters"]
+        validated = done.validated()
+        return cls(
+            model=done.model(),
+            parameters=MappingProxyType({name: Parameter._of(name, found[name]) for name in done.names()}),
+            warnings=tuple(ResultWarning(**warning) for warning in summary["warnings"]),
+            residual_rms_n=summary["residual_rms_n"],
+            validation=None if validated is None else Validation._of(validated),
+            summary=summary,
+            _done=done,
+        )
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether data were lost or parameters are not pinned."""
+        return bool(self.summary["doubtful"])
+
+    @cached_property
+    def figures(self) -> Mapping[str, Figure]:
+        """The figures of the report, by name."""
+        return _figures(self._done.figures())
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Writes model.json, summary.json, report.html and figures into a folder: all of them or none."""
+        self._done.save(folder)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Writes the report: one HTML file with everything inside."""
+        self._done.report(path)
+
+    def __repr__(self) -> str:
+        main = ("coulomb_force_n", "viscous_damping_n_s_m", "half_width_m")
+        numbers = ", ".join(f"{name}={self.parameters[name].value:.4g}" for name in main if name in self.parameters)
+        doubt = ", doubtful" if self.is_doubtful else ""
+        return f"<trocar.Identification {numbers}, residual {self.residual_rms_n:.3g} N rms{doubt}>"
+
+    def __reduce__(self) -> Any:
+        raise TypeError("an Identification cannot be pickled; pickle its .model and .summary, or save() it")
+
+    def _repr_html_(self) -> str:
+        return _show.identification(self)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedModel:
+    """One model of a comparison: fit and scores. Errors in N rms."""
+
+    #: Family, with the number of elements where there is a choice: "lugre", "gms-4".
+    label: str
+    name: str
+    elements: int
+    #: Number of parameters estimated, without the sensor's offset.
+    parameters: int
+    train_rms_n: float
+    validate_rms_n: float
+    fit_percent: float
+    aic: float
+    bic: float
+    #: Behind the reversals of the validation, and behind the worst one; nan without a reversal.
+    reversal_rms_n: float
+    worst_reversal_n: float
+    offset_n: float
+    #: Time of one step, ns, and of the fit, s; None without timing.
+    ns_per_sample: Optional[float]
+    fit_s: Optional[float]
+    estimates: Mapping[str, Parameter] = field(repr=False)
+    warnings: tuple[str, ...] = field(repr=False)
+    model: Model
+
+    @classmethod
+    def _of(cls, found: Mapping[str, Any], model: Model) -> ComparedModel:
+        bank = found["name"] in ("leuven", "maxwell-slip", "gms")
+        same = ("name", "elements", "parameters", "train_rms_n", "validate_rms_n", "fit_percent", "aic", "bic")
+        values = {key: found[key] for key in (*same, "offset_n", "ns_per_sample", "fit_s")}
+        for key in ("reversal_rms_n", "worst_reversal_n"):
+            values[key] = np.nan if found[key] is None else found[key]
+        estimates = {name: Parameter._of(name, estimate) for name, estimate in found["estimates"].items()}
+        return cls(
+            label=f"{found['name']}-{found['elements']}" if bank else found["name"],
+            estimates=MappingProxyType(estimates),
+            warnings=tuple(found["warnings"]),
+            model=model,
+            **values,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Friction models fitted to the same recordings and scored on the same others, least validation error first."""
+
+    models: tuple[ComparedModel, ...]
+    #: What EMS section II-C claims, tested, in words.
+    claims: tuple[str, ...]
+    #: Whether the models were scored on the last thirds of the recordings, for want of others.
+    held_back: bool
+    warnings: tuple[str, ...]
+    #: The contents of compare.json.
+    summary: Mapping[str, Any] = field(repr=False)
+    _done: _core.Compared = field(repr=False)
+
+    @classmethod
+    def _of(cls, done: _core.Compared) -> Comparison:
+        summary = json.loads(done.summary_json())
+        models = tuple(ComparedModel._of(*pair) for pair in zip(summary["models"], done.models()))
+        claims = tuple(claim["sentence"] for claim in summary["reversal_claim"])
+        return cls(models, claims, summary["held_back"], tuple(done.unknown_states()), summary, done)
+
+    @property
+    def best(self) -> ComparedModel:
+        """The model with the least validation error."""
+        return self.models[0]
+
+    def __getitem__(self, label: str) -> ComparedModel:
+        for model in self.models:
+            if model.label == label:
+                return model
+        raise KeyError(f"no model {label!r}; there are {', '.join(model.label for model in self.models)}")
+
+    def __iter__(self) -> Iterator[ComparedModel]:
+        return iter(self.models)
+
+    def __len__(self) -> int:
+        return len(self.models)
+
+    @cached_property
+    def figures(self) -> Mapping[str, Figure]:
+        """The figures of the report, by name."""
+        return _figures(self._done.figures())
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Writes compare.json, models, report.html and figures into a folder: all of them or none."""
+        self._done.save(folder)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Writes the report: one HTML file with everything inside."""
+        self._done.report(path)
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a Comparison cannot be pickled; pickle its .summary and the .model of each of its models")
+
+    def __repr__(self) -> str:
+        return f"<trocar.Comparison of {len(self)} models, best {self.best.label}: {self.best.validate_rms_n:.3g} N rms>"
+
+    def _repr_html_(self) -> str:
+        return _show.comparison(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A model along a motion, sample by sample."""
+
+    time_s: npt.NDArray[np.float64]
+    position_m: npt.NDArray[np.float64]
+    #: Force of the instrument on the seal, N.
+    force_n: npt.NDArray[np.float64]
+    #: Deflection of the seal, m, and whether it slides; None for a classical model, which does not tell.
+    deflection_m: Optional[npt.NDArray[np.float64]]
+    sliding: Optional[npt.NDArray[np.bool_]]
+
+    @property
+    def mode(self) -> Optional[npt.NDArray[np.str_]]:
+        """ "deforming" or "sliding" at each sample; None for a classical model."""
+        return None if self.sliding is None else np.where(self.sliding, "sliding", "deforming")
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The columns that there are, as ``pandas.DataFrame`` and ``polars.DataFrame`` take them."""
+        all_ = {
+            "time_s": self.time_s,
+            "position_m": self.position_m,
+            "force_n": self.force_n,
+            "deflection_m": self.deflection_m,
+            "mode": self.mode,
+        }
+        return {name: column for name, column in all_.items() if column is not None}
+
+    def __len__(self) -> int:
+        return len(self.force_n)
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return "<trocar.Simulation: no samples>"
+        low, high = float(self.force_n.min()), float(self.force_n.max())
+        return f"<trocar.Simulation: {len(self)} samples, force {low:.3g} to {high:.3g} N>"
