@@ -24,6 +24,7 @@ from ._core import (
     ArrayError,
     BenchError,
     CompareError,
+    Compensator,
     IdentifyError,
     InternalError,
     Model,
@@ -34,6 +35,7 @@ from ._core import (
     Recording,
     RecordingError,
     Stepper,
+    TissueForce,
     TrocarError,
     Tunable,
     __version__,
@@ -46,6 +48,8 @@ from ._arrays import column as _column
 from .results import (
     ComparedModel,
     Comparison,
+    Compensation,
+    Drift,
     Figure,
     Forces,
     Identification,
@@ -65,6 +69,9 @@ __all__ = [
     "CompareError",
     "ComparedModel",
     "Comparison",
+    "Compensation",
+    "Compensator",
+    "Drift",
     "Figure",
     "Forces",
     "Identification",
@@ -82,6 +89,7 @@ __all__ = [
     "ResultWarning",
     "Simulation",
     "Stepper",
+    "TissueForce",
     "TrocarError",
     "Tunable",
     "Validation",
@@ -89,6 +97,7 @@ __all__ = [
     "bench",
     "bench_config",
     "compare",
+    "compensate",
     "identify",
     "read",
     "simulate",
@@ -213,6 +222,44 @@ def compare(
         progress=progress,
     )
     return Comparison._of(done)
+
+
+def compensate(
+    model: Model,
+    recording: Recording,
+    *,
+    offset_n: Optional[float] = None,
+    moving_mass_kg: Optional[float] = None,
+    gravity_m_s2: float = 0.0,
+    sensor_limit_n: Optional[float] = None,
+    force_error_n: Optional[float] = None,
+    adaptation: bool = True,
+) -> Compensation:
+    """Takes the force of the trocar out of a recording of a sensor outside the body: what is left is the tissue's.
+
+    Goes through the samples in order, without looking ahead; ``Compensator`` does the same with live ones. Whatever is
+    None comes from the model. Friction that has changed since the identification is followed, unless ``adaptation`` is
+    False.
+
+    :param offset_n: reading of the sensor without any force
+    :param moving_mass_kg: mass between sensor and seal, whose inertia is taken out
+    :param gravity_m_s2: gravity as it acts on the reading of that mass; 0 where the weight is part of the offset
+    :param sensor_limit_n: largest force the sensor can read: readings there tell no tissue force
+    :param force_error_n: standard deviation of the model's force; by default what the model says, by phase
+    """
+    (scored,) = _recordings("recording", recording)
+    columns = (scored.time_s, scored.position_m, scored.force_n)
+    said, drift = _core.compensate(
+        model,
+        *columns,
+        offset_n=offset_n,
+        moving_mass_kg=moving_mass_kg,
+        gravity_m_s2=gravity_m_s2,
+        sensor_limit_n=sensor_limit_n,
+        force_error_n=force_error_n,
+        adaptation=adaptation,
+    )
+    return Compensation(*columns, *said, drift=Drift(*drift))
 
 
 def simulate_full(

@@ -10,6 +10,7 @@ import numpy.typing as npt
 _Path = str | os.PathLike[str]
 _Array = npt.NDArray[np.float64]
 _Picture = tuple[str, str, str, str]
+_Said = tuple[_Array, _Array, _Array, npt.NDArray[np.bool_], npt.NDArray[np.int8]]
 
 __version__: str
 
@@ -159,6 +160,40 @@ class Stepper:
     def _restore(model: Model, state: npt.ArrayLike) -> Stepper: ...
 
 @final
+class TissueForce:
+    @property
+    def trocar_force_n(self) -> float: ...
+    @property
+    def tissue_force_n(self) -> float: ...
+    @property
+    def std_n(self) -> float: ...
+    @property
+    def adapting(self) -> bool: ...
+    @property
+    def fault(self) -> str | None: ...
+
+@final
+class Compensator:
+    def __new__(
+        cls,
+        model: Model,
+        *,
+        offset_n: float | None = None,
+        moving_mass_kg: float | None = None,
+        gravity_m_s2: float = 0.0,
+        sensor_limit_n: float | None = None,
+        force_error_n: float | None = None,
+        adaptation: bool = True,
+    ) -> Compensator: ...
+    def step(self, position_m: float, force_n: float, duration_s: float) -> TissueForce: ...
+    def run(self, time_s: npt.ArrayLike, position_m: npt.ArrayLike, force_n: npt.ArrayLike) -> _Said: ...
+    @property
+    def drift(self) -> tuple[float, float, float, float]: ...
+    @property
+    def is_in_contact(self) -> bool: ...
+    def __copy__(self) -> Compensator: ...
+
+@final
 class Found:
     def model(self) -> Model: ...
     def summary_json(self) -> str: ...
@@ -247,3 +282,17 @@ def bench(
     config: str | None = None,
 ) -> Recording: ...
 def bench_config() -> str: ...
+def faults() -> list[tuple[str, str]]: ...
+def compensate(
+    model: Model,
+    time_s: npt.ArrayLike,
+    position_m: npt.ArrayLike,
+    force_n: npt.ArrayLike,
+    *,
+    offset_n: float | None,
+    moving_mass_kg: float | None,
+    gravity_m_s2: float,
+    sensor_limit_n: float | None,
+    force_error_n: float | None,
+    adaptation: bool,
+) -> tuple[_Said, tuple[float, float, float, float]]: ...

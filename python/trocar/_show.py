@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ._core import Model, Recording
-    from .results import Comparison, Figure, Identification, Parameter, Validation
+    from .results import Comparison, Compensation, Figure, Identification, Parameter, Validation
 
 #: Figures of an identification that are shown without being asked for, those that there are.
 _FIRST = ("cross-validation", "static-friction", "deformation-force")
@@ -33,15 +33,15 @@ def _number(value: float, digits: int = 4) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> str:
-    """Cells are HTML already; the first column is flush left."""
+    """Cells are HTML already; the first column and those without a heading are flush left."""
 
     def cells(tag: str, row: Sequence[str]) -> str:
-        style = (f' style="{_LEFT}"', "")
-        return "".join(f"<{tag}{style[min(i, 1)]}>{cell}</{tag}>" for i, cell in enumerate(row))
+        style = [f' style="{_LEFT}"' if i == 0 or not heading else "" for i, heading in enumerate(head)]
+        return "".join(f"<{tag}{style[i]}>{cell}</{tag}>" for i, cell in enumerate(row))
 
     body = "".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
-    top = f'<caption style="{_LEFT};caption-side:top;color:inherit">{caption}</caption>' if caption else ""
-    return f"<table>{top}<thead><tr>{cells('th', head)}</tr></thead><tbody>{body}</tbody></table>"
+    top = f'<p style="margin:0.5em 0 0">{caption}</p>' if caption else ""
+    return f"{top}<table><thead><tr>{cells('th', head)}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def _fold(summary: str, inside: str) -> str:
@@ -171,3 +171,16 @@ def model(found: Model) -> str:
     shown = [(f"<code>{escape(name)}</code>", interval(name)) for name in intervals if "_theta" not in name]
     fold = _fold("95 % intervals of the identification", _table(("parameter", "interval"), shown)) if shown else ""
     return f"<div>{_table(('parameter', 'value', 'unit', ''), rows, escape(repr(found)))}{fold}</div>"
+
+
+def compensation(found: Compensation) -> str:
+    drift = found.drift
+    rows = [
+        ("samples", f"{len(found)}"),
+        ("friction, of the model's", f"{drift.level:.3f} ± {drift.level_std:.3f}"),
+        ("viscosity, of the model's", f"{drift.viscosity:.3f} ± {drift.viscosity_std:.3f}"),
+        ("followed in", f"{100 * float(found.adapting.mean()) if len(found) else 0:.0f} % of the samples"),
+    ]
+    words = dict(found.FAULTS)
+    faults = [f"{count} samples: {words[name]}" for name, count in found.faults.items()]
+    return f"<div>{_table(('Force on the tissue', ''), rows)}{_list('<b>Faults:</b>', faults)}</div>"

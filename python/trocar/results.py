@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, NamedTuple, Optional
+from typing import Any, ClassVar, NamedTuple, Optional
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,8 @@ from ._core import Model
 __all__ = [
     "ComparedModel",
     "Comparison",
+    "Compensation",
+    "Drift",
     "Figure",
     "Forces",
     "Identification",
@@ -373,3 +375,66 @@ class Simulation:
             return "<trocar.Simulation: no samples>"
         low, high = float(self.force_n.min()), float(self.force_n.max())
         return f"<trocar.Simulation: {len(self)} samples, force {low:.3g} to {high:.3g} N>"
+
+
+class Drift(NamedTuple):
+    """Friction and viscosity over those of the model, with standard deviations; 1 where nothing has changed."""
+
+    level: float
+    level_std: float
+    viscosity: float
+    viscosity_std: float
+
+
+@dataclass(frozen=True, eq=False)
+class Compensation:
+    """The force on the tissue along a recording: what the sensor read less what the trocar took."""
+
+    time_s: npt.NDArray[np.float64]
+    position_m: npt.NDArray[np.float64]
+    #: As read.
+    force_n: npt.NDArray[np.float64]
+    #: Of the instrument on seal and trocar, and on the tissue; nan where a reading cannot tell.
+    trocar_force_n: npt.NDArray[np.float64]
+    tissue_force_n: npt.NDArray[np.float64]
+    #: Standard deviation of both.
+    tissue_force_std_n: npt.NDArray[np.float64]
+    #: Whether friction and viscosity are being followed.
+    adapting: npt.NDArray[np.bool_]
+    #: Place of each sample's fault in ``FAULTS``, -1 for none.
+    fault: npt.NDArray[np.int8]
+    #: Where friction and viscosity ended.
+    drift: Drift
+
+    #: Names of the faults, and what they mean.
+    FAULTS: ClassVar[tuple[tuple[str, str], ...]] = tuple(_core.faults())
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """How many samples have which fault; only those that occur."""
+        counts = {name: int((self.fault == place).sum()) for place, (name, _) in enumerate(self.FAULTS)}
+        return {name: count for name, count in counts.items() if count}
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether readings could not tell the force, or samples were missing."""
+        return bool({"no_reading", "no_position", "saturated", "frozen", "gap"} & self.faults.keys())
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The columns, as ``pandas.DataFrame`` and ``polars.DataFrame`` take them."""
+        names = ("time_s", "position_m", "force_n", "trocar_force_n", "tissue_force_n", "tissue_force_std_n", "adapting")
+        return {name: getattr(self, name) for name in names}
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __repr__(self) -> str:
+        faults = "".join(f", {count} {name}" for name, count in self.faults.items())
+        followed = float(self.adapting.mean()) if len(self) else 0.0
+        return (
+            f"<trocar.Compensation: {len(self)} samples, friction {self.drift.level:.3f} of the model's, "
+            f"followed in {100 * followed:.0f} %{faults}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return _show.compensation(self)

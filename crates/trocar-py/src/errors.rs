@@ -80,6 +80,16 @@ impl Raise for trocar::compare::CompareError {
     }
 }
 
+impl Raise for trocar::compensate::CompensateError {
+    fn raise(self) -> PyErr {
+        use trocar::compensate::CompensateError as E;
+        match self {
+            E::Model(error) => error.raise(),
+            other => ParameterError::new_err(in_python(&other.to_string())),
+        }
+    }
+}
+
 impl Raise for trocar::bench::BenchError {
     fn raise(self) -> PyErr {
         BenchError::new_err(self.to_string())
@@ -136,6 +146,8 @@ pub(crate) fn in_python(text: &str) -> String {
     while let Some(word) = words.next() {
         match word {
             "--flip-force" => out.push("flip_force=True".to_owned()),
+            "--validate," => out.push("validate=...,".to_owned()),
+            "--force-error-n" => out.push("force_error_n".to_owned()),
             "--out" => out.push("another path".to_owned()),
             "--columns" => match words.next_if(|next| next.contains(',')) {
                 Some(names) => out.push(format!("columns=\"{names}\"")),

@@ -11,6 +11,7 @@
 mod arrays;
 mod bench;
 mod compare;
+mod compensate;
 mod errors;
 mod identify;
 mod model;
@@ -30,6 +31,8 @@ mod _core {
     use crate::bench::{bench, bench_config};
     #[pymodule_export]
     use crate::compare::{Compared, compare};
+    #[pymodule_export]
+    use crate::compensate::{Compensator, TissueForce, compensate, faults};
     #[pymodule_export]
     use crate::errors::{
         ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError, MotionError, NotConverged,

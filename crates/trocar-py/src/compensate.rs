@@ -1,0 +1,242 @@
+//! `compensate`, and `Compensator` for live samples.
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyAny;
+use trocar::compensate::{CompensateOptions, Compensator as Observer, Drift, Estimate, Fault};
+
+use crate::arrays::column;
+use crate::errors::{MotionError, Raise};
+use crate::model::Model;
+
+/// Samples between two looks at the signals: some milliseconds of work.
+const CHUNK: usize = 1 << 15;
+
+/// What the observer says of one sample.
+#[pyclass(module = "trocar", frozen, get_all)]
+pub(crate) struct TissueForce {
+    /// Force of the instrument on seal and trocar, N.
+    trocar_force_n: f64,
+    /// Force of the instrument on the tissue, N; nan where the reading cannot tell.
+    tissue_force_n: f64,
+    /// Standard deviation of both, N.
+    std_n: f64,
+    /// Whether friction and viscosity are being followed.
+    adapting: bool,
+    /// What cannot be right about the sample, such as "saturated"; None if nothing.
+    fault: Option<&'static str>,
+}
+
+#[pymethods]
+impl TissueForce {
+    fn __repr__(&self) -> String {
+        let Self { tissue_force_n, trocar_force_n, std_n, fault, .. } = self;
+        let fault = fault.map(|fault| format!(", {fault}")).unwrap_or_default();
+        format!("<trocar.TissueForce {tissue_force_n:.4} N ± {std_n:.4} N, trocar {trocar_force_n:.4} N{fault}>")
+    }
+}
+
+fn name(fault: Fault) -> &'static str {
+    match fault {
+        Fault::NoReading => "no_reading",
+        Fault::NoPosition => "no_position",
+        Fault::NoDuration => "no_duration",
+        Fault::Saturated => "saturated",
+        Fault::Frozen => "frozen",
+        Fault::Jump => "jump",
+        Fault::Gap => "gap",
+    }
+}
+
+/// Takes the force of the trocar out of live readings, sample by sample, without looking ahead.
+///
+/// Whatever is None comes from the model. A step never fails: what cannot be right about a sample is named in its `fault`.
+#[pyclass(module = "trocar")]
+pub(crate) struct Compensator {
+    observer: Observer<'static>,
+    /// Of the last sample, s.
+    time: Option<f64>,
+}
+
+/// Options of both.
+fn options(
+    offset_n: Option<f64>,
+    moving_mass_kg: Option<f64>,
+    gravity_m_s2: f64,
+    sensor_limit_n: Option<f64>,
+    force_error_n: Option<f64>,
+    adaptation: bool,
+) -> CompensateOptions {
+    CompensateOptions { offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation }
+}
+
+#[pymethods]
+impl Compensator {
+    #[new]
+    #[pyo3(signature = (model, *, offset_n=None, moving_mass_kg=None, gravity_m_s2=0.0, sensor_limit_n=None,
+        force_error_n=None, adaptation=true))]
+    fn new(
+        model: &Bound<'_, Model>,
+        offset_n: Option<f64>,
+        moving_mass_kg: Option<f64>,
+        gravity_m_s2: f64,
+        sensor_limit_n: Option<f64>,
+        force_error_n: Option<f64>,
+        adaptation: bool,
+    ) -> PyResult<Self> {
+        let options =
+            options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+        let observer = Observer::new(model.get().lasting(), &options).map_err(Raise::raise)?;
+        Ok(Self { observer, time: None })
+    }
+
+    /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its duration.
+    fn step(&mut self, position_m: f64, force_n: f64, duration_s: f64) -> TissueForce {
+        let said = self.observer.step(position_m, force_n, duration_s);
+        self.time = Some(self.time.unwrap_or(0.0) + if duration_s > 0.0 { duration_s } else { 0.0 });
+        TissueForce {
+            trocar_force_n: said.trocar_force,
+            tissue_force_n: said.tissue_force,
+            std_n: said.std,
+            adapting: said.adapting,
+            fault: said.fault.map(name),
+        }
+    }
+
+    /// Takes many samples; times are those of a clock that goes on from call to call.
+    ///
+    /// Gives trocar force, tissue force, standard deviation, whether friction is followed, and the fault of each sample, as
+    /// arrays. Positions and readings may be nan: that is a fault of the sample, not an error.
+    fn run<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_s: &Bound<'py, PyAny>,
+        position_m: &Bound<'py, PyAny>,
+        force_n: &Bound<'py, PyAny>,
+    ) -> PyResult<Said<'py>> {
+        let (outcome, time) = along(py, &mut self.observer, self.time, [time_s, position_m, force_n])?;
+        self.time = time;
+        Ok(outcome)
+    }
+
+    /// Friction and viscosity over those of the model, with standard deviations: (level, level_std, viscosity,
+    /// viscosity_std).
+    #[getter]
+    fn drift(&self) -> (f64, f64, f64, f64) {
+        numbers(self.observer.drift())
+    }
+
+    /// Whether the last pair of passes told that tissue is touched.
+    #[getter]
+    fn is_in_contact(&self) -> bool {
+        self.observer.is_in_contact()
+    }
+
+    fn __copy__(&self) -> Self {
+        Self { observer: self.observer.clone(), time: self.time }
+    }
+
+    fn __repr__(&self) -> String {
+        let Drift { level, viscosity, .. } = self.observer.drift();
+        format!("<trocar.Compensator: friction {level:.3}, viscosity {viscosity:.3} of the model's>")
+    }
+}
+
+/// Trocar force, tissue force, standard deviation, adapting, fault (place in `faults`, -1 for none).
+type Said<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<i8>>,
+);
+
+/// Names of the faults, and what they mean.
+#[pyfunction]
+pub(crate) fn faults() -> Vec<(&'static str, &'static str)> {
+    Fault::ALL.map(|fault| (name(fault), fault.words())).to_vec()
+}
+
+/// Takes the force of the trocar out of a whole recording; `trocar.compensate` wraps it.
+#[pyfunction]
+#[pyo3(signature = (model, time_s, position_m, force_n, *, offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n,
+    force_error_n, adaptation))]
+#[allow(clippy::too_many_arguments)] // keywords in Python
+pub(crate) fn compensate<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, Model>,
+    time_s: &Bound<'py, PyAny>,
+    position_m: &Bound<'py, PyAny>,
+    force_n: &Bound<'py, PyAny>,
+    offset_n: Option<f64>,
+    moving_mass_kg: Option<f64>,
+    gravity_m_s2: f64,
+    sensor_limit_n: Option<f64>,
+    force_error_n: Option<f64>,
+    adaptation: bool,
+) -> PyResult<(Said<'py>, (f64, f64, f64, f64))> {
+    let options = options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+    let mut observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
+    let (said, _) = along(py, &mut observer, None, [time_s, position_m, force_n])?;
+    Ok((said, numbers(observer.drift())))
+}
+
+fn numbers(drift: Drift) -> (f64, f64, f64, f64) {
+    (drift.level, drift.level_std, drift.viscosity, drift.viscosity_std)
+}
+
+/// Runs the observer along arrays; also the last time, s.
+fn along<'py>(
+    py: Python<'py>,
+    observer: &mut Observer<'_>,
+    mut before: Option<f64>,
+    columns: [&Bound<'py, PyAny>; 3],
+) -> PyResult<(Said<'py>, Option<f64>)> {
+    let [time, position, force] = columns;
+    let (time, position, force) =
+        (column("time_s", time)?, column("position_m", position)?, column("force_n", force)?);
+    let (time, position, force) = (time.as_slice()?, position.as_slice()?, force.as_slice()?);
+    for (name, length) in [("position_m", position.len()), ("force_n", force.len())] {
+        if length != time.len() {
+            let expected = time.len();
+            return Err(MotionError::new_err(format!("{name} has {length} samples, expected {expected} as time_s has")));
+        }
+    }
+    check(time, before)?;
+    let mut said: Vec<Estimate> = Vec::with_capacity(time.len());
+    for chunk in (0..time.len()).step_by(CHUNK) {
+        let range = chunk..time.len().min(chunk + CHUNK);
+        py.detach(|| {
+            for i in range {
+                said.push(observer.step(position[i], force[i], before.map_or(0.0, |before| time[i] - before)));
+                before = Some(time[i]);
+            }
+        });
+        py.check_signals()?;
+    }
+    let fault = |said: &Estimate| said.fault.map_or(-1, |fault| fault as i8);
+    let arrays = (
+        PyArray1::from_iter(py, said.iter().map(|said| said.trocar_force)),
+        PyArray1::from_iter(py, said.iter().map(|said| said.tissue_force)),
+        PyArray1::from_iter(py, said.iter().map(|said| said.std)),
+        PyArray1::from_iter(py, said.iter().map(|said| said.adapting)),
+        PyArray1::from_iter(py, said.iter().map(fault)),
+    );
+    Ok((arrays, before))
+}
+
+/// Refuses a clock that is none; a time that stands still is a fault of its sample.
+fn check(time: &[f64], before: Option<f64>) -> PyResult<()> {
+    let mut last = before;
+    for (i, &t) in time.iter().enumerate() {
+        if !t.is_finite() {
+            return Err(MotionError::new_err(format!("sample {i}: time_s is {t} s, expected a finite number")));
+        }
+        if let Some(from) = last.filter(|from| t < *from) {
+            let text = format!("sample {i}: time_s goes back from {from} s to {t} s, expected it to advance");
+            return Err(MotionError::new_err(text));
+        }
+        last = Some(t);
+    }
+    Ok(())
+}

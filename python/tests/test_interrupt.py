@@ -1,0 +1,60 @@
+"""Ctrl-C arrives, and the work that nobody waits for any more ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import trocar
+
+from .conftest import ROD_KG
+
+#: Time, s, in which an interruption must arrive on a busy machine.
+ARRIVES = 1.0
+#: Time, s, that called-off work may still take of the processor.
+ENDS = 1.0
+
+
+def interrupted(work: Callable[[], object], after: float) -> float:
+    """Time, s, from the signal to the exception."""
+    sent = []
+
+    def send() -> None:
+        sent.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(after, send)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    return time.perf_counter() - sent[0]
+
+
+@pytest.mark.parametrize("after", [0.1, 0.5, 1.5])
+def test_identify_and_compare_are_interrupted(training: list[trocar.Recording], after: float) -> None:
+    surgeon = [trocar.bench("surgeon", seed=seed) for seed in (1, 2)]
+    works = [
+        lambda: trocar.identify(training, bootstrap=1_000_000, moving_mass_kg=ROD_KG),
+        lambda: trocar.identify([*training, *surgeon], bootstrap=1_000_000),
+        lambda: trocar.compare(training, models="all", moving_mass_kg=ROD_KG),
+    ]
+    for work in works:
+        assert interrupted(work, after) < ARRIVES
+        before = time.process_time()
+        time.sleep(2 * ENDS)
+        assert time.process_time() - before < ENDS, "the work goes on although nobody waits for it"
+
+
+def test_simulate_is_interrupted() -> None:
+    positions = np.tile(0.02 * (1 - np.cos(np.arange(10_000) * 2e-3 * np.pi)), 3000)
+    times = np.arange(len(positions)) * 1e-3
+    model = trocar.Model.plausible()
+    # The reading of the arrays alone takes some tenths of a second here.
+    assert interrupted(lambda: trocar.simulate(model, times, positions), 0.3) < ARRIVES
+    assert len(trocar.simulate(model, times[:10], positions[:10])) == 10

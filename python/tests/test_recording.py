@@ -1,0 +1,151 @@
+"""Recordings from arrays, data frames and files are one and the same; what is wrong with them is told."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+
+import trocar
+
+
+def columns(samples: int = 3000) -> dict[str, np.ndarray]:
+    """Strokes in whole micrometres and millinewtons, so that units convert without rounding twice."""
+    time = np.arange(samples)
+    position = np.round(20_000 * (1 - np.cos(3e-3 * time)))
+    force = np.round(3000 * np.sign(np.gradient(position)) + 5 * np.sin(time))
+    return {"time_ms": time.astype(float), "Position (um)": position, "force_mN": force}
+
+
+def made() -> trocar.Recording:
+    time, position, force = columns().values()
+    return trocar.Recording(time / 1e3, position / 1e6, force / 1e3)
+
+
+def same(a: trocar.Recording, b: trocar.Recording) -> bool:
+    pairs = ((a.time_s, b.time_s), (a.position_m, b.position_m), (a.force_n, b.force_n))
+    return all(np.array_equal(x, y) for x, y in pairs)
+
+
+@pytest.mark.parametrize("frame", [dict, pd.DataFrame, pl.DataFrame], ids=["dictionary", "pandas", "polars"])
+def test_frames_of_all_kinds_are_understood(frame: object) -> None:
+    recording = trocar.Recording.from_frame(frame(columns()))
+    assert same(recording, made()) and recording.sha256 == made().sha256
+
+
+def test_record_arrays_and_files_are_understood(tmp_path: Path) -> None:
+    table = columns()
+    record = np.rec.fromarrays(list(table.values()), names="time_ms,position_um,force_mN")
+    assert same(trocar.Recording.from_frame(record), made())
+    pd.DataFrame(table).to_csv(tmp_path / "strokes.csv", index=False)
+    read = trocar.read(tmp_path / "strokes.csv")
+    assert same(read, made()) and read.name == "strokes.csv"
+    read.save(tmp_path / "again.csv")
+    assert same(trocar.read(tmp_path / "again.csv"), made())
+
+
+def test_columns_are_named_in_order_where_names_say_nothing() -> None:
+    table = dict(zip("abcd", [*list(columns().values())[:2], np.zeros(3000), columns()["force_mN"]]))
+    recording = trocar.Recording.from_frame(pd.DataFrame(table), columns="time_ms,position_um,-,force_mn")
+    assert same(recording, made())
+    with pytest.raises(trocar.RecordingError, match="no time column among 'a, b, c, d'"):
+        trocar.Recording.from_frame(table)
+    with pytest.raises(trocar.RecordingError, match="for 3 columns, but frame has 4"):
+        trocar.Recording.from_frame(table, columns="time_ms,position_um,force_mn")
+
+
+def test_hints_speak_python() -> None:
+    with pytest.raises(trocar.RecordingError) as raised:
+        trocar.Recording.from_frame({"time": [0], "position_mm": [0], "force_n": [0]})
+    assert 'columns="time_s,position_mm,force_n"' in str(raised.value)
+    assert "--" not in str(raised.value)
+
+
+def test_missing_values_are_left_out_and_told() -> None:
+    frame = pd.DataFrame(columns()).astype("Float64")
+    frame.iloc[[5, 700], 2] = pd.NA
+    recording = trocar.Recording.from_frame(frame)
+    assert len(recording) == 2998
+    assert any("samples 5, 700" in warning for warning in recording.warnings)
+    polar = pl.DataFrame(columns()).with_columns(pl.col("force_mN").replace(pl.col("force_mN").max(), None))
+    assert trocar.Recording.from_frame(polar).warnings
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        (lambda t: t.assign(force_mN="x"), trocar.ArrayError, "force_mN must hold numbers, got objects"),
+        (lambda t: t.assign(time_ms=pd.Timestamp(0)), trocar.ArrayError, "time_ms must hold numbers, got dates"),
+        (lambda t: t.drop(columns="force_mN"), trocar.RecordingError, "no force column among 'time_ms, Position (um)'"),
+        (lambda t: t.assign(force_2_n=1.0), None, ""),
+        (lambda t: t.assign(Force_N=1.0), trocar.RecordingError, "force could be 'force_mN' or 'Force_N'"),
+        (lambda t: t.head(3), trocar.RecordingError, "found 3 usable samples, expected at least 8"),
+        (lambda t: t.iloc[::-1], trocar.RecordingError, "time goes back from 2.999 s to 2.998 s"),
+        (lambda t: t.assign(time_ms=1.0), trocar.RecordingError, "time stays at 0.001 s in all 3000 samples"),
+        (lambda t: t.rename(columns={"Position (um)": "x_m"}), trocar.RecordingError, "expected at most 2 m"),
+    ],
+)
+def test_frames_that_cannot_be_used_are_refused(change: object, error: type | None, words: str) -> None:
+    frame = change(pd.DataFrame(columns()))
+    if error is None:
+        assert len(trocar.Recording.from_frame(frame)) == 3000
+        return
+    with pytest.raises(error) as raised:
+        trocar.Recording.from_frame(frame)
+    assert words in str(raised.value)
+
+
+def test_things_that_are_no_frames_are_refused() -> None:
+    for thing in (3, "frame", None, np.zeros((3, 3))):
+        with pytest.raises(TypeError, match="expected a data frame or a dictionary of columns"):
+            trocar.Recording.from_frame(thing)
+    with pytest.raises(TypeError, match="LazyFrame holds no data yet; call its collect"):
+        trocar.Recording.from_frame(pl.DataFrame(columns()).lazy())
+
+
+def test_lengths_are_named() -> None:
+    with pytest.raises(trocar.RecordingError, match="force has 9 samples, expected 10 as time has"):
+        trocar.Recording(range(10), np.zeros(10), np.zeros(9))
+    with pytest.raises(trocar.RecordingError, match="velocity has 1 samples, expected 10 as time has"):
+        trocar.Recording(range(10), np.zeros(10), np.zeros(10), [0.0])
+
+
+def test_options_of_the_sensor() -> None:
+    time, position, force = columns().values()
+    flipped = trocar.Recording(time / 1e3, position / 1e6, -force / 1e3, flip_force=True, name="upside down")
+    assert np.array_equal(flipped.force_n, made().force_n) and flipped.name == "upside down"
+    assert "sign of the force reversed" in flipped.notes
+    clipped = trocar.Recording(time / 1e3, position / 1e6, np.clip(force / 1e3, -2, 2), sensor_limit_n=2)
+    assert clipped.quality["saturated"]
+    with pytest.raises(trocar.ParameterError, match="sensor_limit_n must be positive, got -1 N"):
+        trocar.Recording(time, position, force, sensor_limit_n=-1)
+
+
+def test_columns_of_a_recording_cannot_be_written_to() -> None:
+    recording = made()
+    assert recording.time_s is recording.time_s
+    with pytest.raises(ValueError, match="read-only"):
+        recording.force_n[0] = 1
+
+
+def test_recordings_are_pickled_with_all_that_is_known() -> None:
+    time, position, force = columns().values()
+    force[[3, 4]] = np.nan
+    for recording in (trocar.bench("step"), trocar.Recording(time / 1e3, position / 1e6, force / 1e3)):
+        twin = pickle.loads(pickle.dumps(recording))
+        assert same(recording, twin)
+        assert (twin.name, twin.sha256, twin.quality) == (recording.name, recording.sha256, recording.quality)
+        assert (twin.velocity_m_s is None) == (recording.velocity_m_s is None)
+
+
+def test_the_bench_says_what_it_does_not_know() -> None:
+    with pytest.raises(trocar.ParameterError, match='unknown protocol "dance"'):
+        trocar.bench("dance")  # type: ignore[arg-type]
+    with pytest.raises(trocar.BenchError):
+        trocar.bench("step", config="[rig]\nsample_rate_hz = -1")
+    assert "[rod]" in trocar.bench_config()
+    assert trocar.bench("step", seed=2).sha256 != trocar.bench("step").sha256 == trocar.bench("step", seed=1).sha256
