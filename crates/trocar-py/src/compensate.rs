@@ -84,8 +84,7 @@ impl Compensator {
         force_error_n: Option<f64>,
         adaptation: bool,
     ) -> PyResult<Self> {
-        let options =
-            options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+        let options = options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
         let observer = Observer::new(model.get().lasting(), &options).map_err(Raise::raise)?;
         Ok(Self { observer, time: None })
     }
@@ -105,18 +104,20 @@ impl Compensator {
 
     /// Takes many samples; times are those of a clock that goes on from call to call.
     ///
-    /// Gives trocar force, tissue force, standard deviation, whether friction is followed, and the fault of each sample, as
-    /// arrays. Positions and readings may be nan: that is a fault of the sample, not an error.
+    /// Gives a `Compensation`. Positions and readings may be nan: that is a fault of the sample, not an error.
     fn run<'py>(
         &mut self,
         py: Python<'py>,
         time_s: &Bound<'py, PyAny>,
         position_m: &Bound<'py, PyAny>,
         force_n: &Bound<'py, PyAny>,
-    ) -> PyResult<Said<'py>> {
-        let (outcome, time) = along(py, &mut self.observer, self.time, [time_s, position_m, force_n])?;
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let columns = [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
+        let (said, time) = along(py, &mut self.observer, self.time, &columns)?;
         self.time = time;
-        Ok(outcome)
+        let result = py.import(intern!(py, "trocar.results"))?.getattr(intern!(py, "Compensation"))?;
+        let [time, position, force] = columns;
+        result.call_method1(intern!(py, "_of"), ((&*time, &*position, &*force), said, self.drift()))
     }
 
     /// Friction and viscosity over those of the model, with standard deviations: (level, level_std, viscosity,
@@ -177,7 +178,8 @@ pub(crate) fn compensate<'py>(
 ) -> PyResult<(Said<'py>, (f64, f64, f64, f64))> {
     let options = options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
     let mut observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
-    let (said, _) = along(py, &mut observer, None, [time_s, position_m, force_n])?;
+    let columns = [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
+    let (said, _) = along(py, &mut observer, None, &columns)?;
     Ok((said, numbers(observer.drift())))
 }
 
@@ -193,13 +195,14 @@ fn along<'py>(
     columns: [&Bound<'py, PyAny>; 3],
 ) -> PyResult<(Said<'py>, Option<f64>)> {
     let [time, position, force] = columns;
-    let (time, position, force) =
-        (column("time_s", time)?, column("position_m", position)?, column("force_n", force)?);
+    let (time, position, force) = (column("time_s", time)?, column("position_m", position)?, column("force_n", force)?);
     let (time, position, force) = (time.as_slice()?, position.as_slice()?, force.as_slice()?);
     for (name, length) in [("position_m", position.len()), ("force_n", force.len())] {
         if length != time.len() {
             let expected = time.len();
-            return Err(MotionError::new_err(format!("{name} has {length} samples, expected {expected} as time_s has")));
+            return Err(MotionError::new_err(format!(
+                "{name} has {length} samples, expected {expected} as time_s has"
+            )));
         }
     }
     check(time, before)?;

@@ -168,13 +168,16 @@ impl<'a> Run<'a> {
 
 /// What a model cannot follow, in words: where, found, expected.
 fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
+    if is_plain(time, position) {
+        return Ok(());
+    }
     let follows = |t: &[f64], x: &[f64]| {
         let (duration, displacement) = (t[1] - t[0], x[1] - x[0]);
         (duration > 0.0 && (displacement / duration).is_finite()) || (duration == 0.0 && displacement == 0.0)
     };
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-    let pairs = || time.windows(2).zip(position.windows(2));
-    if !finite(time) || !finite(position) || !pairs().all(|(t, x)| follows(t, x)) {
+    let mut pairs = time.windows(2).zip(position.windows(2));
+    if !finite(time) || !finite(position) || !pairs.all(|(t, x)| follows(t, x)) {
         return Err(first_fault(time, position));
     }
     let (low, high) = position.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
@@ -185,6 +188,22 @@ fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+/// Whether nothing needs a closer look: all time advances, and all positions lie within a metre of the first. Without a
+/// branch in the loop, since it stands beside some nanoseconds of simulation per sample.
+fn is_plain(time: &[f64], position: &[f64]) -> bool {
+    /// Shortest duration, s, whose velocity over two metres is finite for sure.
+    const SHORTEST: f64 = 1e-300;
+    let (Some(&t), Some(&x)) = (time.first(), position.first()) else { return true };
+    let advances = |t: &[f64]| {
+        let duration = t[1] - t[0];
+        (duration > SHORTEST) & (duration < f64::INFINITY)
+    };
+    let is_near = |other: &f64| (other - x).abs() <= 0.5 * LONGEST_STROKE;
+    t.is_finite()
+        && time.windows(2).fold(true, |all, pair| all & advances(pair))
+        && position.iter().fold(true, |all, position| all & is_near(position))
 }
 
 #[cold]
