@@ -180,7 +180,7 @@ def test_the_tissue_is_told_from_the_trocar(found: trocar.Identification, held_b
     stepped = [live.step(*row).tissue_force_n for row in rows]
     assert np.array_equal(stepped, said.tissue_force_n[:500])
     rest = live.run(recording.time_s[500:] - recording.time_s[0], recording.position_m[500:], recording.force_n[500:])
-    assert np.allclose(rest[1], said.tissue_force_n[500:], atol=1e-6)  # N; the clocks differ by rounding
+    assert np.allclose(rest.tissue_force_n, said.tissue_force_n[500:], atol=1e-6)  # N; the clocks differ by rounding
 
 
 def test_faulty_samples_are_named(found: trocar.Identification) -> None:

@@ -259,7 +259,7 @@ def compensate(
         force_error_n=force_error_n,
         adaptation=adaptation,
     )
-    return Compensation(*columns, *said, drift=Drift(*drift))
+    return Compensation._of(columns, said, drift)
 
 
 def simulate_full(

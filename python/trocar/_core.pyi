@@ -7,6 +7,8 @@ from typing import Any, Literal, final
 import numpy as np
 import numpy.typing as npt
 
+from .results import Compensation
+
 _Path = str | os.PathLike[str]
 _Array = npt.NDArray[np.float64]
 _Picture = tuple[str, str, str, str]
@@ -186,7 +188,9 @@ class Compensator:
         adaptation: bool = True,
     ) -> Compensator: ...
     def step(self, position_m: float, force_n: float, duration_s: float) -> TissueForce: ...
-    def run(self, time_s: npt.ArrayLike, position_m: npt.ArrayLike, force_n: npt.ArrayLike) -> _Said: ...
+    def run(
+        self, time_s: npt.ArrayLike, position_m: npt.ArrayLike, force_n: npt.ArrayLike
+    ) -> Compensation: ...
     @property
     def drift(self) -> tuple[float, float, float, float]: ...
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -408,6 +408,10 @@ class Compensation:
 
     #: Names of the faults, and what they mean.
     FAULTS: ClassVar[tuple[tuple[str, str], ...]] = tuple(_core.faults())
+
+    @classmethod
+    def _of(cls, columns: Sequence[Any], said: Sequence[Any], drift: Sequence[float]) -> Compensation:
+        return cls(*columns, *said, drift=Drift(*drift))
 
     @property
     def faults(self) -> dict[str, int]:

@@ -1,6 +1,7 @@
 //! `compensate`, and `Compensator` for live samples.
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use trocar::compensate::{CompensateOptions, Compensator as Observer, Drift, Estimate, Fault};
@@ -192,10 +193,8 @@ fn along<'py>(
     py: Python<'py>,
     observer: &mut Observer<'_>,
     mut before: Option<f64>,
-    columns: [&Bound<'py, PyAny>; 3],
+    [time, position, force]: &[PyReadonlyArray1<'py, f64>; 3],
 ) -> PyResult<(Said<'py>, Option<f64>)> {
-    let [time, position, force] = columns;
-    let (time, position, force) = (column("time_s", time)?, column("position_m", position)?, column("force_n", force)?);
     let (time, position, force) = (time.as_slice()?, position.as_slice()?, force.as_slice()?);
     for (name, length) in [("position_m", position.len()), ("force_n", force.len())] {
         if length != time.len() {
