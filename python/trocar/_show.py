@@ -57,10 +57,10 @@ def figure(found: Figure) -> str:
     """A picture of its own: what is inside cannot collide with the page, whatever else it shows."""
     data = base64.b64encode(found.encode()).decode()
     picture = (
-        f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(found.title)}" '
+        f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(found.heading)}" '
         'style="width:44em;max-width:100%;background:#fff">'
     )
-    caption = f'<figcaption style="{_SMALL};max-width:52em"><b>{escape(found.title)}.</b> {escape(found.caption)}</figcaption>'
+    caption = f'<figcaption style="{_SMALL};max-width:52em"><b>{escape(found.heading)}.</b> {escape(found.caption)}</figcaption>'
     return f'<figure style="margin:1em 0">{picture}{caption}</figure>'
 
 

@@ -33,19 +33,19 @@ __all__ = [
 
 
 class Figure(str):
-    """A figure as the text of an SVG file, with its name, title and caption; a notebook shows the picture."""
+    """A figure as the text of an SVG file, with its name, heading and caption; a notebook shows the picture."""
 
     name: str
-    title: str
+    heading: str
     caption: str
 
-    def __new__(cls, svg: str, name: str = "figure", title: str = "", caption: str = "") -> Figure:
+    def __new__(cls, svg: str, name: str = "figure", heading: str = "", caption: str = "") -> Figure:
         self = super().__new__(cls, svg)
-        self.name, self.title, self.caption = name, title, caption
+        self.name, self.heading, self.caption = name, heading, caption
         return self
 
-    def __getnewargs__(self) -> tuple[str, str, str, str]:
-        return str(self), self.name, self.title, self.caption
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Figure, (str(self), self.name, self.heading, self.caption)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the SVG file."""
@@ -53,14 +53,14 @@ class Figure(str):
             file.write(self)
 
     def __repr__(self) -> str:
-        return f"<trocar.Figure {self.name!r}: {self.title}>"
+        return f"<trocar.Figure {self.name!r}: {self.heading}>"
 
     def _repr_html_(self) -> str:
         return _show.figure(self)
 
 
 def _figures(drawn: list[tuple[str, str, str, str]]) -> Mapping[str, Figure]:
-    return MappingProxyType({name: Figure(svg, name, title, caption) for name, title, caption, svg in drawn})
+    return MappingProxyType({name: Figure(svg, name, heading, caption) for name, heading, caption, svg in drawn})
 
 
 @dataclass(frozen=True)
@@ -411,7 +411,8 @@ class Compensation:
 
     @classmethod
     def _of(cls, columns: Sequence[Any], said: Sequence[Any], drift: Sequence[float]) -> Compensation:
-        return cls(*columns, *said, drift=Drift(*drift))
+        values: list[Any] = [*columns, *said, Drift(*drift)]
+        return cls(*values)
 
     @property
     def faults(self) -> dict[str, int]:
