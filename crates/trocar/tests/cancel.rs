@@ -1,0 +1,54 @@
+//! Work that is called off ends, leaves nothing behind, and work that is not comes to the same as ever.
+
+use std::time::{Duration, Instant};
+
+use trocar::bench::{BenchConfig, Protocol, run};
+use trocar::cancel::{Cancel, Stopped};
+use trocar::identify::{IdentifyOptions, identify};
+use trocar::model_file::ModelFile;
+use trocar::recording::Recording;
+
+/// Time, s, in which called-off work must have ended on a busy machine.
+const ENDS: Duration = Duration::from_secs(5);
+
+fn recordings() -> Vec<Recording> {
+    let seal = ModelFile::plausible_10_5_mm().unwrap();
+    let record = |protocol: Protocol| {
+        let run = run(&BenchConfig::default(), protocol, seal.elements().unwrap(), 1).unwrap();
+        run.to_recording(protocol.name()).unwrap().without_moving_mass(0.04, 0.0).unwrap()
+    };
+    [Protocol::Steady, Protocol::Dynamic].map(record).to_vec()
+}
+
+#[test]
+fn called_off_work_ends_where_it_is() {
+    let recordings = recordings();
+    let cancel = Cancel::default();
+    // Far more resamples than anybody would wait for.
+    let options = IdentifyOptions { bootstrap: 3_000_000, ..IdentifyOptions::default() };
+    let flag = cancel.clone();
+    let work = move || flag.run(0, || identify(&recordings, &options, &|_, _| ()).is_ok());
+    let worker = std::thread::spawn(work);
+    std::thread::sleep(Duration::from_millis(500));
+    let clock = Instant::now();
+    cancel.cancel();
+    assert!(matches!(worker.join().unwrap(), Err(Stopped::Cancelled)));
+    assert!(clock.elapsed() < ENDS);
+}
+
+#[test]
+fn work_that_nobody_calls_off_comes_to_the_same() {
+    let recordings = recordings();
+    let options = IdentifyOptions { bootstrap: 20, ..IdentifyOptions::default() };
+    let plain = identify(&recordings, &options, &|_, _| ()).unwrap();
+    let watched = Cancel::default().run(3, || identify(&recordings, &options, &|_, _| ())).unwrap().unwrap();
+    assert_eq!(plain.model, watched.model);
+    assert_eq!(plain.parameters, watched.parameters);
+}
+
+#[test]
+fn a_panic_stays_a_panic() {
+    let outcome = std::panic::catch_unwind(|| Cancel::default().run(1, || panic!("a fault of the work")));
+    let text = outcome.unwrap_err();
+    assert_eq!(text.downcast_ref::<&str>(), Some(&"a fault of the work"));
+}
