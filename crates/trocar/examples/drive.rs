@@ -1,7 +1,7 @@
 //! Runs a model file along a motion through the library: the driver that the other programs are compared with.
 //!
 //! ```text
-//! cargo run -p trocar --example drive MODEL.json MOTION.csv
+//! cargo run -p trocar --example drive -- MODEL.json MOTION.csv
 //! ```
 //! prints one force (N) per row, in the shortest digits that read back as the same number. The first row is where the seal
 //! stands, undeformed; each further row is one step to its position in the time since the row above.

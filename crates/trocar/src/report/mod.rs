@@ -133,10 +133,7 @@ pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), 
     for some in figures.chunks(FIGURES_AT_A_TIME) {
         some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;
     }
-    let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
-    let live = document.sections.iter().find_map(|section| section.live.as_ref()).map(live::embed);
-    let live = live.transpose().map_err(|error| drawing_error("live", error))?;
-    Ok(folder.write("report.html", html::page(document, &drawn, &styles, live.as_ref()).as_bytes())?)
+    Ok(folder.write("report.html", page_of(document, &drawn)?.as_bytes())?)
 }
 
 /// The page of [`write_document`] alone: `report.html`, with everything inside.
@@ -148,8 +145,14 @@ pub fn page(document: &Document) -> Result<String, ReportError> {
     let figures: Vec<&Figure> = figures(document).collect();
     let draw = |figure: &&Figure| for_page(figure, &draw_vector(figure)?);
     let drawn = figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>()?;
+    page_of(document, &drawn)
+}
+
+fn page_of(document: &Document, drawn: &[html::Drawn]) -> Result<String, ReportError> {
     let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
-    Ok(html::page(document, &drawn, &styles))
+    let live = document.sections.iter().find_map(|section| section.live.as_ref()).map(live::embed);
+    let live = live.transpose().map_err(|error| drawing_error("live", error))?;
+    Ok(html::page(document, drawn, &styles, live.as_ref()))
 }
 
 /// The figures of [`write_document`] alone: id and SVG of each, in order.
