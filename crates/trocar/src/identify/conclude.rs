@@ -367,7 +367,6 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
         let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
         let curves: Vec<&[f64]> =
             (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
-        cancel::check();
         BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
     let [up, down] = [Direction::Positive, Direction::Negative].map(|d| curves_of(&found.traverses, d).len());
@@ -375,6 +374,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
     if options.bootstrap == 0 {
         let n = up.min(down);
         let left_out = |g: usize| {
+            cancel::check();
             let skip = |k: usize| if k < g { k } else { k + 1 };
             with(
                 refit(Direction::Positive, &two.candidate.rising, &skip, up.max(2) - 1),
@@ -384,6 +384,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
         return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect(), n as f64, Vec::new());
     }
     let resampled = |index: usize| {
+        cancel::check();
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         rng.set_stream(index as u64);
         let drawn: Vec<usize> = (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();

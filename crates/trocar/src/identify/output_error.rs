@@ -379,6 +379,7 @@ impl<T: Trial> Fitted<T> {
         let used: Vec<usize> =
             (0..self.normal.hessians.len()).filter(|g| self.normal.hessians[*g].diagonal().sum() > 0.0).collect();
         let replicate = |index: usize| {
+            cancel::check();
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(index as u64);
             let p = self.normal.scores[0].len();
