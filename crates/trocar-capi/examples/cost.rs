@@ -1,7 +1,8 @@
 //! What the C interface costs: `cargo run --release -p trocar-capi --example cost`.
 //!
-//! Nanoseconds a step of the Rust core, of `trocar_step_to`, and of `trocar_simulate`, on the same strokes at 1 kHz in
-//! turn; the fastest of the repetitions.
+//! Nanoseconds a step of the Rust core, of `trocar_step_to`, and of `trocar_simulate`, then of the observer in Rust and of
+//! `trocar_compensator_step` with adaptation, on the same strokes at 1 kHz in turn; the fastest of the repetitions. Last, the
+//! slowest single step of the observer through C in any of them, which a preempted loop spoils, and its 99.9 % quantile.
 
 use std::error::Error;
 use std::ffi::{CString, c_char};
@@ -11,8 +12,13 @@ use std::path::Path;
 use std::ptr::{from_mut, null_mut};
 use std::time::Instant;
 
+use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::model_file::ModelFile;
-use trocar_c::{Model, State, Status, trocar_model_load, trocar_simulate, trocar_state_init, trocar_step_to};
+use trocar_c::{
+    Compensator as CCompensator, CompensatorOptions, Estimate, Fault, Model, State, Status, trocar_compensator_free,
+    trocar_compensator_new, trocar_compensator_options_init, trocar_compensator_reset, trocar_compensator_step,
+    trocar_model_load, trocar_simulate, trocar_state_init, trocar_step_to,
+};
 
 const STEPS: usize = 20_000;
 const REPETITIONS: usize = 25;
@@ -21,6 +27,8 @@ const PERIOD: f64 = 1e-3;
 
 /// As C calls it: through a pointer that the compiler cannot look behind.
 type StepTo = unsafe extern "C" fn(*const Model, *mut State, f64, f64, *mut f64) -> Status;
+
+type Observe = unsafe extern "C" fn(*mut CCompensator, f64, f64, f64, *mut Estimate) -> Status;
 
 /// Strokes of 40 mm at 50 mm/s with a triangular tremor of 0.2 mm at 8 Hz, as in `examples/c/bench.c`.
 fn motion() -> Vec<f64> {
@@ -41,6 +49,73 @@ fn fastest(best: &mut f64, run: impl FnOnce()) {
     let start = Instant::now();
     run();
     *best = best.min(start.elapsed().as_secs_f64() * 1e9 / STEPS as f64);
+}
+
+/// Standard deviation of the model's force for the observers, N.
+const FORCE_ERROR: f64 = 0.05;
+
+fn observer_of(model: *mut Model) -> Result<*mut CCompensator, Box<dyn Error>> {
+    let nothing = f64::NAN;
+    let mut options = CompensatorOptions {
+        struct_size: 0,
+        offset_n: nothing,
+        moving_mass_kg: nothing,
+        gravity_m_s2: nothing,
+        sensor_limit_n: nothing,
+        force_error_n: nothing,
+        adaptation: 0,
+    };
+    let mut observer = null_mut();
+    // SAFETY: a place for the options, of their size.
+    unsafe { trocar_compensator_options_init(&raw mut options, size_of::<CompensatorOptions>()) };
+    (options.force_error_n, options.moving_mass_kg) = (FORCE_ERROR, 0.04);
+    // SAFETY: a loaded model, options, a place for the observer, no message.
+    let status = unsafe { trocar_compensator_new(model, &raw const options, &raw mut observer, null_mut(), 0) };
+    if status == Status::Ok { Ok(observer) } else { Err(format!("{status:?}").into()) }
+}
+
+/// The observer on the forces of the model and some noise: mean in Rust and through C, quantile and slowest, ns.
+fn observe(file: &ModelFile, model: *mut Model, forces: &[f64]) -> Result<[f64; 4], Box<dyn Error>> {
+    let positions = motion();
+    let readings: Vec<f64> = forces.iter().enumerate().map(|(k, f)| f + 0.01 * (k % 7) as f64).collect();
+    let options = CompensateOptions {
+        force_error_n: Some(FORCE_ERROR),
+        moving_mass_kg: Some(0.04),
+        ..CompensateOptions::default()
+    };
+    let (mut own, observer) = (Compensator::new(file, &options)?, observer_of(model)?);
+    let step: Observe = black_box(trocar_compensator_step);
+    let mut said =
+        Estimate { trocar_force_n: 0.0, tissue_force_n: 0.0, tissue_force_std_n: 0.0, adapting: 0, fault: Fault::None };
+    let (mut best, mut single) = ([f64::INFINITY; 2], Vec::with_capacity(STEPS * REPETITIONS));
+    for _ in 0..REPETITIONS {
+        own.reset();
+        // SAFETY: a live observer.
+        unsafe { trocar_compensator_reset(observer) };
+        fastest(&mut best[0], || {
+            for (position, reading) in positions.iter().zip(&readings) {
+                black_box(own.step(*position, *reading, PERIOD));
+            }
+        });
+        fastest(&mut best[1], || {
+            for (position, reading) in positions.iter().zip(&readings) {
+                // SAFETY: a live observer and a place for what it says.
+                unsafe { step(observer, *position, *reading, PERIOD, &raw mut said) };
+            }
+        });
+        // SAFETY: a live observer.
+        unsafe { trocar_compensator_reset(observer) };
+        for (position, reading) in positions.iter().zip(&readings) {
+            let start = Instant::now();
+            // SAFETY: a live observer and a place for what it says.
+            unsafe { step(observer, *position, *reading, PERIOD, &raw mut said) };
+            single.push(start.elapsed().as_secs_f64() * 1e9);
+        }
+    }
+    // SAFETY: nobody uses it any more.
+    unsafe { trocar_compensator_free(observer) };
+    single.sort_by(f64::total_cmp);
+    Ok([best[0], best[1], single[single.len() - single.len() / 1000], single[single.len() - 1]])
 }
 
 fn report(path: &Path) -> Result<(), Box<dyn Error>> {
@@ -75,7 +150,9 @@ fn report(path: &Path) -> Result<(), Box<dyn Error>> {
         black_box(&forces);
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    println!("{name:16} {:8.1} {:8.1} {:8.1}", best[0], best[1], best[2]);
+    let [rust, c, quantile, slowest] = observe(&file, model, &forces)?;
+    print!("{name:16} {:8.1} {:8.1} {:8.1}", best[0], best[1], best[2]);
+    println!(" {rust:11.0} {c:8.0} {quantile:8.0} {slowest:8.0}");
     Ok(())
 }
 
@@ -84,6 +161,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut paths: Vec<_> =
         fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<Result<_, std::io::Error>>()?;
     paths.sort();
-    println!("ns per step          Rust        C  C array");
+    println!("ns per step          Rust        C  C array    observer        C   99.9 %  slowest");
     paths.iter().try_for_each(|path| report(path))
 }

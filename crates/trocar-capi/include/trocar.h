@@ -3,14 +3,16 @@
  *
  * SI units. Positive is insertion. Forces are those of the instrument on the seal; the instrument feels their negative.
  *
- * Every call that can be refused gives a status, and leaves model and state as they were unless that is TROCAR_STATUS_OK. NULL
- * and misaligned pointers are refused (TROCAR_STATUS_NULL_POINTER, TROCAR_STATUS_MISALIGNED), and so is what is no model
- * (TROCAR_STATUS_NOT_A_MODEL). Any other pointer must be valid.
+ * Every call that can be refused gives a status, and leaves model, state and compensator as they were unless that is
+ * TROCAR_STATUS_OK. NULL and misaligned pointers are refused (TROCAR_STATUS_NULL_POINTER, TROCAR_STATUS_MISALIGNED), and
+ * so is what is no model or no compensator (TROCAR_STATUS_NOT_A_MODEL, TROCAR_STATUS_NOT_A_COMPENSATOR). Any other
+ * pointer must be valid.
  *
  * Threads: a model never changes, any number of threads may use it at once, except for trocar_model_free(). A state
- * belongs to one thread at a time. Different states never share anything.
+ * and a compensator belong to one thread at a time. Different ones never share anything.
  *
- * Memory: loading, parsing, tuning and freeing a model allocate or free. Nothing else does.
+ * Memory: loading, parsing, tuning and freeing a model allocate or free, and so do making and freeing a compensator.
+ * Nothing else does.
  *
  * Made from the Rust source by cbindgen; do not edit. Licence: MIT OR Apache-2.0.
  */
@@ -29,8 +31,8 @@
 #endif
 
 /**
- * Version of this interface: of its functions, their meaning, and the layout of a state. Programs compiled for one
- * version must not run with a library of another; compare with trocar_abi_version().
+ * Version of this interface: of its functions, their meaning, and the layout of a state and of all structs. Programs
+ * compiled for one version must not run with a library of another; compare with trocar_abi_version().
  */
 #define TROCAR_ABI_VERSION 1
 
@@ -60,7 +62,7 @@
 #define TROCAR_MODE_SLIDING 1
 
 /**
- * What became of a call. Whatever is not TROCAR_STATUS_OK left model and state as they were.
+ * What became of a call. Whatever is not TROCAR_STATUS_OK left model, state and compensator as they were.
  */
 enum trocar_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -92,7 +94,7 @@ enum trocar_status
      */
     TROCAR_STATUS_OTHER_MODEL = 5,
     /**
-     * Another thread is using the state at this moment.
+     * Another thread is using the state or the compensator at this moment.
      */
     TROCAR_STATUS_STATE_BUSY = 6,
     /**
@@ -108,7 +110,8 @@ enum trocar_status
      */
     TROCAR_STATUS_OUT_OF_RANGE = 9,
     /**
-     * The model knows no such quantity: classical models have no deflection and no mode.
+     * The model knows no such quantity: classical models have no deflection and no mode, and not every model says how
+     * far off its force is.
      */
     TROCAR_STATUS_UNSUPPORTED = 10,
     /**
@@ -127,6 +130,10 @@ enum trocar_status
      * A defect of the library; please report it.
      */
     TROCAR_STATUS_INTERNAL = 14,
+    /**
+     * The pointer to a compensator does not point to one; it may have been freed.
+     */
+    TROCAR_STATUS_NOT_A_COMPENSATOR = 15,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -137,10 +144,149 @@ typedef int32_t trocar_status;
 #endif // __cplusplus
 
 /**
+ * What cannot be right about a sample. No error of the call: what the compensator makes of it is defined.
+ */
+enum trocar_fault
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Nothing.
+     */
+    TROCAR_FAULT_NONE = 0,
+    /**
+     * The reading is NaN or infinite: no tissue force, the model goes on.
+     */
+    TROCAR_FAULT_NO_READING = 1,
+    /**
+     * The position is NaN or infinite: no tissue force, the model waits.
+     */
+    TROCAR_FAULT_NO_POSITION = 2,
+    /**
+     * The duration is not above 0 and finite: the model waits.
+     */
+    TROCAR_FAULT_NO_DURATION = 3,
+    /**
+     * The reading is at the sensor's limit: no tissue force, it is larger.
+     */
+    TROCAR_FAULT_SATURATED = 4,
+    /**
+     * The reading has not changed although the force must have: no tissue force.
+     */
+    TROCAR_FAULT_FROZEN = 5,
+    /**
+     * The position moved faster than 3 m/s: taken as a new zero of the encoder, not as a motion.
+     */
+    TROCAR_FAULT_JUMP = 6,
+    /**
+     * More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
+     */
+    TROCAR_FAULT_GAP = 7,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum trocar_fault trocar_fault;
+#else
+typedef int32_t trocar_fault;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * An observer of the force on the tissue: what a sensor outside the body reads less what the trocar takes. Made by
+ * trocar_compensator_new(), ended by trocar_compensator_free(). It keeps a copy of what it needs of its model.
+ *
+ * One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY.
+ */
+typedef struct trocar_compensator trocar_compensator;
+
+/**
  * A model: a seal, and how its force depends on the way. Made by trocar_model_load() and its like, ended by
  * trocar_model_free(), immutable in between: any number of threads may use one at the same time.
  */
 typedef struct trocar_model trocar_model;
+
+/**
+ * How a compensator is set up. trocar_compensator_options_init() fills it; NaN stands for what the model file says.
+ */
+typedef struct {
+    /**
+     * Size of this struct in bytes; a library that knows another one refuses it.
+     */
+    size_t struct_size;
+    /**
+     * Reading without any force, N; NaN: as the model file says, else 0.
+     */
+    double offset_n;
+    /**
+     * Mass between sensor and seal, kg, 0 or more; NaN: as the model file says, else 0.
+     */
+    double moving_mass_kg;
+    /**
+     * Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset.
+     */
+    double gravity_m_s2;
+    /**
+     * Largest force that the sensor can read, N, above 0; NaN: none is known.
+     */
+    double sensor_limit_n;
+    /**
+     * Standard deviation of the model's force, N, 0 or more; NaN: as the model file says, by phase.
+     */
+    double force_error_n;
+    /**
+     * 1: friction and viscosity are followed in use; 0: they stay those of the model.
+     */
+    int32_t adaptation;
+} trocar_compensator_options;
+
+/**
+ * What a compensator says after each sample. Forces are those of the instrument on what it touches.
+ */
+typedef struct {
+    /**
+     * Force on seal and trocar, N.
+     */
+    double trocar_force_n;
+    /**
+     * Force on the tissue, N; NaN where the reading cannot tell.
+     */
+    double tissue_force_n;
+    /**
+     * Standard deviation of both, N; NaN before the first position.
+     */
+    double tissue_force_std_n;
+    /**
+     * 1 while friction and viscosity are being followed, 0 while tissue is touched or the motion tells nothing of them.
+     */
+    int32_t adapting;
+    /**
+     * What cannot be right about this sample.
+     */
+    trocar_fault fault;
+} trocar_estimate;
+
+/**
+ * Where friction and viscosity stand, over those of the model.
+ */
+typedef struct {
+    /**
+     * Friction without its viscous part; wetting lowers it.
+     */
+    double level;
+    /**
+     * Viscous part.
+     */
+    double viscosity;
+    /**
+     * Standard deviation of level.
+     */
+    double level_std;
+    /**
+     * Standard deviation of viscosity.
+     */
+    double viscosity_std;
+} trocar_drift;
 
 /**
  * A number of a model that can be turned by itself, trocar_model_tunable(). The texts live as long as the model.
@@ -203,6 +349,71 @@ uint32_t trocar_abi_version(void);
  * Version of the library, such as "0.1.0". Lives as long as the program. Never fails.
  */
 const char *trocar_version(void);
+
+/**
+ * Fills options with what trocar_compensator_new() takes for NULL: all as the model file says, with adaptation.
+ * struct_size is sizeof *options.
+ *
+ * Refuses: TROCAR_STATUS_OUT_OF_RANGE where the library knows a struct of another size; it then writes nothing.
+ */
+trocar_status trocar_compensator_options_init(trocar_compensator_options *options,
+                                              size_t struct_size);
+
+/**
+ * Makes a compensator for model and gives it to *compensator; NULL where it is refused. options may be NULL. The model
+ * may be freed afterwards. It starts with the first sample. Give it back with trocar_compensator_free(). Allocates;
+ * message as for trocar_model_load().
+ *
+ * Refuses: TROCAR_STATUS_OUT_OF_RANGE for an option, TROCAR_STATUS_UNSUPPORTED where neither the model file nor
+ * force_error_n says how far off the model's force is.
+ */
+trocar_status trocar_compensator_new(const trocar_model *model,
+                                     const trocar_compensator_options *options,
+                                     trocar_compensator **compensator,
+                                     char *message,
+                                     size_t message_size);
+
+/**
+ * Ends a compensator; NULL is fine. Nobody may use it later.
+ *
+ * Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+ */
+trocar_status trocar_compensator_free(trocar_compensator *compensator);
+
+/**
+ * Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) of the sensor,
+ * duration_s (s) after the last one; the first sample starts, whatever its duration. No allocation, bounded work.
+ *
+ * Any numbers are taken, NaN too: see the fault in *estimate. Where the call is refused, *estimate has no tissue force
+ * (NaN) and a trocar force of 0.
+ *
+ * Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+ */
+trocar_status trocar_compensator_step(trocar_compensator *compensator,
+                                      double position_m,
+                                      double force_n,
+                                      double duration_s,
+                                      trocar_estimate *estimate);
+
+/**
+ * Where friction and viscosity stand.
+ *
+ * Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+ */
+trocar_status trocar_compensator_drift(const trocar_compensator *compensator, trocar_drift *drift);
+
+/**
+ * Forgets all samples: the compensator is as new and starts with the next one. No allocation.
+ *
+ * Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+ */
+trocar_status trocar_compensator_reset(trocar_compensator *compensator);
+
+/**
+ * What a fault means, in English. Lives as long as the program. Never fails: a number that is no fault is called
+ * "unknown fault".
+ */
+const char *trocar_fault_message(int32_t fault);
 
 /**
  * Reads and checks the model file at path and gives it to *model, which the caller ends with trocar_model_free().

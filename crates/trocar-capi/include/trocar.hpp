@@ -9,7 +9,7 @@
  * SI units. Positive is insertion. Forces are those of the instrument on the seal.
  *
  * Threads: a Model never changes and may be copied and used by any number of threads. A State belongs to one thread at a
- * time. A State keeps its Model alive.
+ * time, and so does a Compensator. A State keeps its Model alive.
  *
  * Without exceptions (-fno-exceptions) what throws is left out; try_load() and its like do the same.
  *
@@ -24,6 +24,7 @@
 
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -322,6 +323,145 @@ class State {
 
     Model model_;
     trocar_state state_{};
+};
+
+/** What cannot be right about a sample; TROCAR_FAULT_NONE is 0. */
+using Fault = trocar_fault;
+
+/** What a fault means, in English. */
+inline const char *fault_message(Fault fault) noexcept { return trocar_fault_message(fault); }
+
+/** Where friction and viscosity stand, over those of the model. */
+using Drift = trocar_drift;
+
+/** How a compensator is set up; nothing stands for what the model file says. */
+struct CompensatorOptions {
+    /** Reading without any force, N. */
+    std::optional<double> offset_n;
+    /** Mass between sensor and seal, kg. */
+    std::optional<double> moving_mass_kg;
+    /** Gravity as it acts on the reading of the moving mass; 0 where the weight is part of the offset. */
+    double gravity_m_s2 = 0.0;
+    /** Largest force that the sensor can read, N; nothing where none is known. */
+    std::optional<double> sensor_limit_n;
+    /** Standard deviation of the model's force, N. */
+    std::optional<double> force_error_n;
+    /** Whether friction and viscosity are followed in use. */
+    bool adaptation = true;
+};
+
+/** What a compensator says after each sample. Forces are those of the instrument on what it touches. */
+struct Estimate {
+    /** On seal and trocar, N. */
+    double trocar_force_n = 0.0;
+    /** On the tissue, N; NaN where the reading cannot tell, and where the step was refused. */
+    double tissue_force_n = std::numeric_limits<double>::quiet_NaN();
+    /** Standard deviation of both, N. */
+    double tissue_force_std_n = std::numeric_limits<double>::quiet_NaN();
+    /** Whether friction and viscosity are being followed. */
+    bool adapting = false;
+    /** What cannot be right about this sample. */
+    Fault fault = TROCAR_FAULT_NONE;
+    Status status = TROCAR_STATUS_OK;
+
+    /** Whether the step was done; also done, with a fault, where a reading is NaN. */
+    explicit operator bool() const noexcept { return status == TROCAR_STATUS_OK; }
+};
+
+/**
+ * The force on the tissue, from a sensor outside the body. Nothing in it throws or allocates but try_make() and the
+ * constructor. It keeps what it needs of the model. One thread at a time.
+ */
+class Compensator {
+  public:
+    /** A compensator for the model; nothing where it is refused, and why. */
+    static std::optional<Compensator> try_make(const Model &model, const CompensatorOptions &options = {},
+                                               Refusal *why = nullptr) {
+        Refusal own;
+        trocar_compensator *made = nullptr;
+        trocar_compensator_options numbers{};
+        own.status = trocar_compensator_options_init(&numbers, sizeof numbers);
+        if (own.status == TROCAR_STATUS_OK && !fill(options, numbers)) {
+            own.status = TROCAR_STATUS_OUT_OF_RANGE;
+            own.text = "an option is not a number";
+        } else if (own.status == TROCAR_STATUS_OK) {
+            char text[TROCAR_MESSAGE_SIZE] = "";
+            own.status = trocar_compensator_new(model.get(), &numbers, &made, text, sizeof text);
+            own.text = text;
+        }
+        if (own.status != TROCAR_STATUS_OK && own.text.empty()) {
+            own.text = trocar::message(own.status);
+        }
+        if (why != nullptr) {
+            *why = own;
+        }
+        return made != nullptr ? std::optional<Compensator>(Compensator(made)) : std::nullopt;
+    }
+
+#if TROCAR_HAS_EXCEPTIONS
+    /** As try_make(), but throws Error. */
+    explicit Compensator(const Model &model, const CompensatorOptions &options = {}) {
+        Refusal why;
+        std::optional<Compensator> made = try_make(model, options, &why);
+        if (!made) {
+            throw Error(why);
+        }
+        *this = *std::move(made);
+    }
+#endif
+
+    /** Takes the next sample: position, reading of the sensor, time since the last sample. Any numbers, NaN too. */
+    Estimate step(double position_m, double force_n, double duration_s) noexcept {
+        trocar_estimate said{};
+        Estimate step;
+        step.status = trocar_compensator_step(compensator_.get(), position_m, force_n, duration_s, &said);
+        if (step) {
+            step.trocar_force_n = said.trocar_force_n;
+            step.tissue_force_n = said.tissue_force_n;
+            step.tissue_force_std_n = said.tissue_force_std_n;
+            step.adapting = said.adapting != 0;
+            step.fault = said.fault;
+        }
+        return step;
+    }
+
+    /** Where friction and viscosity stand. */
+    Drift drift() const noexcept {
+        Drift drift{1.0, 1.0, 0.0, 0.0};
+        trocar_compensator_drift(compensator_.get(), &drift);
+        return drift;
+    }
+
+    /** Forgets all samples and starts with the next one. */
+    Status reset() noexcept { return trocar_compensator_reset(compensator_.get()); }
+
+    /** For the functions of trocar.h; lives as long as this compensator. */
+    trocar_compensator *get() const noexcept { return compensator_.get(); }
+
+  private:
+    struct Free {
+        void operator()(trocar_compensator *own) const noexcept { trocar_compensator_free(own); }
+    };
+
+    explicit Compensator(trocar_compensator *own) noexcept : compensator_(own) {}
+
+    /** False where a given value is NaN, which would be taken for nothing. */
+    static bool fill(const CompensatorOptions &from, trocar_compensator_options &to) noexcept {
+        bool numbers = true;
+        const auto set = [&numbers](const std::optional<double> &given, double &place) {
+            numbers = numbers && !(given && *given != *given);
+            place = given.value_or(place);
+        };
+        set(from.offset_n, to.offset_n);
+        set(from.moving_mass_kg, to.moving_mass_kg);
+        set(from.sensor_limit_n, to.sensor_limit_n);
+        set(from.force_error_n, to.force_error_n);
+        to.gravity_m_s2 = from.gravity_m_s2;
+        to.adaptation = from.adaptation ? 1 : 0;
+        return numbers;
+    }
+
+    std::unique_ptr<trocar_compensator, Free> compensator_;
 };
 
 } // namespace trocar

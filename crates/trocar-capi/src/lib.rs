@@ -15,8 +15,11 @@
 //! - **The mark of a state is also its lock.** Two threads stepping one state is a mistake of the caller; it is told
 //!   ([`Status::StateBusy`]) instead of mixing two steps. All words of a state are read and written as atomics, so even
 //!   that mistake is defined.
+//! - **A compensator is the library's, behind a pointer.** It remembers a thousand crossings of places, some 200 kB; nobody
+//!   wants that on the stack of a loop.
 //! - **No thread-local last error.** A long message goes where the caller says.
 
+mod compensator;
 mod message;
 mod model;
 mod pointer;
@@ -24,6 +27,7 @@ mod state;
 mod status;
 mod step;
 
+pub use compensator::*;
 pub use model::*;
 pub use state::*;
 pub use status::*;
@@ -31,8 +35,8 @@ pub use step::*;
 
 use std::ffi::{CStr, c_char};
 
-/// Version of this interface: of its functions, their meaning, and the layout of a state. Programs compiled for one
-/// version must not run with a library of another; compare with trocar_abi_version().
+/// Version of this interface: of its functions, their meaning, and the layout of a state and of all structs. Programs
+/// compiled for one version must not run with a library of another; compare with trocar_abi_version().
 pub const ABI_VERSION: u32 = 1;
 
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");

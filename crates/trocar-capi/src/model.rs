@@ -31,6 +31,8 @@ pub(crate) struct Content {
     pub(crate) trocar: Trocar<'static>,
     #[allow(dead_code)] // kept alive: `trocar` borrows from it
     numbers: Arc<[f64]>,
+    /// What it was read from; a tuned model has a seal of its own.
+    pub(crate) file: Arc<ModelFile>,
     tunables: Vec<TunableText>,
 }
 
@@ -64,7 +66,7 @@ pub struct Tunable {
 }
 
 impl Model {
-    fn new(trocar: &Trocar, tag: Option<u64>) -> Result<Box<Self>, Failure> {
+    fn new(trocar: &Trocar, file: Arc<ModelFile>, tag: Option<u64>) -> Result<Box<Self>, Failure> {
         let internal = |error| Failure::new(Status::Internal, error);
         let mut row = vec![0.0; trocar.count_numbers()];
         trocar.write_numbers(&mut row).map_err(internal)?;
@@ -74,11 +76,12 @@ impl Model {
         let trocar = Trocar::from_numbers(own).map_err(internal)?;
         let tag = tag.unwrap_or_else(|| tag_of(&numbers));
         let tunables = trocar.seal().tunables().map(TunableText::new).collect();
-        Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, numbers, tunables } }))
+        Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, numbers, file, tunables } }))
     }
 
-    fn from_file(file: &ModelFile) -> Result<Box<Self>, Failure> {
-        Self::new(&file.trocar().map_err(refused)?, None)
+    fn from_file(file: ModelFile) -> Result<Box<Self>, Failure> {
+        let file = Arc::new(file);
+        Self::new(&file.trocar().map_err(refused)?, Arc::clone(&file), None)
     }
 
     /// # Safety
@@ -181,7 +184,7 @@ pub unsafe extern "C" fn trocar_model_load(
         let made = || {
             // SAFETY: by the rule of the crate.
             let path = path_of(unsafe { text(path) }?)?;
-            Model::from_file(&ModelFile::read(&path).map_err(refused)?)
+            Model::from_file(ModelFile::read(&path).map_err(refused)?)
         };
         // SAFETY: by the rule of the crate.
         unsafe { hand_over(model, made) }
@@ -205,7 +208,7 @@ pub unsafe extern "C" fn trocar_model_parse(
             // SAFETY: by the rule of the crate.
             let bytes: Vec<u8> = unsafe { Array::new(json.cast::<u8>(), json_length) }?.iter().collect();
             let text = String::from_utf8(bytes).map_err(|error| Failure::new(Status::ModelInvalid, error))?;
-            Model::from_file(&ModelFile::from_json(&text).map_err(refused)?)
+            Model::from_file(ModelFile::from_json(&text).map_err(refused)?)
         };
         // SAFETY: by the rule of the crate.
         unsafe { hand_over(model, made) }
@@ -221,7 +224,7 @@ pub unsafe extern "C" fn trocar_model_plausible(model: *mut *mut Model) -> Statu
     silent.tell(|| {
         let made = || {
             let file = ModelFile::plausible_10_5_mm().map_err(|error| Failure::new(Status::Internal, error))?;
-            Model::from_file(&file)
+            Model::from_file(file)
         };
         // SAFETY: by the rule of the crate.
         unsafe { hand_over(model, made) }
@@ -254,7 +257,7 @@ pub unsafe extern "C" fn trocar_model_tuned(
             }
             let values: Vec<f64> = values.iter().collect();
             let seal = old.trocar.seal().tuned(&values).map_err(|error| Failure::new(Status::ModelInvalid, error))?;
-            Model::new(&old.trocar.with_seal(seal), Some(old.tag))
+            Model::new(&old.trocar.with_seal(seal), Arc::clone(&old.file), Some(old.tag))
         };
         // SAFETY: by the rule of the crate.
         unsafe { hand_over(tuned, made) }
@@ -333,7 +336,7 @@ mod tests {
     fn a_model_owns_what_it_borrows_from() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems_travel.json");
         let file = ModelFile::read(Path::new(path)).unwrap();
-        let Ok(model) = Model::from_file(&file) else { panic!("refused") };
+        let Ok(model) = Model::from_file(file.clone()) else { panic!("refused") };
         assert_eq!(model.content.trocar, file.trocar().unwrap());
         let forces = |trocar: &Trocar| trocar.step(&mut trocar.rest(0.1), 0.01, 0.1);
         let expected = forces(&file.trocar().unwrap());

@@ -3,7 +3,7 @@
 use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What became of a call. Whatever is not TROCAR_STATUS_OK left model and state as they were.
+/// What became of a call. Whatever is not TROCAR_STATUS_OK left model, state and compensator as they were.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
@@ -19,7 +19,7 @@ pub enum Status {
     NotAState = 4,
     /// The state was initialised for another model.
     OtherModel = 5,
-    /// Another thread is using the state at this moment.
+    /// Another thread is using the state or the compensator at this moment.
     StateBusy = 6,
     /// A number is NaN or infinite, or the position or velocity it leads to is infinite.
     NotFinite = 7,
@@ -27,7 +27,8 @@ pub enum Status {
     DurationNotPositive = 8,
     /// An index or a number of elements is out of range.
     OutOfRange = 9,
-    /// The model knows no such quantity: classical models have no deflection and no mode.
+    /// The model knows no such quantity: classical models have no deflection and no mode, and not every model says how
+    /// far off its force is.
     Unsupported = 10,
     /// The model file cannot be read.
     ModelUnreadable = 11,
@@ -37,17 +38,19 @@ pub enum Status {
     ModelNewer = 13,
     /// A defect of the library; please report it.
     Internal = 14,
+    /// The pointer to a compensator does not point to one; it may have been freed.
+    NotACompensator = 15,
 }
 
 impl Status {
-    const ALL: [(Self, &CStr); 15] = [
+    const ALL: [(Self, &CStr); 16] = [
         (Self::Ok, c"done"),
         (Self::NullPointer, c"a pointer is null"),
         (Self::Misaligned, c"a pointer is not aligned for what it points to"),
         (Self::NotAModel, c"not a model: a wrong pointer, or the model was freed"),
         (Self::NotAState, c"not a state: not initialised, overwritten, or of another version of the library"),
         (Self::OtherModel, c"the state was initialised for another model"),
-        (Self::StateBusy, c"another thread is using the state"),
+        (Self::StateBusy, c"another thread is using the state or the compensator"),
         (Self::NotFinite, c"a number is not finite, or leads to a position or velocity that is not"),
         (Self::DurationNotPositive, c"the duration of a step must be positive"),
         (Self::OutOfRange, c"an index or a number of elements is out of range"),
@@ -56,6 +59,7 @@ impl Status {
         (Self::ModelInvalid, c"the text is no model, or its values make none"),
         (Self::ModelNewer, c"the model was written by a newer version of trocar"),
         (Self::Internal, c"a defect of trocar, please report it"),
+        (Self::NotACompensator, c"not a compensator: a wrong pointer, or it was freed"),
     ];
 
     pub(crate) fn text(self) -> &'static CStr {

@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::model_file::ModelFile;
-use trocar_c::{State, Status, Tunable};
+use trocar_c::{CompensatorOptions, Drift, Estimate, Fault, State, Status, Tunable};
 
 /// Where the library was installed, and a folder for programs.
 struct Installed {
@@ -151,6 +152,112 @@ fn every_model_gives_the_forces_of_rust_to_the_last_bit() {
     }
 }
 
+/// Error of the model's force, moving mass and limit of the sensor that the observers are given.
+const OBSERVER: [&str; 3] = ["0.05", "0.04", "12"];
+
+/// Readings along the motion for all programs, with what goes wrong with sensors: time_s, position_m, force_n.
+///
+/// A sensor of 20 mN noise behind a seal whose friction falls to 0.6 of the model's, a tissue below half depth, dropouts
+/// of either quantity, a frozen and a saturated reading, an encoder that jumps.
+fn readings(model: &Path) -> Vec<[f64; 3]> {
+    let forces: Vec<f64> = reference(model).into_iter().map(f64::from_bits).collect();
+    let motion = fs::read_to_string(conformance("motion.csv")).unwrap();
+    let mut seed = 7_u64;
+    let mut held = 0.0;
+    let row = |(k, line): (usize, &str)| {
+        let (time, position) = line.split_once(',').unwrap();
+        let (time, position): (f64, f64) = (time.parse().unwrap(), position.parse().unwrap());
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let noise = 0.02 * ((seed >> 33) as f64 / f64::from(1_u32 << 31) - 0.5);
+        let wet = if k < 2000 { 1.0 } else { 0.6 };
+        let tissue = if (500..700).contains(&(k % 1000)) { 1.5 } else { 0.0 };
+        let force = wet * forces[k] + tissue + noise;
+        held = if k % 1000 == 300 { force } else { held };
+        match k {
+            k if (300..400).contains(&(k % 1000)) => [time, position, held],
+            k if k % 271 < 3 => [time, position, f64::NAN],
+            k if k % 431 == 5 => [time, f64::NAN, force],
+            k if k % 1499 == 9 => [time, position + 0.5, force],
+            k if k % 613 == 5 => [time, position, 12.5],
+            _ => [time, position, force],
+        }
+    };
+    motion.lines().skip(1).enumerate().map(row).collect()
+}
+
+/// What the Rust observer says to them: numbers bit by bit, adapting, fault.
+fn observed(model: &Path, readings: &[[f64; 3]]) -> Vec<([u64; 3], bool, i32)> {
+    let [error, mass, limit] = OBSERVER.map(|number| Some(number.parse().unwrap()));
+    let options = CompensateOptions {
+        force_error_n: error,
+        moving_mass_kg: mass,
+        sensor_limit_n: limit,
+        ..CompensateOptions::default()
+    };
+    let mut observer = Compensator::new(&ModelFile::read(model).unwrap(), &options).unwrap();
+    let mut before = readings[0][0];
+    let answer = |[time, position, force]: &[f64; 3]| {
+        let said = observer.step(*position, *force, time - before);
+        before = *time;
+        let numbers = [said.trocar_force, said.tissue_force, said.std].map(bits);
+        (numbers, said.adapting, Fault::from(said.fault) as i32)
+    };
+    readings.iter().map(answer).collect()
+}
+
+/// Of a number; all NaN are one, for text does not tell them apart.
+fn bits(number: f64) -> u64 {
+    if number.is_nan() { f64::NAN.to_bits() } else { number.to_bits() }
+}
+
+#[test]
+fn the_observer_says_what_that_of_rust_says_to_the_last_bit() {
+    if !compilers() {
+        return;
+    }
+    let drivers = [("examples/c/compensate.c", Link::Shared), ("examples/cpp/compensate.cpp", Link::Static)]
+        .map(|(source, link)| compiled(source, link, &[]));
+    let mut faults = BTreeSet::new();
+    for model in models() {
+        let readings = readings(&model);
+        let expected = observed(&model, &readings);
+        faults.extend(expected.iter().map(|(_, _, fault)| *fault));
+        let rows: Vec<String> = readings.iter().map(|[t, x, y]| format!("{t},{x},{y}")).collect();
+        let file = installed().programs.join("readings.csv");
+        fs::write(&file, format!("time_s,position_m,force_n\n{}\n", rows.join("\n"))).unwrap();
+        for driver in &drivers {
+            let said = done(Command::new(driver).args([&model, &file]).args(OBSERVER)).stdout;
+            let row = |line: String| {
+                let cells: Vec<&str> = line.split(',').collect();
+                let number = |k: usize| bits(cells[k].parse().unwrap());
+                ([number(0), number(1), number(2)], cells[3] == "1", cells[4].parse().unwrap())
+            };
+            let said: Vec<_> = words_of(&said).into_iter().map(row).collect();
+            assert_eq!(said.len(), expected.len());
+            let apart = said.iter().zip(&expected).position(|(a, b)| a != b);
+            assert_eq!(apart, None, "{} {}: first row apart", driver.display(), model.display());
+        }
+    }
+    assert_eq!(faults.len(), 8, "the readings have only the faults {faults:?}");
+}
+
+#[test]
+fn the_observer_refuses_and_goes_on() {
+    if !compilers() {
+        return;
+    }
+    let model = conformance("models/ems.json");
+    for link in [Link::Shared, Link::Static] {
+        done(Command::new(compiled("tests/c/compensator.c", link, &[])).arg(&model));
+    }
+    if has("valgrind", false) {
+        let program = compiled("tests/c/compensator.c", Link::Shared, &["-g"]);
+        let mut command = Command::new("valgrind");
+        command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]).arg(program).arg(&model);
+        done(&mut command);
+    }
+}
+
 #[test]
 fn the_loops_run_and_agree() {
     if !compilers() {
@@ -182,14 +289,19 @@ fn the_code_of_the_documentation_compiles_and_runs() {
     let text = fs::read_to_string(here("../../docs/c-and-cpp.md")).unwrap();
     let folder = &installed().programs;
     fs::copy(conformance("models/ems.json"), folder.join("model.json")).unwrap();
+    let mut run = 0;
     for language in ["c", "cpp"] {
-        let code = text.split_once(&format!("```{language}\n")).unwrap().1.split_once("```").unwrap().0;
-        let source = folder.join(format!("documentation.{language}"));
-        fs::write(&source, code).unwrap();
-        let program = compiled(source.to_str().unwrap(), Link::Shared, &[]);
-        let ran = done(Command::new(program).current_dir(folder));
-        assert_eq!(words_of(&ran.stdout), ["3.200", "N"]);
+        for part in text.split(&format!("```{language}\n")).skip(1) {
+            let source = folder.join(format!("documentation{run}.{language}"));
+            fs::write(&source, part.split_once("```").unwrap().0).unwrap();
+            let program = compiled(source.to_str().unwrap(), Link::Shared, &[]);
+            let ran = done(Command::new(program).current_dir(folder));
+            // The third is the observer: 4.2 N read, 3.2 N taken by the trocar.
+            assert_eq!(words_of(&ran.stdout), [if run < 2 { "3.200" } else { "1.000" }, "N"]);
+            run += 1;
+        }
     }
+    assert_eq!(run, 3);
 }
 
 /// A model file of a version that does not exist yet.
@@ -264,6 +376,12 @@ fn c_and_rust_lay_out_alike() {
         offset_of!(Tunable, least),
         offset_of!(Tunable, above_least),
         offset_of!(Tunable, element),
+        size_of::<CompensatorOptions>(),
+        offset_of!(CompensatorOptions, adaptation),
+        size_of::<Estimate>(),
+        offset_of!(Estimate, adapting),
+        offset_of!(Estimate, fault),
+        size_of::<Drift>(),
     ];
     let found: Vec<usize> =
         words_of(&done(&mut Command::new(program)).stdout).iter().map(|word| word.parse().unwrap()).collect();

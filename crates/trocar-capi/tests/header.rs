@@ -9,11 +9,16 @@ use std::process::Command;
 /// A declaration in the tokens of C, and what is said about it.
 type Item = (String, String);
 
-const TYPES: [(&str, &str); 11] = [
+const TYPES: [(&str, &str); 16] = [
     ("Model", "trocar_model"),
     ("State", "trocar_state"),
     ("Tunable", "trocar_tunable"),
     ("Status", "trocar_status"),
+    ("Compensator", "trocar_compensator"),
+    ("CompensatorOptions", "trocar_compensator_options"),
+    ("Fault", "trocar_fault"),
+    ("Estimate", "trocar_estimate"),
+    ("Drift", "trocar_drift"),
     ("c_char", "char"),
     ("f64", "double"),
     ("usize", "size_t"),
@@ -69,14 +74,15 @@ fn c_function(signature: &str) -> String {
     format!("{result} {name}({arguments})")
 }
 
-fn c_variant(name: &str) -> String {
+/// `name` of the enum called `of`.
+fn c_variant(of: &str, name: &str) -> String {
     let parts = name.chars().map(|c| if c.is_uppercase() { format!("_{c}") } else { c.to_string() });
-    format!("TROCAR_STATUS{}", parts.collect::<String>()).to_uppercase()
+    format!("TROCAR_{of}{}", parts.collect::<String>()).to_uppercase()
 }
 
 fn from_source(text: &str) -> BTreeSet<Item> {
     let mut items = BTreeSet::new();
-    let mut doc = Vec::new();
+    let (mut doc, mut kind) = (Vec::new(), "");
     let mut lines = text.lines().map(str::trim).take_while(|line| *line != "#[cfg(test)]");
     while let Some(line) = lines.next() {
         if let Some(words) = line.strip_prefix("///") {
@@ -99,9 +105,10 @@ fn from_source(text: &str) -> BTreeSet<Item> {
             let value = value.split_once("= ").unwrap().1.trim_end_matches(';');
             items.insert((tokens(&format!("#define TROCAR_{name} {value}")), said));
         } else if line.starts_with("enum ") || line.starts_with("struct ") {
+            kind = line.split(' ').nth(1).unwrap();
             items.insert(("type".to_owned(), said));
         } else if let Some((name, number)) = line.strip_suffix(',').and_then(|line| line.split_once(" = ")) {
-            items.insert((tokens(&format!("{} = {number}", c_variant(name))), said));
+            items.insert((tokens(&format!("{} = {number}", c_variant(kind, name))), said));
         } else if let Some(field) = line.strip_suffix(',') {
             items.insert((tokens(&c_variable(field)), said));
         }
@@ -130,7 +137,7 @@ fn from_header(text: &str) -> BTreeSet<Item> {
 
 #[test]
 fn the_header_says_what_the_source_says() {
-    let files = ["lib", "status", "model", "state", "step"];
+    let files = ["lib", "status", "model", "state", "step", "compensator"];
     let source: BTreeSet<Item> = files.iter().flat_map(|name| from_source(&read(&format!("src/{name}.rs")))).collect();
     let header = from_header(&read("include/trocar.h"));
     let missing: Vec<_> = source.difference(&header).collect();

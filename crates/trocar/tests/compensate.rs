@@ -46,12 +46,12 @@ static MODEL: LazyLock<ModelFile> = LazyLock::new(|| {
     file
 });
 
-fn observe<'a>(observer: &'a mut Compensator<'_>, run: &'a BenchRun) -> Vec<Estimate> {
+fn observe(observer: &mut Compensator, run: &BenchRun) -> Vec<Estimate> {
     let duration = |k: usize| if k == 0 { 0.0 } else { run.time[k] - run.time[k - 1] };
     (0..run.time.len()).map(|k| observer.step(run.position[k], run.force[k], duration(k))).collect()
 }
 
-fn observer(adaptation: bool) -> Compensator<'static> {
+fn observer(adaptation: bool) -> Compensator {
     Compensator::new(&MODEL, &CompensateOptions { adaptation, ..CompensateOptions::default() }).unwrap()
 }
 
@@ -339,6 +339,27 @@ fn what_cannot_compensate_is_refused() {
     }
     plausible.model = Model::Ems(vec![seal()[0]; 5]);
     assert!(error(&plausible, CompensateOptions::default()).contains("at most 4"));
+}
+
+/// After a reset the same samples give the same answers, to the last bit, whatever went before.
+#[test]
+fn a_reset_observer_is_as_new() {
+    let record = run(&surgeon(30.0, |_| {}), Protocol::Surgeon, &seal(), 5).unwrap();
+    let bits = |said: Vec<Estimate>| -> Vec<_> {
+        let numbers = |e: &Estimate| [e.trocar_force, e.tissue_force, e.std].map(f64::to_bits);
+        said.iter().map(|e| (numbers(e), e.adapting, e.fault)).collect()
+    };
+    let mut used = observer(true);
+    let expected = bits(observe(&mut used, &record));
+    let learnt = used.drift();
+    used.step(f64::NAN, 3.0, 1e-3);
+    used.step(0.3, f64::NAN, 1.0);
+    used.reset();
+    let fresh = observer(true);
+    assert_eq!(used.drift(), fresh.drift());
+    assert!(used.last().tissue_force.is_nan() && learnt != fresh.drift());
+    assert!(bits(observe(&mut used, &record)) == expected);
+    assert_eq!(used.drift(), learnt);
 }
 
 /// A classical model compensates too, as far as it goes.

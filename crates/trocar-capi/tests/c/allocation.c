@@ -1,7 +1,8 @@
 /*
- * Nothing but loading, parsing, tuning and freeing allocates or frees. Linked with the static library and
+ * Nothing but loading, parsing, tuning and freeing a model, and making and freeing a compensator, allocates or frees. Linked with the static library and
  * -Wl,--wrap for each function below, so that every call of the library is counted.
  */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -89,12 +90,48 @@ static unsigned long run(const trocar_model *model)
     return calls - before;
 }
 
+/* There and back with tremor and faults: adaptation, a change of level, resets. */
+static unsigned long observe(trocar_compensator *observer)
+{
+    trocar_estimate said;
+    trocar_drift drift;
+    const unsigned long before = calls;
+    int k;
+
+    for (k = 0; k < 20000; k++) {
+        const double along = fabs(fmod(5e-5 * k, 0.1) - 0.05);
+        const double turn = fmod(5e-5 * k, 0.1) < 0.05 ? -1.0 : 1.0;
+        const double force_n = k % 997 == 0 ? NAN : turn * (k < 10000 ? 3.2 : 1.0) + 1e-3 * (k % 7);
+        trocar_compensator_step(observer, k % 1999 == 7 ? NAN : along, force_n, k % 1499 == 0 ? 0.0 : 1e-3, &said);
+        trocar_compensator_drift(observer, &drift);
+    }
+    trocar_compensator_reset(observer);
+    trocar_compensator_step(observer, 0.1, 0.0, 0.0, &said);
+    trocar_compensator_step(observer, 0.9, 0.0, 1e-3, &said);
+    trocar_compensator_step(observer, 0.9, 0.0, 1.0, &said);
+    trocar_compensator_step(NULL, 0.9, 0.0, 1.0, &said);
+    trocar_fault_message(3);
+    return calls - before;
+}
+
+static trocar_compensator *observer_of(const trocar_model *model)
+{
+    trocar_compensator_options options;
+    trocar_compensator *observer = NULL;
+    trocar_compensator_options_init(&options, sizeof options);
+    options.force_error_n = 0.05;
+    options.moving_mass_kg = 0.04;
+    trocar_compensator_new(model, &options, &observer, NULL, 0);
+    return observer;
+}
+
 int main(int argc, char **argv)
 {
     int k;
     for (k = 1; k < argc; k++) {
         char message[TROCAR_MESSAGE_SIZE] = "";
         trocar_model *model = NULL;
+        trocar_compensator *observer;
         unsigned long counted;
         calls = 0;
         if (trocar_model_load(argv[k], &model, message, sizeof message) != TROCAR_STATUS_OK) {
@@ -106,6 +143,13 @@ int main(int argc, char **argv)
             return 2;
         }
         counted = run(model);
+        observer = observer_of(model);
+        if (observer == NULL) {
+            fprintf(stderr, "no observer\n");
+            return 2;
+        }
+        counted += observe(observer);
+        trocar_compensator_free(observer);
         trocar_model_free(model);
         if (counted != 0) {
             fprintf(stderr, "%s: %lu calls of the allocator\n", argv[k], counted);

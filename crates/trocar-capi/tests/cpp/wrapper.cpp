@@ -89,6 +89,64 @@ static void refusals() {
 #endif
 }
 
+static_assert(noexcept(std::declval<trocar::Compensator &>().step(0.0, 0.0, 0.0)));
+static_assert(noexcept(std::declval<trocar::Compensator &>().reset()));
+static_assert(noexcept(std::declval<const trocar::Compensator &>().drift()));
+static_assert(std::is_nothrow_move_constructible_v<trocar::Compensator>);
+static_assert(!std::is_copy_constructible_v<trocar::Compensator>);
+
+static void compensators(const trocar::Model &model) {
+    trocar::Refusal why;
+    CHECK(!trocar::Compensator::try_make(model, {}, &why) && why.status == TROCAR_STATUS_UNSUPPORTED);
+    CHECK(why.text.find("set force_error_n") != std::string::npos);
+    trocar::CompensatorOptions options;
+    options.force_error_n = std::nan("");
+    CHECK(!trocar::Compensator::try_make(model, options, &why) && why.status == TROCAR_STATUS_OUT_OF_RANGE);
+    options.force_error_n = -1.0;
+    CHECK(!trocar::Compensator::try_make(model, options, &why) && why.status == TROCAR_STATUS_OUT_OF_RANGE);
+    CHECK(why.text.find("force_error_n must be 0 or more") != std::string::npos);
+
+    // A tuned model compensates with its own friction: twice the force leaves nothing for the tissue.
+    std::vector<double> values;
+    for (const trocar::Tunable &tunable : model.tunables()) {
+        values.push_back(tunable.name.find("force_n") != std::string::npos ? 2.0 * tunable.value : tunable.value);
+    }
+    options.force_error_n = 0.05;
+    options.offset_n = 0.5;
+    auto plain = trocar::Compensator::try_make(model, options);
+    auto tuned = trocar::Compensator::try_make(*model.try_tuned(values), options);
+    auto seal = trocar::State::try_at(*model.try_tuned(values), 0.0);
+    trocar::Estimate last;
+    for (int k = 0; k < 1000; ++k) {
+        const double reading_n = 0.5 + (k == 0 ? 0.0 : seal->step_to(5e-5 * k, 1e-3).force_n);
+        last = tuned->step(5e-5 * k, reading_n, 1e-3);
+        CHECK(last && last.fault == TROCAR_FAULT_NONE);
+        CHECK(plain->step(5e-5 * k, reading_n, 1e-3));
+    }
+    // To the rounding of a sum.
+    CHECK(std::abs(last.tissue_force_n) < 1e-9 && std::abs(last.trocar_force_n - seal->force_n()) < 1e-9);
+    CHECK(plain->step(0.05, 0.5 + last.trocar_force_n, 1e-3).tissue_force_n > 0.3 * last.trocar_force_n);
+
+    const trocar::Estimate missing = tuned->step(0.05, std::nan(""), 1e-3);
+    CHECK(missing && missing.fault == TROCAR_FAULT_NO_READING && std::isnan(missing.tissue_force_n));
+    CHECK(std::string(trocar::fault_message(missing.fault)).find("no force reading") == 0);
+    CHECK(tuned->drift().level == 1.0 && tuned->reset() == TROCAR_STATUS_OK);
+
+    // What was moved from says so.
+    trocar::Compensator moved = *std::move(tuned);
+    CHECK(moved.step(0.0, 0.5, 0.0));
+    const trocar::Estimate refused = tuned->step(0.0, 0.5, 0.0);
+    CHECK(!refused && refused.status == TROCAR_STATUS_NULL_POINTER && std::isnan(refused.tissue_force_n));
+#if TROCAR_HAS_EXCEPTIONS
+    try {
+        trocar::Compensator(trocar::Model::plausible());
+        CHECK(false);
+    } catch (const trocar::Error &error) {
+        CHECK(error.status() == TROCAR_STATUS_UNSUPPORTED);
+    }
+#endif
+}
+
 // A state keeps its model, whoever else lets go of it, also in another thread.
 static void owners(const char *path) {
     double here = 0.0;
@@ -113,6 +171,7 @@ int main(int argc, char **argv) {
     if (model) {
         steps(*model);
         tuning(*model);
+        compensators(*model);
         owners(argv[1]);
     }
     refusals();

@@ -112,6 +112,8 @@ struct Slide {
 #[derive(Debug, Clone)]
 pub(super) struct Adapter {
     is_on: bool,
+    /// Variances of λ and ν at the start.
+    prior: [f64; 2],
     /// λ and ν.
     estimate: [f64; 2],
     /// P.
@@ -135,10 +137,12 @@ impl Adapter {
             let std = if is_on { spread[k].max(PRIOR[k]) } else { spread[k] };
             std * std
         };
+        let prior = [variance(0), variance(1)];
         Self {
             is_on,
+            prior,
             estimate: [1.0; 2],
-            covariance: [[variance(0), 0.0], [0.0, variance(1)]],
+            covariance: diagonal(prior),
             sigma,
             memory: Box::new([[None; CELLS]; 2]),
             current: None,
@@ -148,6 +152,15 @@ impl Adapter {
             contact: false,
             outliers: 0,
         }
+    }
+
+    /// As new.
+    pub(super) fn reset(&mut self) {
+        self.break_off();
+        self.estimate = [1.0; 2];
+        self.covariance = diagonal(self.prior);
+        (self.time, self.learnt) = (0.0, f64::NEG_INFINITY);
+        (self.contact, self.outliers) = (false, 0);
     }
 
     pub(super) fn drift(&self) -> Drift {
@@ -259,12 +272,17 @@ impl Adapter {
         self.break_off();
         self.outliers = 0;
         self.estimate[0] = level;
-        self.covariance = [[PRIOR[0] * PRIOR[0], 0.0], [0.0, PRIOR[1] * PRIOR[1]]];
+        self.covariance = diagonal(PRIOR.map(|std| std * std));
     }
 
     /// A change was seen: the prior is as wide as any change may be.
     fn open(&mut self) {
         self.outliers = 0;
-        self.covariance = [[OPENED[0] * OPENED[0], 0.0], [0.0, OPENED[1] * OPENED[1]]];
+        self.covariance = diagonal(OPENED.map(|std| std * std));
     }
+}
+
+/// P of independent λ and ν.
+fn diagonal(variances: [f64; 2]) -> [[f64; 2]; 2] {
+    [[variances[0], 0.0], [0.0, variances[1]]]
 }

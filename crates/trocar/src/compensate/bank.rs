@@ -73,6 +73,12 @@ impl Bank {
         }
     }
 
+    /// As new.
+    pub(super) fn reset(&mut self, seal: &Seal) {
+        self.start(seal, 0.0);
+        self.time = 0.0;
+    }
+
     /// All at rest with `force`, N.
     pub(super) fn start(&mut self, seal: &Seal, force: f64) {
         let states = LEVELS.map(|level| seal.rest_at_force(force / level));

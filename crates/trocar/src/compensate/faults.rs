@@ -84,6 +84,11 @@ impl Watch {
         Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None, readings: 0.0, changes: 0.0 }
     }
 
+    /// As new.
+    pub(super) fn reset(&mut self) {
+        (self.same, self.readings, self.changes) = (None, 0.0, 0.0);
+    }
+
     /// The gravest fault of a sample.
     pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> Option<Fault> {
         if !position.is_finite() {

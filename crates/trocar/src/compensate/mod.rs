@@ -29,7 +29,8 @@
 //! A step never fails. What cannot be right is named ([`Fault`]), and the tissue force is NaN where the reading cannot tell it.
 //! The model goes on with the motion as long as there is one.
 //!
-//! - **Real time**: after [`Compensator::new`] nothing is allocated, and the work of a step is bounded.
+//! - **Real time**: after [`Compensator::new`] nothing is allocated, and the work of a step is bounded. An observer owns what it
+//!   needs of the model file.
 //! - **Limits**: a tissue force that turns with the motion and is as large both ways is friction by all that a sensor outside
 //!   can tell.
 
@@ -45,6 +46,7 @@ use faults::Watch;
 use inertia::Inertia;
 
 use crate::model_file::{ForceError, Interval, ModelFile, ModelFileError};
+use crate::travel::TravelProfile;
 
 pub mod adapt;
 mod bank;
@@ -130,20 +132,31 @@ pub struct Estimate {
     pub fault: Option<Fault>,
 }
 
+impl Estimate {
+    /// Before the first sample.
+    const NONE: Self = Self { trocar_force: 0.0, tissue_force: f64::NAN, std: f64::NAN, adapting: false, fault: None };
+}
+
 /// What the observer holds fixed.
 #[derive(Debug, Clone)]
-struct Setup<'a> {
+struct Setup {
     seal: Seal,
-    travel: Option<Travel<'a>>,
+    travel: Option<TravelProfile>,
     offset: f64,
     error: ForceError,
     adaptation: bool,
 }
 
+impl Setup {
+    fn travel(&self) -> Option<Travel<'_>> {
+        self.travel.as_ref().map(TravelProfile::view)
+    }
+}
+
 /// An observer of the tissue force; see the module's documentation.
 #[derive(Debug, Clone)]
-pub struct Compensator<'a> {
-    setup: Setup<'a>,
+pub struct Compensator {
+    setup: Setup,
     /// Of the model driven by x/λ.
     state: SealState,
     /// The same from extreme starts, as long as they differ.
@@ -158,13 +171,20 @@ pub struct Compensator<'a> {
     last: Estimate,
 }
 
-impl<'a> Compensator<'a> {
+impl Compensator {
     /// An observer with the model of `file`; it starts with the first sample.
     ///
     /// # Errors
     /// [`CompensateError`]: a model with too many elements or without a stated error, an option out of its range.
-    pub fn new(file: &'a ModelFile, options: &CompensateOptions) -> Result<Self, CompensateError> {
-        let trocar = file.trocar()?;
+    pub fn new(file: &ModelFile, options: &CompensateOptions) -> Result<Self, CompensateError> {
+        Self::with_seal(file, *file.trocar()?.seal(), options)
+    }
+
+    /// The same with `seal`, such as a tuned one, in place of that of `file`.
+    ///
+    /// # Errors
+    /// As for [`Compensator::new`], of the file but for its elements.
+    pub fn with_seal(file: &ModelFile, seal: Seal, options: &CompensateOptions) -> Result<Self, CompensateError> {
         let sensor = file.sensor;
         let offset = finite("offset_n", options.offset_n.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
         let mass = options.moving_mass_kg.or(sensor.map(|s| s.moving_mass_kg)).unwrap_or(0.0);
@@ -175,12 +195,10 @@ impl<'a> Compensator<'a> {
             Some(std) => ForceError::everywhere(not_negative("force_error_n", std)?),
             None => file.force_error.ok_or(CompensateError::NoForceError)?,
         };
-        let seal = *trocar.seal();
         let spread = ["coulomb_force_n", "viscous_damping_n_s_m"].map(|name| relative_std(file, name));
-        let state = seal.rest_at_force(0.0);
         Ok(Self {
-            setup: Setup { seal, travel: trocar.travel(), offset, error, adaptation: options.adaptation },
-            state,
+            setup: Setup { seal, travel: file.travel.clone(), offset, error, adaptation: options.adaptation },
+            state: seal.rest_at_force(0.0),
             extremes: None,
             position: None,
             speed: 0.0,
@@ -189,8 +207,20 @@ impl<'a> Compensator<'a> {
             adapter: Adapter::new(options.adaptation, spread, error.sliding_n),
             watch: Watch::new(limit, error.sliding_n),
             time: 0.0,
-            last: Estimate { trocar_force: 0.0, tissue_force: f64::NAN, std: f64::NAN, adapting: false, fault: None },
+            last: Estimate::NONE,
         })
+    }
+
+    /// Starts again as new, with the next sample; allocates nothing.
+    pub fn reset(&mut self) {
+        self.state = self.setup.seal.rest_at_force(0.0);
+        (self.extremes, self.position) = (None, None);
+        (self.speed, self.time) = (0.0, 0.0);
+        self.inertia.restart(0.0, 0.0);
+        self.adapter.reset();
+        self.bank.reset(&self.setup.seal);
+        self.watch.reset();
+        self.last = Estimate::NONE;
     }
 
     /// Where λ and ν stand.
@@ -231,7 +261,7 @@ impl<'a> Compensator<'a> {
     /// At rest with the first reading; extreme starts beside it tell what that leaves open.
     fn start(&mut self, position: f64, force: f64) {
         let reading = if force.is_finite() { force - self.setup.offset } else { 0.0 };
-        let own = self.setup.travel.map_or(reading, |travel| travel.without(position, reading));
+        let own = self.setup.travel().map_or(reading, |travel| travel.without(position, reading));
         self.state = self.setup.seal.rest_at_force(own);
         self.bank.start(&self.setup.seal, own);
         self.position = Some(position);
@@ -284,8 +314,8 @@ impl<'a> Compensator<'a> {
     fn estimate(&mut self, force: f64, fault: Option<Fault>) -> Estimate {
         let Some(position) = self.position else { return Estimate { fault, ..self.last } };
         let Drift { level, viscosity, level_std, viscosity_std } = self.adapter.drift();
-        let along = |seal: f64| self.setup.travel.map_or(seal, |travel| travel.apply(position, seal));
-        let slope = self.setup.travel.map_or(1.0, |travel| travel.level(position));
+        let along = |seal: f64| self.setup.travel().map_or(seal, |travel| travel.apply(position, seal));
+        let slope = self.setup.travel().map_or(1.0, |travel| travel.level(position));
         let viscous = level * self.setup.seal.viscous_force(&self.state, self.speed / level);
         let dry = level * Seal::force(&self.state) - viscous;
         let trocar_force = along(dry + viscosity * viscous);
@@ -297,7 +327,7 @@ impl<'a> Compensator<'a> {
         let doubt = self.bank.doubt(level);
         let std = (sigma * sigma + slope * slope * (parameters + spread * spread + doubt)).sqrt();
         if self.setup.adaptation && reading.is_finite() {
-            let seal = self.setup.travel.map_or(reading, |travel| travel.without(position, reading));
+            let seal = self.setup.travel().map_or(reading, |travel| travel.without(position, reading));
             self.learn(position, Sliding { reading: seal, dry: dry / level, viscous });
         }
         let tissue_force = reading - trocar_force;

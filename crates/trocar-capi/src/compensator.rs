@@ -1,0 +1,407 @@
+//! The observer of the tissue force: made once, owned by the library, stepped in the loop.
+
+use std::cell::UnsafeCell;
+use std::ffi::{CStr, c_char};
+use std::mem::offset_of;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use trocar::compensate::{self, CompensateError, CompensateOptions};
+
+use crate::message::{Failure, Message};
+use crate::model::Model;
+use crate::pointer::{Place, looked_at};
+use crate::status::{Status, guarded};
+
+/// First word of every compensator, "TROCARC1".
+const MARK: u64 = u64::from_le_bytes(*b"TROCARC1");
+/// The same while a function is using it, "TROCARC!".
+const BUSY: u64 = u64::from_le_bytes(*b"TROCARC!");
+
+/// An observer of the force on the tissue: what a sensor outside the body reads less what the trocar takes. Made by
+/// trocar_compensator_new(), ended by trocar_compensator_free(). It keeps a copy of what it needs of its model.
+///
+/// One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY.
+pub struct Compensator {
+    content: Content,
+}
+
+/// The mark stands first: whatever a wrong pointer points to, no more than its first word is read. It is the lock, too.
+#[repr(C)]
+struct Content {
+    mark: AtomicU64,
+    observer: UnsafeCell<compensate::Compensator>,
+}
+
+const _: () = assert!(offset_of!(Compensator, content) == 0 && offset_of!(Content, mark) == 0);
+/// One thread may make a compensator, another use it.
+const _: fn() = || {
+    fn may_move<T: Send>() {}
+    may_move::<compensate::Compensator>();
+};
+
+/// How a compensator is set up. trocar_compensator_options_init() fills it; NaN stands for what the model file says.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct CompensatorOptions {
+    /// Size of this struct in bytes; a library that knows another one refuses it.
+    pub struct_size: usize,
+    /// Reading without any force, N; NaN: as the model file says, else 0.
+    pub offset_n: f64,
+    /// Mass between sensor and seal, kg, 0 or more; NaN: as the model file says, else 0.
+    pub moving_mass_kg: f64,
+    /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset.
+    pub gravity_m_s2: f64,
+    /// Largest force that the sensor can read, N, above 0; NaN: none is known.
+    pub sensor_limit_n: f64,
+    /// Standard deviation of the model's force, N, 0 or more; NaN: as the model file says, by phase.
+    pub force_error_n: f64,
+    /// 1: friction and viscosity are followed in use; 0: they stay those of the model.
+    pub adaptation: i32,
+}
+
+/// What cannot be right about a sample. No error of the call: what the compensator makes of it is defined.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Nothing.
+    None = 0,
+    /// The reading is NaN or infinite: no tissue force, the model goes on.
+    NoReading = 1,
+    /// The position is NaN or infinite: no tissue force, the model waits.
+    NoPosition = 2,
+    /// The duration is not above 0 and finite: the model waits.
+    NoDuration = 3,
+    /// The reading is at the sensor's limit: no tissue force, it is larger.
+    Saturated = 4,
+    /// The reading has not changed although the force must have: no tissue force.
+    Frozen = 5,
+    /// The position moved faster than 3 m/s: taken as a new zero of the encoder, not as a motion.
+    Jump = 6,
+    /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
+    Gap = 7,
+}
+
+/// What a compensator says after each sample. Forces are those of the instrument on what it touches.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate {
+    /// Force on seal and trocar, N.
+    pub trocar_force_n: f64,
+    /// Force on the tissue, N; NaN where the reading cannot tell.
+    pub tissue_force_n: f64,
+    /// Standard deviation of both, N; NaN before the first position.
+    pub tissue_force_std_n: f64,
+    /// 1 while friction and viscosity are being followed, 0 while tissue is touched or the motion tells nothing of them.
+    pub adapting: i32,
+    /// What cannot be right about this sample.
+    pub fault: Fault,
+}
+
+/// Where friction and viscosity stand, over those of the model.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Drift {
+    /// Friction without its viscous part; wetting lowers it.
+    pub level: f64,
+    /// Viscous part.
+    pub viscosity: f64,
+    /// Standard deviation of level.
+    pub level_std: f64,
+    /// Standard deviation of viscosity.
+    pub viscosity_std: f64,
+}
+
+impl Fault {
+    const ALL: [(Self, &CStr); 8] = [
+        (Self::None, c"nothing is wrong"),
+        (Self::NoReading, c"no force reading: no tissue force"),
+        (Self::NoPosition, c"no position: no tissue force, the model waits"),
+        (Self::NoDuration, c"time does not go on: the model waits"),
+        (Self::Saturated, c"the force reading is at the sensor's limit: no tissue force"),
+        (Self::Frozen, c"the force reading is frozen while the force must have changed: no tissue force"),
+        (Self::Jump, c"the position jumps faster than 3 m/s: taken as a new zero of the encoder, not as a motion"),
+        (Self::Gap, c"more than 0.2 s without a sample: the seal's state is unknown until it has slid"),
+    ];
+}
+
+impl From<Option<compensate::Fault>> for Fault {
+    fn from(fault: Option<compensate::Fault>) -> Self {
+        match fault {
+            None => Self::None,
+            Some(compensate::Fault::NoReading) => Self::NoReading,
+            Some(compensate::Fault::NoPosition) => Self::NoPosition,
+            Some(compensate::Fault::NoDuration) => Self::NoDuration,
+            Some(compensate::Fault::Saturated) => Self::Saturated,
+            Some(compensate::Fault::Frozen) => Self::Frozen,
+            Some(compensate::Fault::Jump) => Self::Jump,
+            Some(compensate::Fault::Gap) => Self::Gap,
+        }
+    }
+}
+
+impl Estimate {
+    /// Of a call that was refused.
+    const NONE: Self = Self {
+        trocar_force_n: 0.0,
+        tissue_force_n: f64::NAN,
+        tissue_force_std_n: f64::NAN,
+        adapting: 0,
+        fault: Fault::None,
+    };
+}
+
+impl From<compensate::Estimate> for Estimate {
+    fn from(said: compensate::Estimate) -> Self {
+        Self {
+            trocar_force_n: said.trocar_force,
+            tissue_force_n: said.tissue_force,
+            tissue_force_std_n: said.std,
+            adapting: said.adapting.into(),
+            fault: said.fault.into(),
+        }
+    }
+}
+
+impl CompensatorOptions {
+    const DEFAULT: Self = Self {
+        struct_size: size_of::<Self>(),
+        offset_n: f64::NAN,
+        moving_mass_kg: f64::NAN,
+        gravity_m_s2: 0.0,
+        sensor_limit_n: f64::NAN,
+        force_error_n: f64::NAN,
+        adaptation: 1,
+    };
+
+    /// # Safety
+    /// `options` must be null, misaligned, or point to a struct as large as its first field says.
+    unsafe fn read(options: *const Self) -> Result<CompensateOptions, Failure> {
+        if options.is_null() {
+            return Ok(CompensateOptions::default());
+        }
+        let options = looked_at(options)?;
+        // The size first: what is smaller must not be read as a whole.
+        // SAFETY: not null, aligned; the rest by contract.
+        let size = unsafe { options.cast::<usize>().read() };
+        check_size(size)?;
+        // SAFETY: of the size it says.
+        let options = unsafe { options.read() };
+        let known = |value: f64| (!value.is_nan()).then_some(value);
+        let adaptation = match options.adaptation {
+            0 => false,
+            1 => true,
+            other => return Err(out_of_range(format_args!("adaptation must be 0 or 1, got {other}"))),
+        };
+        Ok(CompensateOptions {
+            offset_n: known(options.offset_n),
+            moving_mass_kg: known(options.moving_mass_kg),
+            gravity_m_s2: options.gravity_m_s2,
+            sensor_limit_n: known(options.sensor_limit_n),
+            force_error_n: known(options.force_error_n),
+            adaptation,
+        })
+    }
+}
+
+fn check_size(size: usize) -> Result<(), Failure> {
+    let known = size_of::<CompensatorOptions>();
+    let text = format_args!("struct_size must be {known}, got {size}: call trocar_compensator_options_init() first");
+    if size == known { Ok(()) } else { Err(out_of_range(text)) }
+}
+
+fn out_of_range(text: std::fmt::Arguments) -> Failure {
+    Failure::new(Status::OutOfRange, text)
+}
+
+fn refused(error: CompensateError) -> Failure {
+    match error {
+        CompensateError::OutOfRange { .. } => Failure::new(Status::OutOfRange, error),
+        CompensateError::NoForceError => {
+            let text = "the model does not say how far off its force is (force_error): identify it again with \
+                        --validate, or set force_error_n";
+            Failure::new(Status::Unsupported, text)
+        }
+        error => Failure::new(Status::ModelInvalid, error),
+    }
+}
+
+/// A compensator during a call; given back when dropped.
+struct Taken<'a>(&'a Content);
+
+impl<'a> Taken<'a> {
+    /// Takes the compensator for one call.
+    ///
+    /// # Safety
+    /// `compensator` must be null, misaligned, or readable for the size of a compensator during `'a`.
+    unsafe fn new(compensator: *const Compensator) -> Result<Self, Status> {
+        let compensator = looked_at(compensator)?;
+        // The mark first: what is no compensator must not be read as one, nor written to.
+        // SAFETY: not null, aligned; the rest by contract. Only ever used as an atomic.
+        let mark = unsafe { &*compensator.cast::<AtomicU64>() };
+        if !matches!(mark.load(Ordering::Relaxed), MARK | BUSY) {
+            return Err(Status::NotACompensator);
+        }
+        match mark.compare_exchange(MARK, BUSY, Ordering::Acquire, Ordering::Relaxed) {
+            // SAFETY: it bears the mark of a compensator, which nobody else writes.
+            Ok(_) => Ok(Self(unsafe { &(*compensator).content })),
+            Err(BUSY) => Err(Status::StateBusy),
+            Err(_) => Err(Status::NotACompensator),
+        }
+    }
+
+    fn observer(&mut self) -> &mut compensate::Compensator {
+        // SAFETY: whoever has taken it is alone with it, and `self` is lent for as long.
+        unsafe { &mut *self.0.observer.get() }
+    }
+}
+
+impl Drop for Taken<'_> {
+    fn drop(&mut self) {
+        self.0.mark.store(MARK, Ordering::Release);
+    }
+}
+
+/// Fills options with what trocar_compensator_new() takes for NULL: all as the model file says, with adaptation.
+/// struct_size is sizeof *options.
+///
+/// Refuses: TROCAR_STATUS_OUT_OF_RANGE where the library knows a struct of another size; it then writes nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_compensator_options_init(
+    options: *mut CompensatorOptions,
+    struct_size: usize,
+) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        let mut place = unsafe { Place::new(options) }?;
+        if struct_size != size_of::<CompensatorOptions>() {
+            return Err(Status::OutOfRange);
+        }
+        place.set(CompensatorOptions::DEFAULT);
+        Ok(())
+    })
+}
+
+/// Makes a compensator for model and gives it to *compensator; NULL where it is refused. options may be NULL. The model
+/// may be freed afterwards. It starts with the first sample. Give it back with trocar_compensator_free(). Allocates;
+/// message as for trocar_model_load().
+///
+/// Refuses: TROCAR_STATUS_OUT_OF_RANGE for an option, TROCAR_STATUS_UNSUPPORTED where neither the model file nor
+/// force_error_n says how far off the model's force is.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_compensator_new(
+    model: *const Model,
+    options: *const CompensatorOptions,
+    compensator: *mut *mut Compensator,
+    message: *mut c_char,
+    message_size: usize,
+) -> Status {
+    // SAFETY: by the rule of the crate.
+    let message = unsafe { Message::new(message, message_size) };
+    message.tell(|| {
+        // SAFETY: by the rule of the crate.
+        let mut place = unsafe { Place::new(compensator) }?;
+        place.set(std::ptr::null_mut());
+        // SAFETY: by the rule of the crate.
+        let (model, options) = unsafe { (Model::lent(model)?, CompensatorOptions::read(options)?) };
+        let seal = *model.trocar.seal();
+        let observer = compensate::Compensator::with_seal(&model.file, seal, &options).map_err(refused)?;
+        let content = Content { mark: AtomicU64::new(MARK), observer: UnsafeCell::new(observer) };
+        place.set(Box::into_raw(Box::new(Compensator { content })));
+        Ok(())
+    })
+}
+
+/// Ends a compensator; NULL is fine. Nobody may use it later.
+///
+/// Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_compensator_free(compensator: *mut Compensator) -> Status {
+    guarded(|| {
+        if compensator.is_null() {
+            return Ok(());
+        }
+        // SAFETY: by the rule of the crate.
+        let taken = unsafe { Taken::new(compensator) }?;
+        // For whoever frees twice. Atomic writes are not dropped.
+        taken.0.mark.store(0, Ordering::Release);
+        std::mem::forget(taken);
+        // SAFETY: it bore the mark of a compensator, all of which come from `Box::into_raw`, and nobody uses it.
+        drop(unsafe { Box::from_raw(compensator) });
+        Ok(())
+    })
+}
+
+/// Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) of the sensor,
+/// duration_s (s) after the last one; the first sample starts, whatever its duration. No allocation, bounded work.
+///
+/// Any numbers are taken, NaN too: see the fault in *estimate. Where the call is refused, *estimate has no tissue force
+/// (NaN) and a trocar force of 0.
+///
+/// Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_compensator_step(
+    compensator: *mut Compensator,
+    position_m: f64,
+    force_n: f64,
+    duration_s: f64,
+    estimate: *mut Estimate,
+) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        let mut place = unsafe { Place::new(estimate) }?;
+        place.set(Estimate::NONE);
+        // SAFETY: by the rule of the crate.
+        let mut taken = unsafe { Taken::new(compensator) }?;
+        place.set(taken.observer().step(position_m, force_n, duration_s).into());
+        Ok(())
+    })
+}
+
+/// Where friction and viscosity stand.
+///
+/// Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_compensator_drift(compensator: *const Compensator, drift: *mut Drift) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        let (mut taken, mut place) = unsafe { (Taken::new(compensator)?, Place::new(drift)?) };
+        let compensate::Drift { level, viscosity, level_std, viscosity_std } = taken.observer().drift();
+        place.set(Drift { level, viscosity, level_std, viscosity_std });
+        Ok(())
+    })
+}
+
+/// Forgets all samples: the compensator is as new and starts with the next one. No allocation.
+///
+/// Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_compensator_reset(compensator: *mut Compensator) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        unsafe { Taken::new(compensator) }?.observer().reset();
+        Ok(())
+    })
+}
+
+/// What a fault means, in English. Lives as long as the program. Never fails: a number that is no fault is called
+/// "unknown fault".
+#[unsafe(no_mangle)]
+pub extern "C" fn trocar_fault_message(fault: i32) -> *const c_char {
+    let known = Fault::ALL.iter().find(|(known, _)| *known as i32 == fault);
+    known.map_or(c"unknown fault", |(_, text)| text).as_ptr()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_those_of_rust_in_its_words() {
+        assert_eq!(Fault::ALL.len(), compensate::Fault::ALL.len() + 1);
+        for fault in compensate::Fault::ALL {
+            let number = Fault::from(Some(fault)) as usize;
+            assert_eq!(Fault::ALL[number].1.to_str(), Ok(fault.words()));
+        }
+        assert!(Fault::ALL.iter().enumerate().all(|(number, (fault, _))| *fault as usize == number));
+    }
+}
