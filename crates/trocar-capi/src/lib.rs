@@ -15,7 +15,7 @@
 //! - **The mark of a state is also its lock.** Two threads stepping one state is a mistake of the caller; it is told
 //!   ([`Status::StateBusy`]) instead of mixing two steps. All words of a state are read and written as atomics, so even
 //!   that mistake is defined.
-//! - **A compensator is the library's, behind a pointer.** It remembers a thousand crossings of places, some 200 kB; nobody
+//! - **A compensator is the library's, behind a pointer.** It remembers a thousand crossings of places, some 140 kB; nobody
 //!   wants that on the stack of a loop.
 //! - **No thread-local last error.** A long message goes where the caller says.
 

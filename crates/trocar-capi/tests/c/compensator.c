@@ -183,7 +183,7 @@ static void anything(void)
     double numbers[3];
     int k, n;
 
-    for (k = 0; k < 200000; k++) {
+    for (k = 0; k < 30000; k++) {
         for (n = 0; n < 3; n++) {
             seed = (seed * 1103515245UL + 12345UL) & 0x7fffffffUL;
             numbers[n] = (double)(seed >> 8) / 8388608.0 * (n == 2 ? 2e-3 : 0.1);
@@ -203,7 +203,7 @@ static void *shared(void *observer)
     trocar_drift drift;
     int k;
 
-    for (k = 0; k < 100000; k++) {
+    for (k = 0; k < 20000; k++) {
         const trocar_status status = trocar_compensator_step(observer, 0.1 + 1e-5 * (k % 900), 1.0, 1e-3, &said);
         const trocar_status read = trocar_compensator_drift(observer, &drift);
         const int busy = status == TROCAR_STATUS_STATE_BUSY;
