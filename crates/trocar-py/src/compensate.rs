@@ -54,7 +54,7 @@ fn name(fault: Fault) -> &'static str {
 /// Whatever is None comes from the model. A step never fails: what cannot be right about a sample is named in its `fault`.
 #[pyclass(module = "trocar")]
 pub(crate) struct Compensator {
-    observer: Observer<'static>,
+    observer: Observer,
     /// Of the last sample, s.
     time: Option<f64>,
 }
@@ -86,7 +86,7 @@ impl Compensator {
         adaptation: bool,
     ) -> PyResult<Self> {
         let options = options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
-        let observer = Observer::new(model.get().lasting(), &options).map_err(Raise::raise)?;
+        let observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
         Ok(Self { observer, time: None })
     }
 
@@ -191,7 +191,7 @@ fn numbers(drift: Drift) -> (f64, f64, f64, f64) {
 /// Runs the observer along arrays; also the last time, s.
 fn along<'py>(
     py: Python<'py>,
-    observer: &mut Observer<'_>,
+    observer: &mut Observer,
     mut before: Option<f64>,
     [time, position, force]: &[PyReadonlyArray1<'py, f64>; 3],
 ) -> PyResult<(Said<'py>, Option<f64>)> {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -23,8 +23,6 @@ pub(crate) struct Model {
     file: Arc<ModelFile>,
     /// The seal alone, ready to run where the force does not depend on the position.
     seal: Trocar<'static>,
-    /// The file for whoever outlives any borrow, made when it is asked for first.
-    lasting: OnceLock<&'static ModelFile>,
 }
 
 impl Model {
@@ -32,17 +30,11 @@ impl Model {
     /// `ModelFileError` for more elements than can be run.
     pub(crate) fn new(file: ModelFile) -> PyResult<Self> {
         let seal = Trocar::new(*file.trocar().map_err(Raise::raise)?.seal(), None);
-        Ok(Self { file: Arc::new(file), seal, lasting: OnceLock::new() })
+        Ok(Self { file: Arc::new(file), seal })
     }
 
     pub(crate) fn file(&self) -> &Arc<ModelFile> {
         &self.file
-    }
-
-    /// The file for an observer that Python keeps as long as it likes: some kilobytes per model stay until the end of
-    /// the process.
-    pub(crate) fn lasting(&self) -> &'static ModelFile {
-        self.lasting.get_or_init(|| Box::leak(Box::new((*self.file).clone())))
     }
 
     /// The model as every program runs it.
