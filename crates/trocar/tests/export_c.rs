@@ -24,8 +24,16 @@ use trocar_model::{
 const TOLERANCE: f64 = 1e-12;
 
 /// As strict as gcc checks C99.
-const FLAGS: [&str; 7] =
-    ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wmissing-prototypes", "-ffp-contract=off"];
+const FLAGS: [&str; 8] = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wmissing-prototypes",
+    "-ffp-contract=off",
+];
 
 /// EMS models of random elements.
 const RANDOM_MODELS: usize = 12;
@@ -354,6 +362,26 @@ fn each_file_stands_alone_without_a_hosted_compiler() {
     fs::write(folder.path().join("user.c"), user).unwrap();
     gcc(folder.path(), &["-Werror", "user.c", "static.o", "-o", "user", "-lm"]);
     assert!(Command::new(folder.path().join("user")).status().unwrap().success());
+}
+
+/// Arithmetic without IEEE rules gives wrong forces without a word; the declarations alone may be read under it.
+#[test]
+fn fast_math_does_not_compile() {
+    if !has_gcc() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (name, model) in conformance_models() {
+        fs::write(folder.path().join("model.c"), write(&model, "a test", "p").unwrap()).unwrap();
+        for flag in ["-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations"] {
+            let mut command = Command::new("gcc");
+            command.current_dir(folder.path()).args([flag, "-fsyntax-only", "model.c"]);
+            let output = command.output().unwrap();
+            let errors = String::from_utf8_lossy(&output.stderr);
+            assert!(!output.status.success() && errors.contains("without -ffast-math"), "{name} {flag}: {errors}");
+        }
+        gcc(folder.path(), &["-Werror", "-ffast-math", "-Dp_DECLARATIONS_ONLY", "-fsyntax-only", "model.c"]);
+    }
 }
 
 #[test]

@@ -110,7 +110,7 @@ static double trocar_power(double x, double p)
 {
     double exponent;
     if (x < 0x1p-1022) {
-        return p < 0.0 ? INFINITY : 0.0;
+        return p < 0.0 ? HUGE_VAL : 0.0;
     }
     if (x > trocar_greatest) {
         return p < 0.0 ? 0.0 : x;

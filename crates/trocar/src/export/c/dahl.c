@@ -18,10 +18,10 @@ static void trocar_yield(trocar_state *state, double travel)
     double logarithm;
     if (growth <= -1.0 || state->remainder == 0.0) {
         state->remainder = 0.0;
-        state->inverse_power = m < 0.0 ? 0.0 : INFINITY;
+        state->inverse_power = m < 0.0 ? 0.0 : HUGE_VAL;
         return;
     }
-    logarithm = growth < INFINITY ? trocar_logarithm_of_one_plus(growth)
+    logarithm = growth < HUGE_VAL ? trocar_logarithm_of_one_plus(growth)
                                   : log(m * travel) + m * log(state->remainder);
     state->remainder *= trocar_decay(logarithm / m);
     state->inverse_power += m * travel;

@@ -77,5 +77,10 @@ double trocar_step_to(trocar_state *state, double position_m, double duration_s)
 
 #ifndef trocar_DECLARATIONS_ONLY
 
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \
+    || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(_M_FP_FAST)
+#error "compile this file without -ffast-math, -Ofast or the like: its forces would be wrong"
+#endif
+
 #include <math.h>
 

@@ -243,7 +243,7 @@ static double trocar_find_root(trocar_balance *b, double guess, double stride, d
         if (r <= 0.0 && u == 0.0) {
             return 0.0;
         }
-        newton = *slope < 0.0 ? u - r / *slope : NAN;
+        newton = *slope < 0.0 ? u - r / *slope : (double)NAN;
         if (fabs(r) <= small) {
             return newton >= 0.0 ? newton : u; /* one last correction squares the residual */
         }
@@ -335,7 +335,7 @@ static int trocar_folds(const trocar_balance *b)
 /* Slip speed at a given elastic force, and the drag there. With neither beta nor sigma the speed is free. */
 static double trocar_slip_at(trocar_balance *b, double elastic, double guess, double *drag)
 {
-    double stride = INFINITY, slope, speed;
+    double stride = HUGE_VAL, slope, speed;
     *drag = 0.0;
     if (b->contact->force_is_free) {
         return guess;
@@ -397,12 +397,12 @@ static double trocar_slip_after(const trocar_element *e, const trocar_element_st
 static double trocar_search(const trocar_balance *b, const trocar_onset *onset, double guess, double *stride)
 {
     const double least_stiffness = b->element->least_stiffness_n_m;
-    double in_speed = INFINITY, in_deflection = INFINITY;
+    double in_speed = HUGE_VAL, in_deflection = HUGE_VAL;
     int folds = 0;
 //@if stribeck
     folds = trocar_folds(b);
 //@end
-    *stride = INFINITY;
+    *stride = HUGE_VAL;
     if (!folds && !(least_stiffness * b->implicit + trocar_least_drag(b) <= 0.0)) {
         return guess;
     }

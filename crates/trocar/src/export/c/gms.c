@@ -82,7 +82,7 @@ static void trocar_step_seal(trocar_state *state, double velocity, double displa
 //@if limited
     drive.fastest = drive.speed;
 //@else
-    drive.fastest = INFINITY;
+    drive.fastest = HUGE_VAL;
 //@end
     drive.level = trocar_level(&trocar_sliding, drive.speed);
     drive.inverse_level = 1.0 / drive.level;

@@ -14,8 +14,8 @@
  *     #include "this file"
  *
  * C99, with <math.h> and nothing else: no memory but trocar_state, no recursion, bounded work. A double must be IEEE 754
- * binary64 (AVR's is not). Compile with -ffp-contract=off and without -ffast-math or the like: fused or reordered
- * arithmetic moves last digits, and the checks for what is not a number need IEEE rules.
+ * binary64 (AVR's is not). Compile with -ffp-contract=off and without -ffast-math or the like, which is refused where
+ * the compiler tells: fused arithmetic moves last digits, and without IEEE rules forces are wrong.
  *
  * Numbers in brackets are equations of EMS, key in SOURCES.md of trocar. Not a medical device. */
 

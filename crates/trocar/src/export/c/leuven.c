@@ -24,7 +24,7 @@ static double trocar_bank_ahead(const trocar_state *state, double heading, doubl
 {
     double stiffness = 0.0;
     int i;
-    *room = INFINITY;
+    *room = HUGE_VAL;
     for (i = 0; i < trocar_elements; ++i) {
         const double reserve = trocar_limit_force_n[i] - heading * state->element_force_n[i];
         if (reserve > 0.0) {
@@ -69,7 +69,7 @@ static double trocar_stride(double ratio)
 {
 //@if n_is_one
     (void)ratio;
-    return INFINITY;
+    return HUGE_VAL;
 //@else
     const double bend = trocar_most(0.5 * fabs(1.0 - ratio), 0.25 / trocar_most(trocar_exponent, 1.0));
     return trocar_least(0.125 * trocar_most(fabs(ratio), 1.0), bend);
@@ -106,12 +106,12 @@ static double trocar_load(trocar_state *state, double s, double level, double le
         }
         start = fabs(gain);
         settled = fabs(level - s * hysteresis) / stiffness;
-        stride = strides < 24 ? trocar_stride(ratio) * level / stiffness : INFINITY;
+        stride = strides < 24 ? trocar_stride(ratio) * level / stiffness : HUGE_VAL;
         strides += stride < room ? 1 : 0;
         far = trocar_least(trocar_least(trocar_least(room, settled), stride), start * left);
         there = far < settled ? trocar_gain(ratio + s * heading * stiffness * far / level) : 0.0;
         end = fabs(there);
-        needed = far < start * left ? trocar_chord_travel(far, start, end) : INFINITY;
+        needed = far < start * left ? trocar_chord_travel(far, start, end) : HUGE_VAL;
         if (needed < left) {
             left -= needed;
             gain = there;

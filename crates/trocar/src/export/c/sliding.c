@@ -47,7 +47,7 @@ static double trocar_stribeck_growth(const trocar_contact *c, double u, double e
 //@end
 //@if shaped
     if (c->stribeck_exponent != 1.0) {
-        return u > 0.0 ? c->stribeck_exponent * exponent / u : c->stribeck_exponent > 1.0 ? 0.0 : INFINITY;
+        return u > 0.0 ? c->stribeck_exponent * exponent / u : c->stribeck_exponent > 1.0 ? 0.0 : HUGE_VAL;
     }
 //@end
     (void)u;

@@ -71,7 +71,7 @@ impl Filling {
 /// `value` in C: the very bits as a hexadecimal constant, and for people nine digits beside it.
 pub(super) fn number(value: f64) -> String {
     if value.is_infinite() {
-        return if value < 0.0 { "-INFINITY".into() } else { "INFINITY".into() };
+        return if value < 0.0 { "-HUGE_VAL".into() } else { "HUGE_VAL".into() };
     }
     let shown = format!("{value:.8e}").parse().unwrap_or(value);
     format!("{} /* {shown:?} */", hexadecimal(value))
