@@ -155,8 +155,11 @@ class Model {
     }
 #endif
 
-    /** "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms". */
-    std::string_view kind() const noexcept { return trocar_model_kind(get()); }
+    /** "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms"; "" once moved from. */
+    std::string_view kind() const noexcept {
+        const char *kind = trocar_model_kind(get());
+        return kind != nullptr ? kind : "";
+    }
 
     /** The numbers that can be turned. */
     std::vector<Tunable> tunables() const {

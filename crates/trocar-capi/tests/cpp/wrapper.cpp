@@ -163,6 +163,20 @@ static void owners(const char *path) {
     CHECK(here == there && here > 0.0);
 }
 
+// What was moved from is empty and says so.
+static void moved(trocar::Model model) {
+    auto seal = trocar::State::try_at(model, 0.1);
+    const trocar::State kept_seal = *std::move(seal);
+    const trocar::Model kept = std::move(model);
+    CHECK(kept.kind() == "ems" && model.kind().empty() && model.get() == nullptr && model.tunables().empty());
+    trocar::Refusal why;
+    CHECK(!model.try_tuned({1.0}, &why) && why.status == TROCAR_STATUS_NULL_POINTER);
+    CHECK(!trocar::State::try_at(model, 0.1) && !trocar::Compensator::try_make(model));
+    CHECK(kept_seal.model().kind() == "ems" && seal->model().kind().empty());
+    CHECK(seal->step(1e-5, 1e-3).status == TROCAR_STATUS_NULL_POINTER && seal->use(model) == TROCAR_STATUS_NULL_POINTER);
+    CHECK(!seal->mode() && !seal->deflection_m() && seal->rest(0.1) == TROCAR_STATUS_NULL_POINTER);
+}
+
 int main(int argc, char **argv) {
     CHECK(argc == 2);
     CHECK(trocar::fits_library());
@@ -173,6 +187,7 @@ int main(int argc, char **argv) {
         tuning(*model);
         compensators(*model);
         owners(argv[1]);
+        moved(*model);
     }
     refusals();
     return failed;
