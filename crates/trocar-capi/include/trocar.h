@@ -86,7 +86,8 @@ enum trocar_status
      */
     TROCAR_STATUS_NOT_A_MODEL = 3,
     /**
-     * The memory of a state holds none: not initialised, overwritten, or of another version of the library.
+     * The memory of a state holds none: not initialised, its mark overwritten or a number no longer finite, or of another
+     * version of the library.
      */
     TROCAR_STATUS_NOT_A_STATE = 4,
     /**
@@ -98,7 +99,7 @@ enum trocar_status
      */
     TROCAR_STATUS_STATE_BUSY = 6,
     /**
-     * A number is NaN or infinite, or the position or velocity it leads to is infinite.
+     * A number is NaN or infinite, or the position, velocity or state it leads to is.
      */
     TROCAR_STATUS_NOT_FINITE = 7,
     /**
@@ -127,7 +128,7 @@ enum trocar_status
      */
     TROCAR_STATUS_MODEL_NEWER = 13,
     /**
-     * A defect of the library; please report it.
+     * A defect of the library; please report it. The compensator of such a call is lost.
      */
     TROCAR_STATUS_INTERNAL = 14,
     /**
@@ -196,7 +197,8 @@ typedef int32_t trocar_fault;
  * An observer of the force on the tissue: what a sensor outside the body reads less what the trocar takes. Made by
  * trocar_compensator_new(), ended by trocar_compensator_free(). It keeps a copy of what it needs of its model.
  *
- * One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY.
+ * One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY. After a call that ended with
+ * TROCAR_STATUS_INTERNAL it is lost: all calls but trocar_compensator_free() give that status from then on.
  */
 typedef struct trocar_compensator trocar_compensator;
 
@@ -325,7 +327,8 @@ typedef struct {
 /**
  * What changes while a model runs. The caller owns it: on the stack, in a struct, in an array, TROCAR_STATE_SIZE bytes
  * aligned to 8. It holds no pointer and needs no end; a copy made while nobody steps it is a state as good. Before the
- * first use trocar_state_init() or its like must fill it; anything else in it is refused, TROCAR_STATUS_NOT_A_STATE.
+ * first use trocar_state_init() or its like must fill it: memory without its mark, or with a number that is not finite, is
+ * refused, TROCAR_STATUS_NOT_A_STATE. Finite numbers written over its own are not noticed.
  *
  * One thread at a time may use a state. A second one is told, TROCAR_STATUS_STATE_BUSY.
  */

@@ -16,11 +16,14 @@ use crate::status::{Status, guarded};
 const MARK: u64 = u64::from_le_bytes(*b"TROCARC1");
 /// The same while a function is using it, "TROCARC!".
 const BUSY: u64 = u64::from_le_bytes(*b"TROCARC!");
+/// The same after a panic, "TROCARC?": the observer may be half changed. It can only be freed.
+const LOST: u64 = u64::from_le_bytes(*b"TROCARC?");
 
 /// An observer of the force on the tissue: what a sensor outside the body reads less what the trocar takes. Made by
 /// trocar_compensator_new(), ended by trocar_compensator_free(). It keeps a copy of what it needs of its model.
 ///
-/// One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY.
+/// One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY. After a call that ended with
+/// TROCAR_STATUS_INTERNAL it is lost: all calls but trocar_compensator_free() give that status from then on.
 pub struct Compensator {
     content: Content,
 }
@@ -225,8 +228,11 @@ fn refused(error: CompensateError) -> Failure {
     }
 }
 
-/// A compensator during a call; given back when dropped.
-struct Taken<'a>(&'a Content);
+/// A compensator during a call. When dropped it is given back, or lost where a panic ended the call.
+struct Taken<'a> {
+    content: &'a Content,
+    whole: bool,
+}
 
 impl<'a> Taken<'a> {
     /// Takes the compensator for one call.
@@ -234,30 +240,44 @@ impl<'a> Taken<'a> {
     /// # Safety
     /// `compensator` must be null, misaligned, or readable for the size of a compensator during `'a`.
     unsafe fn new(compensator: *const Compensator) -> Result<Self, Status> {
+        // SAFETY: by contract.
+        unsafe { Self::marked(compensator, MARK) }
+    }
+
+    /// The same for one that bears `wanted`.
+    ///
+    /// # Safety
+    /// As for [`Self::new`].
+    unsafe fn marked(compensator: *const Compensator, wanted: u64) -> Result<Self, Status> {
         let compensator = looked_at(compensator)?;
         // The mark first: what is no compensator must not be read as one, nor written to.
         // SAFETY: not null, aligned; the rest by contract. Only ever used as an atomic.
         let mark = unsafe { &*compensator.cast::<AtomicU64>() };
-        if !matches!(mark.load(Ordering::Relaxed), MARK | BUSY) {
+        if !matches!(mark.load(Ordering::Relaxed), MARK | BUSY | LOST) {
             return Err(Status::NotACompensator);
         }
-        match mark.compare_exchange(MARK, BUSY, Ordering::Acquire, Ordering::Relaxed) {
+        match mark.compare_exchange(wanted, BUSY, Ordering::Acquire, Ordering::Relaxed) {
             // SAFETY: it bears the mark of a compensator, which nobody else writes.
-            Ok(_) => Ok(Self(unsafe { &(*compensator).content })),
+            Ok(_) => Ok(Self { content: unsafe { &(*compensator).content }, whole: true }),
             Err(BUSY) => Err(Status::StateBusy),
+            Err(LOST) => Err(Status::Internal),
             Err(_) => Err(Status::NotACompensator),
         }
     }
 
-    fn observer(&mut self) -> &mut compensate::Compensator {
+    /// What `body` says of the observer.
+    fn with<T>(&mut self, body: impl FnOnce(&mut compensate::Compensator) -> T) -> T {
+        self.whole = false;
         // SAFETY: whoever has taken it is alone with it, and `self` is lent for as long.
-        unsafe { &mut *self.0.observer.get() }
+        let said = body(unsafe { &mut *self.content.observer.get() });
+        self.whole = true;
+        said
     }
 }
 
 impl Drop for Taken<'_> {
     fn drop(&mut self) {
-        self.0.mark.store(MARK, Ordering::Release);
+        self.content.mark.store(if self.whole { MARK } else { LOST }, Ordering::Release);
     }
 }
 
@@ -321,9 +341,13 @@ pub unsafe extern "C" fn trocar_compensator_free(compensator: *mut Compensator) 
             return Ok(());
         }
         // SAFETY: by the rule of the crate.
-        let taken = unsafe { Taken::new(compensator) }?;
+        let taken = match unsafe { Taken::new(compensator) } {
+            // SAFETY: by the rule of the crate.
+            Err(Status::Internal) => unsafe { Taken::marked(compensator, LOST) },
+            other => other,
+        }?;
         // For whoever frees twice. Atomic writes are not dropped.
-        taken.0.mark.store(0, Ordering::Release);
+        taken.content.mark.store(0, Ordering::Release);
         std::mem::forget(taken);
         // SAFETY: it bore the mark of a compensator, all of which come from `Box::into_raw`, and nobody uses it.
         drop(unsafe { Box::from_raw(compensator) });
@@ -352,7 +376,7 @@ pub unsafe extern "C" fn trocar_compensator_step(
         place.set(Estimate::NONE);
         // SAFETY: by the rule of the crate.
         let mut taken = unsafe { Taken::new(compensator) }?;
-        place.set(taken.observer().step(position_m, force_n, duration_s).into());
+        place.set(taken.with(|observer| observer.step(position_m, force_n, duration_s)).into());
         Ok(())
     })
 }
@@ -365,7 +389,7 @@ pub unsafe extern "C" fn trocar_compensator_drift(compensator: *const Compensato
     guarded(|| {
         // SAFETY: by the rule of the crate.
         let (mut taken, mut place) = unsafe { (Taken::new(compensator)?, Place::new(drift)?) };
-        let compensate::Drift { level, viscosity, level_std, viscosity_std } = taken.observer().drift();
+        let compensate::Drift { level, viscosity, level_std, viscosity_std } = taken.with(|observer| observer.drift());
         place.set(Drift { level, viscosity, level_std, viscosity_std });
         Ok(())
     })
@@ -378,7 +402,7 @@ pub unsafe extern "C" fn trocar_compensator_drift(compensator: *const Compensato
 pub unsafe extern "C" fn trocar_compensator_reset(compensator: *mut Compensator) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        unsafe { Taken::new(compensator) }?.observer().reset();
+        unsafe { Taken::new(compensator) }?.with(compensate::Compensator::reset);
         Ok(())
     })
 }
@@ -394,6 +418,24 @@ pub extern "C" fn trocar_fault_message(fault: i32) -> *const c_char {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn after_a_panic_a_compensator_is_lost_and_can_be_freed() {
+        let file = trocar::model_file::ModelFile::plausible_10_5_mm().unwrap();
+        let options = CompensateOptions { force_error_n: Some(0.1), ..CompensateOptions::default() };
+        let observer = compensate::Compensator::new(&file, &options).unwrap();
+        let content = Content { mark: AtomicU64::new(MARK), observer: UnsafeCell::new(observer) };
+        let own = Box::into_raw(Box::new(Compensator { content }));
+        let mut estimate = Estimate::NONE;
+        let mut step = || unsafe { trocar_compensator_step(own, 0.1, 0.0, 1e-3, &raw mut estimate) };
+        assert_eq!(step(), Status::Ok);
+        let panics = guarded(|| unsafe { Taken::new(own) }?.with(|_| panic!("a defect, on purpose")));
+        assert_eq!(panics, Status::Internal);
+        assert_eq!((step(), step()), (Status::Internal, Status::Internal));
+        assert!(estimate.tissue_force_n.is_nan());
+        assert_eq!(unsafe { trocar_compensator_reset(own) }, Status::Internal);
+        assert_eq!(unsafe { trocar_compensator_free(own) }, Status::Ok);
+    }
 
     #[test]
     fn faults_are_those_of_rust_in_its_words() {

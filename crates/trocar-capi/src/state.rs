@@ -41,7 +41,8 @@ const _: () = assert!(NUMBERS + STATE_NUMBERS <= WORDS && size_of::<State>() == 
 
 /// What changes while a model runs. The caller owns it: on the stack, in a struct, in an array, TROCAR_STATE_SIZE bytes
 /// aligned to 8. It holds no pointer and needs no end; a copy made while nobody steps it is a state as good. Before the
-/// first use trocar_state_init() or its like must fill it; anything else in it is refused, TROCAR_STATUS_NOT_A_STATE.
+/// first use trocar_state_init() or its like must fill it: memory without its mark, or with a number that is not finite, is
+/// refused, TROCAR_STATUS_NOT_A_STATE. Finite numbers written over its own are not noticed.
 ///
 /// One thread at a time may use a state. A second one is told, TROCAR_STATUS_STATE_BUSY.
 #[repr(C)]
@@ -130,17 +131,17 @@ impl<'a> Words<'a> {
     }
 
     /// Fills the memory, whatever it held.
-    fn fill(&self, model: &Content, state: &TrocarState) {
+    fn fill(&self, model: &Content, numbers: &[f64; STATE_NUMBERS]) {
         self.word(0).store(0, Ordering::Relaxed);
         fence(Ordering::Release);
         (NUMBERS + STATE_NUMBERS..WORDS).for_each(|index| self.word(index).store(0, Ordering::Relaxed));
         self.word(TAG).store(model.tag, Ordering::Relaxed);
-        self.write(state);
+        self.write(numbers);
         self.word(0).store(MARK, Ordering::Release);
     }
 
-    fn write(&self, state: &TrocarState) {
-        for (index, number) in state.to_numbers().into_iter().enumerate() {
+    fn write(&self, numbers: &[f64; STATE_NUMBERS]) {
+        for (index, number) in numbers.iter().enumerate() {
             self.word(NUMBERS + index).store(number.to_bits(), Ordering::Relaxed);
         }
     }
@@ -155,8 +156,14 @@ impl Taken<'_, '_> {
         model.trocar.state_from_numbers(&numbers).map_err(|_| Status::NotAState)
     }
 
-    pub(crate) fn write(&self, state: &TrocarState) {
-        self.0.write(state);
+    /// What is not finite is not written: the next step would refuse it.
+    pub(crate) fn write(&self, state: &TrocarState) -> Result<(), Status> {
+        let numbers = state.to_numbers();
+        if !numbers.iter().fold(true, |finite, number| finite & number.is_finite()) {
+            return Err(Status::NotFinite);
+        }
+        self.0.write(&numbers);
+        Ok(())
     }
 }
 
@@ -182,7 +189,7 @@ unsafe fn begin(
         if !numbers.iter().all(|number| number.is_finite()) {
             return Err(Status::NotFinite);
         }
-        words.fill(model, &start(model).ok_or(Status::Unsupported)?);
+        words.fill(model, &start(model).ok_or(Status::Unsupported)?.to_numbers());
         Ok(())
     })
 }
@@ -328,7 +335,7 @@ pub unsafe extern "C" fn trocar_state_restore(
         }
         let row: [f64; STATE_NUMBERS] = std::array::from_fn(|index| numbers.get(index).unwrap_or(f64::NAN));
         let state = model.trocar.state_from_numbers(&row);
-        words.fill(model, &state.map_err(|error| Failure::new(Status::NotAState, error))?);
+        words.fill(model, &state.map_err(|error| Failure::new(Status::NotAState, error))?.to_numbers());
         Ok(())
     })
 }

@@ -15,13 +15,14 @@ pub enum Status {
     Misaligned = 2,
     /// The pointer to a model does not point to one; it may have been freed.
     NotAModel = 3,
-    /// The memory of a state holds none: not initialised, overwritten, or of another version of the library.
+    /// The memory of a state holds none: not initialised, its mark overwritten or a number no longer finite, or of another
+    /// version of the library.
     NotAState = 4,
     /// The state was initialised for another model.
     OtherModel = 5,
     /// Another thread is using the state or the compensator at this moment.
     StateBusy = 6,
-    /// A number is NaN or infinite, or the position or velocity it leads to is infinite.
+    /// A number is NaN or infinite, or the position, velocity or state it leads to is.
     NotFinite = 7,
     /// The duration of a step is zero or negative.
     DurationNotPositive = 8,
@@ -36,7 +37,7 @@ pub enum Status {
     ModelInvalid = 12,
     /// The model was written by a newer version of trocar.
     ModelNewer = 13,
-    /// A defect of the library; please report it.
+    /// A defect of the library; please report it. The compensator of such a call is lost.
     Internal = 14,
     /// The pointer to a compensator does not point to one; it may have been freed.
     NotACompensator = 15,
@@ -51,7 +52,7 @@ impl Status {
         (Self::NotAState, c"not a state: not initialised, overwritten, or of another version of the library"),
         (Self::OtherModel, c"the state was initialised for another model"),
         (Self::StateBusy, c"another thread is using the state or the compensator"),
-        (Self::NotFinite, c"a number is not finite, or leads to a position or velocity that is not"),
+        (Self::NotFinite, c"a number is not finite, or leads to a position, velocity or state that is not"),
         (Self::DurationNotPositive, c"the duration of a step must be positive"),
         (Self::OutOfRange, c"an index or a number of elements is out of range"),
         (Self::Unsupported, c"the model knows no such quantity"),

@@ -58,7 +58,7 @@ unsafe fn step(
         if !force.is_finite() {
             return Err(Status::NotAState);
         }
-        taken.write(&state);
+        taken.write(&state)?;
         place.set(force);
         Ok(())
     })
@@ -162,12 +162,11 @@ pub unsafe extern "C" fn trocar_simulate(
             report(row + 1);
             Ok(())
         });
-        if outcome == Err(Status::NotAState) {
+        let written = if outcome == Err(Status::NotAState) { outcome } else { taken.write(&state) };
+        if written.is_err() {
             report(0);
-        } else {
-            taken.write(&state);
         }
-        outcome
+        written.and(outcome)
     })
 }
 

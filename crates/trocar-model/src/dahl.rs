@@ -128,7 +128,7 @@ impl Dahl {
         }
         if s != state.direction {
             let y = 1.0 - s * state.hysteresis_force / coulomb_force;
-            state.remainder = Remainder { y, inverse_power: power(y, -m) };
+            state.remainder = Remainder { y, inverse_power: power(y, -m).min(f64::MAX) };
             state.direction = s;
         }
         state.remainder.advance(stiffness * displacement.abs() / coulomb_force, m);
@@ -140,7 +140,8 @@ impl Dahl {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Remainder {
     pub(crate) y: f64,
-    /// y^-m with m = i - 1: it changes in proportion to the travel, so that the power is taken at reversals only.
+    /// y^-m with m = i - 1: it changes in proportion to the travel, so that the power is taken at reversals only. The
+    /// largest number where it would be infinite, as for y = 0: a state is finite.
     pub(crate) inverse_power: f64,
 }
 
@@ -158,7 +159,7 @@ impl Remainder {
         }
         let growth = m * travel / self.inverse_power;
         if growth <= -1.0 || self.y == 0.0 {
-            *self = Self { y: 0.0, inverse_power: if m < 0.0 { 0.0 } else { f64::INFINITY } };
+            *self = Self { y: 0.0, inverse_power: if m < 0.0 { 0.0 } else { f64::MAX } };
             return;
         }
         let logarithm = if growth < f64::INFINITY {
@@ -167,7 +168,7 @@ impl Remainder {
             libm::log(m * travel) + m * libm::log(self.y)
         };
         self.y *= decay(logarithm / m);
-        self.inverse_power += m * travel;
+        self.inverse_power = (self.inverse_power + m * travel).min(f64::MAX);
     }
 }
 

@@ -246,7 +246,34 @@ static void restored(void)
             force = NAN;
             trocar_step_velocity(model, &state, n % 2 == 0 ? 0.1 : -0.05, 1e-3, &force);
             CHECK(isfinite(force));
+            REFUSED(OK, trocar_state_save(&state, row, TROCAR_STATE_NUMBERS));
         }
+    }
+    REFUSED(OK, trocar_model_free(model));
+}
+
+/* Whatever a legal model is, no step bars the next one. */
+static void dahl(const char *coulomb_force, const char *exponent)
+{
+    trocar_model *model = NULL;
+    trocar_state state;
+    char text[512];
+    double force;
+    int n;
+
+    snprintf(text, sizeof text,
+             "{\"format\": \"trocar-model\", \"version\": 2, \"origin\": {\"kind\": \"hand_made\", \"program\": \"a test\"},"
+             " \"friction\": {\"kind\": \"dahl\", \"stiffness_n_m\": 700.0, \"coulomb_force_n\": %s, \"exponent\": %s,"
+             " \"viscous_damping_n_s_m\": 5.0}}",
+             coulomb_force, exponent);
+    REFUSED(OK, trocar_model_parse(text, strlen(text), &model, NULL, 0));
+    REFUSED(OK, trocar_state_init_at_force(model, &state, 0.1, 10.0)); /* all that it can hold */
+    for (n = 0; n < 10; n++) {
+        REFUSED(OK, trocar_step(model, &state, n < 5 ? 1e-3 : -1e-3, 1e-3, &force));
+    }
+    REFUSED(OK, trocar_state_init(model, &state, 0.1));
+    for (n = 0; n < 10; n++) {
+        REFUSED(OK, trocar_step(model, &state, n < 5 ? 1e-3 : -1e-3, 1e-3, &force));
     }
     REFUSED(OK, trocar_model_free(model));
 }
@@ -260,5 +287,7 @@ int main(int argc, char **argv)
     states();
     models(argv[1]);
     restored();
+    dahl("2.0", "1.4");
+    dahl("1e-200", "1e308");
     return failed;
 }

@@ -9,6 +9,14 @@ static void trocar_rest_seal(trocar_state *state)
 //@end
 }
 
+//@if bent
+/* value, the largest number where it is none or infinite. */
+static double trocar_finite(double value)
+{
+    return value <= trocar_greatest ? value : trocar_greatest;
+}
+
+//@end
 /* The solution of dy/dtravel = -y^i after travel = sigma*|dx|/F_c. */
 static void trocar_yield(trocar_state *state, double travel)
 {
@@ -18,13 +26,13 @@ static void trocar_yield(trocar_state *state, double travel)
     double logarithm;
     if (growth <= -1.0 || state->remainder == 0.0) {
         state->remainder = 0.0;
-        state->inverse_power = m < 0.0 ? 0.0 : HUGE_VAL;
+        state->inverse_power = m < 0.0 ? 0.0 : trocar_greatest;
         return;
     }
     logarithm = growth < HUGE_VAL ? trocar_logarithm_of_one_plus(growth)
                                   : log(m * travel) + m * log(state->remainder);
     state->remainder *= trocar_decay(logarithm / m);
-    state->inverse_power += m * travel;
+    state->inverse_power = trocar_finite(state->inverse_power + m * travel);
 //@else
     state->remainder *= trocar_decay(travel);
 //@end
@@ -40,7 +48,7 @@ static void trocar_step_seal(trocar_state *state, double velocity, double displa
         if (s != next.direction) {
             next.remainder = 1.0 - s * next.hysteresis_force_n / trocar_coulomb_force_n;
 //@if bent
-            next.inverse_power = trocar_power(next.remainder, -trocar_exponent_less_one);
+            next.inverse_power = trocar_finite(trocar_power(next.remainder, -trocar_exponent_less_one));
 //@end
             next.direction = s;
         }
