@@ -427,14 +427,17 @@ mod tests {
         let content = Content { mark: AtomicU64::new(MARK), observer: UnsafeCell::new(observer) };
         let own = Box::into_raw(Box::new(Compensator { content }));
         let mut estimate = Estimate::NONE;
+        // SAFETY: a live compensator of this thread alone.
         let mut step = || unsafe { trocar_compensator_step(own, 0.1, 0.0, 1e-3, &raw mut estimate) };
         assert_eq!(step(), Status::Ok);
+        // SAFETY: the same.
         let panics = guarded(|| unsafe { Taken::new(own) }?.with(|_| panic!("a defect, on purpose")));
         assert_eq!(panics, Status::Internal);
         assert_eq!((step(), step()), (Status::Internal, Status::Internal));
         assert!(estimate.tissue_force_n.is_nan());
-        assert_eq!(unsafe { trocar_compensator_reset(own) }, Status::Internal);
-        assert_eq!(unsafe { trocar_compensator_free(own) }, Status::Ok);
+        // SAFETY: the same; freed last.
+        let ends = unsafe { (trocar_compensator_reset(own), trocar_compensator_free(own)) };
+        assert_eq!(ends, (Status::Internal, Status::Ok));
     }
 
     #[test]

@@ -196,6 +196,20 @@ mod tests {
         Dahl::new(DahlParams { stiffness: 2000.0, coulomb_force: 3.0, exponent, viscous_damping: 0.0 }).unwrap()
     }
 
+    #[test]
+    fn a_state_is_finite_also_at_the_coulomb_force() {
+        let extreme = DahlParams { stiffness: 700.0, coulomb_force: 1e-200, exponent: 1e308, viscous_damping: 0.0 };
+        for model in [dahl(1.4), dahl(0.5), Dahl::new(extreme).unwrap()] {
+            for force in [0.0, 10.0] {
+                let mut state = model.rest_at_force(force);
+                for displacement in [1e-3, 1e-3, -1e-3, -1e-3, 1e-3] {
+                    model.step(&mut state, displacement, 1e-3);
+                    assert!(state.remainder.y.is_finite() && state.remainder.inverse_power.is_finite(), "{model:?}");
+                }
+            }
+        }
+    }
+
     /// From zero force, y = 1: where the solution is a plain number.
     #[test]
     fn virgin_curves_pass_known_points() {
