@@ -9,7 +9,7 @@ import struct
 import sys
 
 # Largest difference allowed, over the largest force of the run. The library's step is run everywhere but in exported C,
-# whose exponentials are those of the C library.
+# which brings its own exponential and takes log and log1p from the C library.
 EXACT = 0.0
 EXPORTED = 1e-12
 DOORS = {

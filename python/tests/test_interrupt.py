@@ -51,6 +51,22 @@ def test_identify_and_compare_are_interrupted(training: list[trocar.Recording], 
         assert time.process_time() - before < ENDS, "the work goes on although nobody waits for it"
 
 
+def test_compensate_is_interrupted(found: trocar.Identification) -> None:
+    # Each sample takes about a microsecond: seconds of work.
+    positions = np.tile(0.02 * (1 - np.cos(np.arange(10_000) * 2e-3 * np.pi)), 500)
+    times = np.arange(len(positions)) * 1e-3
+    # A reading that never repeats: a frozen sensor is left alone.
+    readings = np.tile(trocar.simulate(found.model, times[:10_000], positions[:10_000]), 500) + 1e-3 * np.sin(times)
+    recording = trocar.Recording(times, positions, readings)
+    works = [
+        lambda: trocar.compensate(found.model, recording),
+        lambda: trocar.Compensator(found.model).run(times, positions, readings),
+    ]
+    for work in works:
+        assert interrupted(work, 0.3) < ARRIVES
+    assert len(trocar.Compensator(found.model).run(times[:10], positions[:10], readings[:10]).tissue_force_n) == 10
+
+
 def test_simulate_is_interrupted() -> None:
     positions = np.tile(0.02 * (1 - np.cos(np.arange(10_000) * 2e-3 * np.pi)), 3000)
     times = np.arange(len(positions)) * 1e-3

@@ -257,6 +257,18 @@ def test_a_tuned_model_is_another_one(model: trocar.Model) -> None:
         model.tuned(half_width_m=-1)
     with pytest.raises(TypeError, match="half_width_m must be a number, got str"):
         model.tuned(half_width_m="wide")  # type: ignore[arg-type]
+    for truth in (True, np.True_):
+        with pytest.raises(TypeError, match="half_width_m must be a number, got bool"):
+            model.tuned(half_width_m=truth)  # type: ignore[arg-type]
+
+
+def test_messages_write_long_numbers_as_powers_of_ten(model: trocar.Model) -> None:
+    with pytest.raises(trocar.MotionError, match="1e308 m within 0.001 s is no finite velocity"):
+        trocar.Stepper(model).step(1e308, 1e-3)
+    with pytest.raises(trocar.MotionError, match="duration_s must be positive and finite, got -1e-300 s"):
+        trocar.Stepper(model).step(0.0, -1e-300)
+    with pytest.raises(trocar.MotionError, match="to 1e308 m while time_s goes from 0 s to 0.001 s"):
+        trocar.simulate(model, [0, 1e-3], [0, 1e308])
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::Write as _;
 use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -33,11 +34,16 @@ fn conformance(path: &str) -> PathBuf {
     here("../../conformance").join(path)
 }
 
+/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown.
+fn skipped(why: &str) {
+    let _ = writeln!(std::io::stderr(), "skipped: {why}");
+}
+
 /// Whether `tool` is there; where not, the test is skipped, or fails if it is `needed` by the continuous integration.
 fn has(tool: &str, needed: bool) -> bool {
     let found = Command::new(tool).arg("--version").output().is_ok_and(|ran| ran.status.success());
     if !found {
-        println!("skipped: no {tool}");
+        skipped(&format!("no {tool}"));
         assert!(!needed || std::env::var("CI").as_deref() != Ok("true"), "CI has no {tool}");
     }
     found
@@ -451,7 +457,7 @@ fn cmake() -> Option<PathBuf> {
         pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "cmake==3.31.6"]);
         let ready = made.is_ok_and(|ran| ran.status.success()) && pip.output().is_ok_and(|ran| ran.status.success());
         if !ready {
-            println!("skipped: no cmake, and no way to install it by python3 -m venv and pip");
+            skipped("no cmake, and no way to install it by python3 -m venv and pip");
             return None;
         }
     }

@@ -9,7 +9,7 @@
 //! cargo build -p trocar-proof --profile proof --features link --bin cannot_panic
 //! ```
 //!
-//! `tests/proof.rs` builds all of them; `can_panic` and `can_overflow` must not link, or the proof proves nothing.
+//! `tests/panic.rs` builds all of them; `can_panic` and `can_overflow` must not link, or the proof proves nothing.
 
 use std::hint::black_box;
 

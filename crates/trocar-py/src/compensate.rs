@@ -9,6 +9,7 @@ use trocar::compensate::{CompensateOptions, Compensator as Observer, Drift, Esti
 use crate::arrays::column;
 use crate::errors::{MotionError, Raise};
 use crate::model::Model;
+use crate::shared::number;
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 15;
@@ -235,7 +236,11 @@ fn check(time: &[f64], before: Option<f64>) -> PyResult<()> {
             return Err(MotionError::new_err(format!("sample {i}: time_s is {t} s, expected a finite number")));
         }
         if let Some(from) = last.filter(|from| t < *from) {
-            let text = format!("sample {i}: time_s goes back from {from} s to {t} s, expected it to advance");
+            let text = format!(
+                "sample {i}: time_s goes back from {} s to {} s, expected it to advance",
+                number(from),
+                number(t)
+            );
             return Err(MotionError::new_err(text));
         }
         last = Some(t);

@@ -14,6 +14,7 @@ use trocar::output::AtomicFile;
 use trocar_model::{Seal, Trocar, TrocarState};
 
 use crate::errors::{InternalError, ParameterError, Raise};
+use crate::shared::number;
 
 /// A model of the force between instrument and trocar: EMS elements, or one classical friction model.
 ///
@@ -81,7 +82,7 @@ impl Tunable {
     fn __repr__(&self) -> String {
         let Self { name, value, unit, least, above_least, .. } = self;
         let relation = if *above_least { ">" } else { ">=" };
-        format!("<trocar.Tunable {name} = {value} {unit}, {relation} {least}>")
+        format!("<trocar.Tunable {name} = {} {unit}, {relation} {least}>", number(*value))
     }
 }
 
@@ -190,10 +191,12 @@ impl Model {
         for (name, value) in values.into_iter().flat_map(|values| values.iter()) {
             let name: String = name.extract()?;
             let place = old.iter().position(|tunable| tunable.name == name).ok_or_else(|| unknown(&name, &old))?;
-            let number = || PyTypeError::new_err(format!("{name} must be a number, got {}", type_of(&value)));
-            new[place] = value.extract().map_err(|_| number())?;
+            // Python and NumPy take a truth value for 0 or 1.
+            let read = if matches!(&*type_of(&value), "bool" | "bool_") { None } else { value.extract().ok() };
+            let wrong = || PyTypeError::new_err(format!("{name} must be a number, got {}", type_of(&value)));
+            new[place] = read.ok_or_else(wrong)?;
             // Writing to a string cannot fail.
-            let _ = write!(note, " {name} = {}", new[place]);
+            let _ = write!(note, " {name} = {}", number(new[place]));
         }
         let seal = self.seal.seal().tuned(&new).map_err(Raise::raise)?;
         let model = match seal {

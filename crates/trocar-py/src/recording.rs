@@ -13,6 +13,7 @@ use trocar::recording::{self, Quality, ReadOptions, Readings, Recording as Recor
 
 use crate::arrays::column;
 use crate::errors::{ArrayError, InternalError, ParameterError, Raise};
+use crate::shared::number;
 use crate::work::{How, run};
 
 /// One recording in SI units: time, position and force of an instrument in a seal.
@@ -67,7 +68,7 @@ fn recording_of(
 fn check_limit(limit: Option<f64>) -> PyResult<()> {
     match limit {
         Some(limit) if !(limit.is_finite() && limit > 0.0) => {
-            Err(ParameterError::new_err(format!("sensor_limit_n must be positive, got {limit} N")))
+            Err(ParameterError::new_err(format!("sensor_limit_n must be positive, got {} N", number(limit))))
         }
         _ => Ok(()),
     }

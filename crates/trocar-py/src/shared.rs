@@ -25,13 +25,20 @@ pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
     Ok(MovingMass { mass, gravity })
 }
 
+/// A number in a message: as a power of ten where it would fill the line with zeros.
+pub(crate) fn number(value: f64) -> String {
+    let is_short = (1e-6..1e9).contains(&value.abs());
+    if value == 0.0 || !value.is_finite() || is_short { value.to_string() } else { format!("{value:e}") }
+}
+
 pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {
-    let wrong = || ParameterError::new_err(format!("{name} must be finite, got {value} {unit}"));
+    let wrong = || ParameterError::new_err(format!("{name} must be finite, got {} {unit}", number(value)));
     value.is_finite().then_some(()).ok_or_else(wrong)
 }
 
 pub(crate) fn not_negative(name: &str, value: f64, unit: &str) -> PyResult<()> {
-    let wrong = || ParameterError::new_err(format!("{name} must be finite and not negative, got {value} {unit}"));
+    let wrong =
+        || ParameterError::new_err(format!("{name} must be finite and not negative, got {} {unit}", number(value)));
     (value.is_finite() && value >= 0.0).then_some(()).ok_or_else(wrong)
 }
 

@@ -10,7 +10,7 @@ use trocar_model::{Deformation, Mode, Trocar, TrocarState};
 use crate::arrays::{column, place};
 use crate::errors::{MotionError, ParameterError};
 use crate::model::Model;
-use crate::shared::finite;
+use crate::shared::{finite, number};
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 17;
@@ -184,7 +184,8 @@ fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
     let stroke = high - low;
     if stroke > LONGEST_STROKE {
         return Err(format!(
-            "position_m covers {stroke} m, expected at most {LONGEST_STROKE} m\n\nhint: is the unit right? divide millimetres by 1000"
+            "position_m covers {} m, expected at most {LONGEST_STROKE} m\n\nhint: is the unit right? divide millimetres by 1000",
+            number(stroke)
         ));
     }
     Ok(())
@@ -216,13 +217,15 @@ fn first_fault(time: &[f64], position: &[f64]) -> String {
         }
         let Some(before) = i.checked_sub(1) else { continue };
         let (from_t, from_x) = (time[before], position[before]);
+        let [from_time, to_time] = [from_t, t].map(number);
         if t < from_t {
-            return format!("sample {i}: time_s goes back from {from_t} s to {t} s, expected it to advance");
+            return format!("sample {i}: time_s goes back from {from_time} s to {to_time} s, expected it to advance");
         }
         if x != from_x && !((x - from_x) / (t - from_t)).is_finite() {
+            let [from, to] = [from_x, x].map(number);
             return format!(
-                "sample {i}: position_m goes from {from_x} m to {x} m while time_s goes from {from_t} s to {t} s, expected a \
-                 finite velocity"
+                "sample {i}: position_m goes from {from} m to {to} m while time_s goes from {from_time} s to {to_time} s, \
+                 expected a finite velocity"
             );
         }
     }

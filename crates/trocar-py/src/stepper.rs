@@ -10,7 +10,7 @@ use trocar_model::{Mode, TrocarState};
 use crate::arrays::column;
 use crate::errors::{ArrayError, MotionError};
 use crate::model::Model;
-use crate::shared::finite;
+use crate::shared::{finite, number};
 
 /// A model under way: feed it displacements or positions as they come, and it gives the force.
 ///
@@ -139,13 +139,13 @@ impl Stepper {
 fn check(name: &str, given: f64, displacement: f64, duration: f64) -> PyResult<()> {
     let refuse = |text: String| Err(MotionError::new_err(text));
     if !given.is_finite() {
-        return refuse(format!("{name} must be finite, got {given} m"));
+        return refuse(format!("{name} must be finite, got {} m", number(given)));
     }
     if !(duration.is_finite() && duration > 0.0) {
-        return refuse(format!("duration_s must be positive and finite, got {duration} s"));
+        return refuse(format!("duration_s must be positive and finite, got {} s", number(duration)));
     }
     if !(displacement / duration).is_finite() {
-        return refuse(format!("{displacement} m within {duration} s is no finite velocity"));
+        return refuse(format!("{} m within {} s is no finite velocity", number(displacement), number(duration)));
     }
     Ok(())
 }
