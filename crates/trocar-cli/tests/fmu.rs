@@ -84,7 +84,7 @@ fn refusals() {
     assert!(contains("binaries/win64/trocar.dll"));
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown. In CI it is a failure.
+/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown. In CI it fails.
 fn skip(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {why}");
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");

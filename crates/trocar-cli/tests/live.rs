@@ -160,7 +160,7 @@ impl Motion {
     }
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown. In CI it is a failure.
+/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown. In CI it fails.
 fn skip(why: &str) {
     assert_ne!(std::env::var("CI").as_deref(), Ok("true"), "{why}");
     let _ = writeln!(std::io::stderr(), "skipped: {why}");

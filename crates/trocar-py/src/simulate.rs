@@ -224,8 +224,8 @@ fn first_fault(time: &[f64], position: &[f64]) -> String {
         if x != from_x && !((x - from_x) / (t - from_t)).is_finite() {
             let [from, to] = [from_x, x].map(number);
             return format!(
-                "sample {i}: position_m goes from {from} m to {to} m while time_s goes from {from_time} s to {to_time} s, \
-                 expected a finite velocity"
+                "sample {i}: position_m goes from {from} m to {to} m while time_s goes from {from_time} s to \
+                 {to_time} s, expected a finite velocity"
             );
         }
     }
