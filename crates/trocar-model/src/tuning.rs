@@ -2,8 +2,13 @@
 //!
 //! The parameters of an element hang together: both branches end at ±F_s. So the numbers here are chosen such that each
 //! can be turned by itself. A new force F_s stretches the branches between the new ends (an affine map of their forces,
-//! which keeps them joined and pinned, and takes yield stiffness and relaxing arms along); a new half width stretches them
-//! along the deflection.
+//! which keeps them joined and pinned, and takes the yield stiffness and the second relaxing arm along; the first has numbers of its
+//! own); a new half width stretches them along the deflection.
+//!
+//! - **Rest**: where the two directions are turned apart, the deflection without force moves away from 0; an undeformed seal then
+//!   pushes with M(0). [`crate::Trocar::rest_at_force`] starts it without force.
+//! - **What does not go alone**: a lag needs creep; the bank of a Leuven model must bear the static force; the shares of a GMS
+//!   model are scaled so that they add up to 1.
 
 use crate::classical::Classical;
 use crate::dahl::{Dahl, DahlParams};
@@ -16,7 +21,7 @@ use crate::leuven::{Leuven, LeuvenParams};
 use crate::lugre::{LuGre, LuGreParams};
 use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, SlipElement};
 use crate::parallel::{MAX_STAGES, Stages};
-use crate::relaxation::Relaxation;
+use crate::relaxation::{Relaxation, RelaxationArm};
 use crate::seal::Seal;
 use crate::sliding::SlidingFriction;
 use crate::stribeck::StaticFriction;
@@ -247,14 +252,9 @@ fn tuned_element(old: &ElementParams, new: &mut New) -> Result<ElementParams, Pa
     let [_, linear, quadratic] = old.damping.coefficients;
     let damping = SealDamping { coefficients: [new.take(old.damping.coefficients[0]), linear, quadratic] };
     let (creep_velocity, friction_lag) = (new.take(old.creep_velocity), new.take(old.friction_lag));
-    let mut relaxation = stretch.relaxation(&old.relaxation);
-    let arm = old.relaxation.arms[0];
-    let (stiffness, time) = (new.take(arm.stiffness), new.take(arm.time));
-    // One that was not turned goes with the forces; one that was is meant as it is.
-    if stiffness != arm.stiffness {
-        relaxation.arms[0].stiffness = stiffness;
-    }
-    relaxation.arms[0].time = time;
+    let [arm, second] = old.relaxation.arms;
+    let first = RelaxationArm { stiffness: new.take(arm.stiffness), time: new.take(arm.time) };
+    let relaxation = Relaxation { arms: [first, stretch.arm(second)] };
     let deformation = stretch.deformation(&old.deformation)?;
     Ok(ElementParams { deformation, damping, insertion, withdrawal, creep_velocity, friction_lag, relaxation })
 }
@@ -280,10 +280,8 @@ impl Stretch {
         self.width == 1.0 && self.shift == 0.0 && self.scale == 1.0
     }
 
-    fn relaxation(&self, old: &Relaxation) -> Relaxation {
-        let mut new = *old;
-        new.arms.iter_mut().for_each(|arm| arm.stiffness *= self.scale / self.width);
-        new
+    fn arm(&self, old: RelaxationArm) -> RelaxationArm {
+        RelaxationArm { stiffness: old.stiffness * (self.scale / self.width), ..old }
     }
 
     fn deformation(&self, old: &DeformationForce) -> Result<DeformationForce, ParamError> {

@@ -182,6 +182,22 @@ fn a_turned_seal_slides_with_its_new_force() {
     assert!((slide(-0.05).unwrap() - (-1.5 - 5.0 * 0.05)).abs() < 1e-9);
 }
 
+/// What is listed is what is used, whatever else is turned.
+#[test]
+fn a_value_set_is_the_value_listed() {
+    let seal = seals().unwrap()[1];
+    let mut values: Vec<f64> = seal.tunables().map(|tunable| tunable.value).collect();
+    for tunable in seal.tunables().zip(values.iter_mut()) {
+        if tunable.0.name == "half_width_m" || tunable.0.name == "insertion_coulomb_force_n" {
+            *tunable.1 *= 0.5;
+        }
+    }
+    let turned: Vec<f64> = seal.tuned(&values).unwrap().tunables().map(|tunable| tunable.value).collect();
+    for ((asked, found), tunable) in values.iter().zip(&turned).zip(seal.tunables()) {
+        assert!((asked - found).abs() <= 1e-12 * asked.abs(), "{tunable:?}: {found}");
+    }
+}
+
 #[test]
 fn inputs_that_are_no_motion_leave_all_as_it_was() {
     for seal in seals().unwrap() {
