@@ -40,7 +40,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
     /// Standard deviation of the model's force, in N [default: that of the model file, by phase]
-    #[arg(long, value_name = "N", value_parser = not_negative, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     force_error_n: Option<f64>,
     /// Keep friction and viscosity as identified
     #[arg(long)]
@@ -65,12 +65,18 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     };
     let mut observer = Compensator::new(&model, &options)?;
     say_what_it_rests_on(console, args, &model);
-    let is_stream = args.recording.as_os_str() == "-";
+    let is_file = std::fs::metadata(&args.recording).is_ok_and(|data| data.is_file());
+    let is_stream = args.recording.as_os_str() == "-" || (args.recording.exists() && !is_file);
     let stream = StreamOptions { columns: args.columns.as_deref(), flip_force: args.flip_force, live: is_stream };
     let size = std::fs::metadata(&args.recording).map_or(0, |data| data.len());
     let progress = Progress::new(console);
     let report = |bytes: u64| progress.report("compensating", if size > 0 { bytes as f64 / size as f64 } else { 0.0 });
-    let done = compensate_file(&args.recording, stream, &mut observer, &args.out, report)?;
+    let tell = |fault: Fault, line: u64| {
+        if is_stream {
+            console.warn(&format!("line {line}: {}", fault.words()));
+        }
+    };
+    let done = compensate_file(&args.recording, stream, &mut observer, &args.out, report, tell)?;
     drop(progress);
     say_outcome(console, args, &done);
     let spoilt = done.faults.iter().any(|count| count.fault.spoils_reading() || count.fault == Fault::Gap);
@@ -88,8 +94,8 @@ fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
     }
     if let Some(sensor) = model.sensor.filter(|sensor| sensor.position_lag_s > 0.0) {
         console.warn(&format!(
-            "the positions of the model's recordings came {:.0} ms late; a live stream cannot wait for them: if these are late too, \
-             expect errors behind reversals",
+            "the positions of the model's recordings came {:.0} ms late, and the observer does not wait for them: if these are late too, expect \
+             errors behind reversals that the band does not hold",
             1e3 * sensor.position_lag_s
         ));
     }

@@ -172,6 +172,8 @@ pub struct Fluctuation {
 pub struct Lubrication {
     /// Friction of the wet seal over that of the dry one, 0.05 to 2; 1 for none.
     pub level: f64,
+    /// Viscous part of the wet seal over that of the dry one, 0 to 5; 1 for none.
+    pub viscosity: f64,
     /// When the change begins in s after the first sample, ≥ 0.
     pub onset_s: f64,
     /// How long it takes in s, ≥ 0.
@@ -503,6 +505,7 @@ impl BenchConfig {
     fn validate_surroundings(&self) -> Result<(), ConfigError> {
         let wet = &self.lubrication;
         within("lubrication.level", wet.level, 0.05, 2.0)?;
+        within("lubrication.viscosity", wet.viscosity, 0.0, 5.0)?;
         not_negative("lubrication.onset_s", wet.onset_s)?;
         not_negative("lubrication.spread_s", wet.spread_s)?;
         let tissue = &self.tissue;

@@ -147,7 +147,7 @@ impl<'a> RigState<'a> {
 
     /// Friction of the seal over that of the dry one.
     pub(super) fn wetting(&self) -> f64 {
-        Wetting::at(&self.config.lubrication, self.time).0
+        Wetting::at(&self.config.lubrication, self.time).level
     }
 
     pub(super) fn deflections(&self) -> impl Iterator<Item = f64> + '_ {
@@ -244,7 +244,8 @@ impl<'a> RigState<'a> {
         self.time += dt;
         let wetting = Wetting::at(&self.config.lubrication, self.time);
         let force = step_parallel(self.seal, &mut self.states, wetting.of_dry(displacement), dt);
-        self.seal_force = wetting.of_wet(force) * self.level.advance(displacement, reached);
+        let viscous = self.seal.iter().zip(&self.states).map(|(element, state)| element.viscous_force(state)).sum();
+        self.seal_force = wetting.of_wet(force, viscous) * self.level.advance(displacement, reached);
         self.tissue_force = tissue_force(&self.config.tissue, self.time, reached, velocity);
     }
 

@@ -11,32 +11,36 @@ const REFERENCE_DEPTH: f64 = 0.01;
 /// scaled alike,
 ///
 /// ```text
-/// F_wet(x) = λ·F_dry(x/λ)        λ level
+/// F_wet(x) = λ·F_dry(x/λ) + (ν − 1)·F_β        λ level, ν viscosity, F_β = β·v_sl
 /// ```
-/// which leaves dF/dx and the viscous part β·v as they were.
+/// which leaves dF/dx as it was.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Wetting(pub(super) f64);
+pub(super) struct Wetting {
+    pub(super) level: f64,
+    viscosity: f64,
+}
 
 impl Wetting {
     /// At `time`, s: 1 before the onset, the level after the spread, straight between.
     pub(super) fn at(lubrication: &Lubrication, time: f64) -> Self {
         let since = time - lubrication.onset_s;
         let part = match since {
-            since if since <= 0.0 || lubrication.level == 1.0 => 0.0,
+            since if since <= 0.0 => 0.0,
             since if since >= lubrication.spread_s => 1.0,
             since => since / lubrication.spread_s,
         };
-        Self(1.0 + part * (lubrication.level - 1.0))
+        let between = |end: f64| 1.0 + part * (end - 1.0);
+        Self { level: between(lubrication.level), viscosity: between(lubrication.viscosity) }
     }
 
     /// The displacement of the dry seal behind `displacement`, m.
     pub(super) fn of_dry(self, displacement: f64) -> f64 {
-        displacement / self.0
+        displacement / self.level
     }
 
-    /// The force of the wet seal behind `force` of the dry one, N.
-    pub(super) fn of_wet(self, force: f64) -> f64 {
-        force * self.0
+    /// The force of the wet seal behind `force` of the dry one, of which `viscous` is the viscous part, N.
+    pub(super) fn of_wet(self, force: f64, viscous: f64) -> f64 {
+        self.level * (force + (self.viscosity - 1.0) * viscous)
     }
 }
 
@@ -95,8 +99,8 @@ mod tests {
 
     #[test]
     fn wetting_sets_in_over_its_spread() {
-        let wet = Lubrication { level: 0.6, onset_s: 10.0, spread_s: 4.0 };
-        let levels = [0.0, 10.0, 12.0, 14.0, 99.0, f64::NEG_INFINITY].map(|time| Wetting::at(&wet, time).0);
+        let wet = Lubrication { level: 0.6, viscosity: 1.0, onset_s: 10.0, spread_s: 4.0 };
+        let levels = [0.0, 10.0, 12.0, 14.0, 99.0, f64::NEG_INFINITY].map(|time| Wetting::at(&wet, time).level);
         for (level, expected) in levels.into_iter().zip([1.0, 1.0, 0.8, 0.6, 0.6, 1.0]) {
             assert!((level - expected).abs() < 1e-12, "{levels:?}");
         }

@@ -8,9 +8,9 @@
 //! y₊ − y₋     = λ·(f₊ − f₋) + ν·(b₊ − b₋) + noise          what turns: learnt
 //! (y₊ + y₋)/2 = [λ·(f₊ + f₋) + ν·(b₊ + b₋)]/2 + load       what does not: tissue, if it is more than 3 σ
 //! ```
-//! y reading, f and b the model's sliding force without and with its viscous part alone (of λ = ν = 1), N. A pair with
-//! load is not learnt from: tissue that damps would count as friction. So a change of the friction between two crossings shows
-//! as a load once, and is learnt from the next pair on.
+//! y reading, f and b the model's sliding force without and with its viscous part alone (of λ = ν = 1), N. Learnt is only from
+//! three crossings in turn, there, back and there again, of which the first and the last agree: a tissue force that came or changed
+//! between them is no friction. A pair with load is not learnt from, nor is anything for some seconds after it.
 //!
 //! λ and ν are the states of a Kalman filter (key KALMAN) whose prior is the identified model:
 //!
@@ -36,6 +36,8 @@ const EXCITED: f64 = 5.0;
 const CORRELATED: f64 = 32.0;
 /// Load, over its standard deviation, from which on tissue is touched.
 pub(super) const CONTACT: f64 = 3.0;
+/// Time after a load during which nothing is learnt, s.
+const LATCH: f64 = 4.0;
 /// Innovation over its standard deviation that is no longer believed.
 const OUTLIER: f64 = 3.0;
 /// Outliers in a row that are a change.
@@ -127,6 +129,8 @@ pub(super) struct Adapter {
     time: f64,
     learnt: f64,
     contact: bool,
+    /// When the last load was seen, s.
+    loaded: f64,
     outliers: u32,
 }
 
@@ -150,6 +154,7 @@ impl Adapter {
             time: 0.0,
             learnt: f64::NEG_INFINITY,
             contact: false,
+            loaded: f64::NEG_INFINITY,
             outliers: 0,
         }
     }
@@ -159,7 +164,7 @@ impl Adapter {
         self.break_off();
         self.estimate = [1.0; 2];
         self.covariance = diagonal(self.prior);
-        (self.time, self.learnt) = (0.0, f64::NEG_INFINITY);
+        (self.time, self.learnt, self.loaded) = (0.0, f64::NEG_INFINITY, f64::NEG_INFINITY);
         (self.contact, self.outliers) = (false, 0);
     }
 
@@ -177,7 +182,17 @@ impl Adapter {
     }
 
     pub(super) fn is_adapting(&self) -> bool {
-        self.is_on && !self.contact && self.time - self.learnt < EXCITED
+        self.is_on && !self.is_latched() && self.time - self.learnt < EXCITED
+    }
+
+    /// Whether tissue was touched of late.
+    fn is_latched(&self) -> bool {
+        self.contact || self.time - self.loaded < LATCH
+    }
+
+    /// cov(λ, ν).
+    pub(super) fn covariance(&self) -> f64 {
+        self.covariance[0][1]
     }
 
     /// Time goes on: what is known of λ and ν fades.
@@ -228,24 +243,43 @@ impl Adapter {
         let Some(Current { cell, inserts, sum, samples }) = self.current.take() else { return };
         let mean = sum.times(1.0 / samples);
         let place = cell.rem_euclid(CELLS as i64) as usize;
-        let across = self.memory[usize::from(!inserts)][place];
-        if let Some(before) = across.filter(|b| b.cell == cell && self.time - b.time < LONGEST_AGE) {
-            self.learn(mean, before.mean);
+        let recent = |crossing: &Crossing| crossing.cell == cell && self.time - crossing.time < LONGEST_AGE;
+        let across = self.memory[usize::from(!inserts)][place].filter(recent);
+        let along = self.memory[usize::from(inserts)][place].filter(recent);
+        if let Some(across) = across {
+            let first = along.filter(|along| along.time < across.time);
+            self.learn(mean, across.mean, first.map(|along| along.mean));
         }
         self.memory[usize::from(inserts)][place] = Some(Crossing { cell, time: self.time, mean });
     }
 
-    fn learn(&mut self, now: Sliding, before: Sliding) {
-        let [level, viscosity] = self.estimate;
-        let mean = now.plus(before).times(0.5);
-        let load = mean.reading - level * mean.dry - viscosity * mean.viscous;
-        self.contact = load.abs() > CONTACT * self.sigma;
+    /// Reading less the model's force, N.
+    fn residual(&self, of: &Sliding) -> f64 {
+        of.reading - self.estimate[0] * of.dry - self.estimate[1] * of.viscous
+    }
+
+    /// Learns from a crossing, the one back before it, and the one of its own direction before that.
+    fn learn(&mut self, now: Sliding, across: Sliding, first: Option<Sliding>) {
+        let mean = now.plus(across).times(0.5);
+        let load = self.residual(&mean);
+        // What a wrong λ leaves of a seal that is not the same both ways is no load.
+        let asymmetry = self.covariance[0][0] * mean.dry * mean.dry;
+        self.contact = load * load > CONTACT * CONTACT * (self.sigma * self.sigma + asymmetry);
         if self.contact {
+            self.loaded = self.time;
+        }
+        let change = first.map(|first| self.residual(&now) - self.residual(&first));
+        let same = change.is_some_and(|change| change * change < 2.0 * CONTACT * CONTACT * self.sigma * self.sigma);
+        if self.is_latched() || !same {
             return;
         }
-        let turns = now.plus(before.times(-1.0));
+        self.update(&now.plus(across.times(-1.0)));
+    }
+
+    /// One step of the filter with what turned.
+    fn update(&mut self, turns: &Sliding) {
         let row = [turns.dry, turns.viscous];
-        let innovation = turns.reading - level * row[0] - viscosity * row[1];
+        let innovation = self.residual(turns);
         let gain = self.covariance.map(|p| p[0] * row[0] + p[1] * row[1]);
         let noise = 2.0 * self.sigma * self.sigma * CORRELATED;
         let variance = row[0] * gain[0] + row[1] * gain[1] + noise;
@@ -271,7 +305,7 @@ impl Adapter {
     pub(super) fn restart_at(&mut self, level: f64) {
         self.break_off();
         self.outliers = 0;
-        self.estimate[0] = level;
+        self.estimate[0] = level.clamp(BOUNDS[0][0], BOUNDS[0][1]);
         self.covariance = diagonal(PRIOR.map(|std| std * std));
     }
 

@@ -1,16 +1,16 @@
 //! Whether another level of friction explains the readings better than the present one.
 //!
 //! The filter of [`super::adapt`] learns from slides, and a seal that is suddenly oiled may slide all the time while the model
-//! still believes that it bends. So the model also runs at seven levels side by side, each with its own state. Whenever a
-//! cell of the way is crossed against the direction of its last crossing, bending or sliding, each is held against what turned:
+//! still believes that it bends. So the model also runs at several levels side by side, each with its own state. Whenever a
+//! cell of the way is crossed against the direction of its last crossing, bending or sliding, the levels tell which one would have
+//! turned as the reading did, and what load it leaves:
 //!
 //! ```text
-//! e_h = (y₊ − y₋) − (F_h₊ − F_h₋)          an elastic tissue or a constant load is in neither
-//! S_h = mean of e_h² over the last pairs
+//! y₊ − y₋ = F_h₊ − F_h₋              h between two levels       an elastic tissue or a constant load is in neither
+//! load    = (y₊ + y₋ − F_h₊ − F_h₋)/2
 //! ```
-//! A pair counts if the levels disagree about it, and if some level leaves no load in the mean of both crossings: else tissue is
-//! touched. Once S of the level nearest to the present one is far above the noise, and that of another far below it, the
-//! observer goes over to that level, with its state.
+//! The observer goes over to the level h only if 24 pairs in a row, of at least three passes, agree about it and leave no load. A tissue
+//! force that varies makes them disagree.
 
 use trocar_model::{Friction, Seal, SealState};
 
@@ -19,14 +19,17 @@ use super::adapt::{CELL, CELLS, CONTACT, LONGEST_AGE};
 /// Levels side by side, evenly spaced in proportion.
 const LEVELS: [f64; COUNT] = [0.18, 0.25, 0.35, 0.5, 0.71, 1.0, 1.41];
 const COUNT: usize = 7;
-/// Pairs in the mean.
-const PAIRS: f64 = 12.0;
+/// Pairs that must agree, the most of them that may not, and the fewest passes that they come from.
+const PAIRS: usize = 24;
+const MOST_APART: usize = 4;
+const PASSES: u64 = 3;
+/// Pairs behind the doubt.
+const RECENT: usize = 12;
 /// Range of F_h₊ − F_h₋ over the standard deviation of the model from which on a pair tells levels apart.
 const TELLING: f64 = 12.0;
-/// e_h over the standard deviation of the model that is too much.
-const WRONG: f64 = 6.0;
-/// Part of S that a better level leaves.
-const BETTER: f64 = 0.25;
+/// Largest departure from the middle level, in proportion, that is agreement; and the least change worth going over for.
+const APART: f64 = 0.12;
+const WORTH: f64 = 0.2;
 
 /// The mean of one crossing of one cell: reading and forces by level, N.
 #[derive(Debug, Clone, Copy)]
@@ -47,6 +50,19 @@ struct Current {
     forces: [f64; COUNT],
 }
 
+/// What one pair says.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    /// Level that turns as the reading did; NaN outside those tried.
+    level: f64,
+    /// What that level leaves in the mean, N.
+    load: f64,
+    /// y₊ − y₋ and F_h₊ − F_h₋, N.
+    turn: f64,
+    turns: [f64; COUNT],
+    pass: u64,
+}
+
 /// The model at several levels.
 #[derive(Debug, Clone)]
 pub(super) struct Bank {
@@ -54,9 +70,12 @@ pub(super) struct Bank {
     sigma: f64,
     memory: Box<[[Option<Crossing>; CELLS]; 2]>,
     current: Option<Current>,
-    /// S, N².
-    scores: [f64; COUNT],
-    pairs: f64,
+    /// A ring.
+    pairs: [Option<Pair>; PAIRS],
+    next: usize,
+    /// Counts the changes of direction between pairs.
+    pass: u64,
+    inserted: bool,
     time: f64,
 }
 
@@ -67,8 +86,10 @@ impl Bank {
             sigma,
             memory: Box::new([[None; CELLS]; 2]),
             current: None,
-            scores: [0.0; COUNT],
-            pairs: 0.0,
+            pairs: [None; PAIRS],
+            next: 0,
+            pass: 0,
+            inserted: false,
             time: 0.0,
         }
     }
@@ -76,7 +97,7 @@ impl Bank {
     /// As new.
     pub(super) fn reset(&mut self, seal: &Seal) {
         self.start(seal, 0.0);
-        self.time = 0.0;
+        (self.time, self.pass, self.inserted) = (0.0, 0, false);
     }
 
     /// All at rest with `force`, N.
@@ -90,7 +111,11 @@ impl Bank {
     pub(super) fn break_off(&mut self) {
         self.current = None;
         self.memory.iter_mut().for_each(|side| side.fill(None));
-        (self.scores, self.pairs) = ([0.0; COUNT], 0.0);
+        self.forget_pairs();
+    }
+
+    fn forget_pairs(&mut self) {
+        (self.pairs, self.next) = ([None; PAIRS], 0);
     }
 
     pub(super) fn advance(&mut self, seal: &Seal, displacement: f64, duration: f64) {
@@ -100,7 +125,8 @@ impl Bank {
         self.time += duration;
     }
 
-    /// Takes a reading (without offset, inertia and way, N) at `position`, m, on the way in or out.
+    /// Takes a reading (without offset, inertia, way and what the viscous part has grown by, N) at `position`, m, on the
+    /// way in or out.
     pub(super) fn take(&mut self, position: f64, inserts: bool, reading: f64) {
         let cell = (position / CELL).floor() as i64;
         if self.current.is_some_and(|current| (current.cell, current.inserts) != (cell, inserts)) {
@@ -122,50 +148,72 @@ impl Bank {
         let place = cell.rem_euclid(CELLS as i64) as usize;
         let across = self.memory[usize::from(!inserts)][place];
         if let Some(before) = across.filter(|b| b.cell == cell && self.time - b.time < LONGEST_AGE) {
-            self.compare(&now, &before);
+            self.compare(&now, &before, inserts);
         }
         self.memory[usize::from(inserts)][place] = Some(now);
     }
 
-    fn compare(&mut self, now: &Crossing, before: &Crossing) {
+    fn compare(&mut self, now: &Crossing, before: &Crossing, inserts: bool) {
         let turns: [f64; COUNT] = core::array::from_fn(|h| now.forces[h] - before.forces[h]);
-        let load = |h: usize| 0.5 * (now.reading + before.reading - now.forces[h] - before.forces[h]);
         let (low, high) = turns.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(*t), h.max(*t)));
-        let is_free = (0..COUNT).any(|h| load(h).abs() < CONTACT * self.sigma);
-        if high - low < TELLING * self.sigma || !is_free {
+        if high - low < TELLING * self.sigma {
             return;
         }
-        self.pairs = (self.pairs + 1.0).min(PAIRS);
-        for (score, turn) in self.scores.iter_mut().zip(turns) {
-            let error = now.reading - before.reading - turn;
-            *score += (error * error - *score) / self.pairs;
-        }
+        self.pass += u64::from(inserts != self.inserted);
+        self.inserted = inserts;
+        let turn = now.reading - before.reading;
+        let load = |h: usize| 0.5 * (now.reading + before.reading - now.forces[h] - before.forces[h]);
+        let between = (0..COUNT - 1).find(|h| (turns[*h] - turn) * (turns[h + 1] - turn) <= 0.0);
+        let (level, load) = match between {
+            Some(h) => {
+                let span = turns[h + 1] - turns[h];
+                let part = if span == 0.0 { 0.0 } else { (turn - turns[h]) / span };
+                (LEVELS[h] + part * (LEVELS[h + 1] - LEVELS[h]), load(h) + part * (load(h + 1) - load(h)))
+            }
+            None => (f64::NAN, f64::NAN),
+        };
+        self.pairs[self.next] = Some(Pair { level, load, turn, turns, pass: self.pass });
+        self.next = (self.next + 1) % PAIRS;
     }
 
     /// Variance of the force, N², by which the last pairs contradict the level `present` beyond the noise.
     pub(super) fn doubt(&self, present: f64) -> f64 {
+        let (h, part) = place(present);
+        let last = (1..=RECENT).filter_map(|back| self.pairs[(self.next + PAIRS - back) % PAIRS]);
+        let error = |pair: Pair| pair.turn - pair.turns[h] - part * (pair.turns[h + 1] - pair.turns[h]);
+        let (squares, count) = last.fold((0.0, 0.0), |(s, n), pair| (s + error(pair).powi(2), n + 1.0));
         let noise = 2.0 * CONTACT * CONTACT * self.sigma * self.sigma;
-        (0.25 * (self.scores[nearest(present)] - noise)).max(0.0)
+        if count > 0.0 { (0.25 * (squares / count - noise)).max(0.0) } else { 0.0 }
     }
 
-    /// A level that explains the last pairs where `present` does not, with its state; once.
+    /// A level that the last pairs agree about and that is not `present`, with a state near its own; once.
     pub(super) fn better_than(&mut self, present: f64) -> Option<(f64, SealState)> {
-        if self.pairs < PAIRS {
+        let mut levels = [0.0; PAIRS];
+        for (level, pair) in levels.iter_mut().zip(&self.pairs) {
+            *level = pair.as_ref()?.level;
+        }
+        levels.sort_by(f64::total_cmp);
+        let middle = levels[PAIRS / 2];
+        if !((middle / present).ln().abs() > WORTH) {
             return None;
         }
-        let own = self.scores[nearest(present)];
-        let best = (0..COUNT).min_by(|a, b| self.scores[*a].total_cmp(&self.scores[*b]))?;
-        let wrong = WRONG * self.sigma;
-        if own < wrong * wrong || self.scores[best] > BETTER * own {
+        let pairs = self.pairs.iter().flatten();
+        let agrees = |pair: &&Pair| {
+            (pair.level / middle).ln().abs() < APART && pair.load.abs() < CONTACT * self.sigma + APART * pair.turn.abs()
+        };
+        let first = pairs.clone().map(|pair| pair.pass).min()?;
+        let last = pairs.clone().map(|pair| pair.pass).max()?;
+        if pairs.filter(agrees).count() + MOST_APART < PAIRS || last - first + 1 < PASSES {
             return None;
         }
-        (self.scores, self.pairs) = ([0.0; COUNT], 0.0);
-        Some((LEVELS[best], self.states[best]))
+        self.forget_pairs();
+        let (h, part) = place(middle);
+        Some((middle, self.states[if part < 0.5 { h } else { h + 1 }]))
     }
 }
 
-/// The level of the bank nearest to `present`, in proportion.
-fn nearest(present: f64) -> usize {
-    let apart = |h: &usize| (LEVELS[*h] / present).ln().abs();
-    (0..COUNT).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(0)
+/// The level of the bank below `level`, and the part of the way to the next.
+fn place(level: f64) -> (usize, f64) {
+    let h = LEVELS.iter().rposition(|below| *below <= level).unwrap_or(0).min(COUNT - 2);
+    (h, (level - LEVELS[h]) / (LEVELS[h + 1] - LEVELS[h]))
 }

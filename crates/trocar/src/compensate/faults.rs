@@ -1,17 +1,22 @@
 //! What cannot be right about a sample.
 
-/// Fastest motion of an instrument, m/s; beyond it the encoder has jumped.
-const FASTEST: f64 = 3.0;
+/// Fastest motion of an instrument, m/s; beyond it, and over more than this way, m, the encoder has jumped.
+const FASTEST: f64 = 1.0;
+const JUMP: f64 = 1e-3;
+/// Largest reading that is one, N.
+const LARGEST: f64 = 1e6;
 /// Longest time between samples over which the way is known, s.
 const LONGEST_GAP: f64 = 0.2;
-/// A force reading that stays the same for as long, s, and for as many samples ...
-const FROZEN_FOR: f64 = 0.05;
+/// A force reading that stays the same for as long, s, ten times as long as usual, and for as many samples ...
+const FROZEN_FOR: f64 = 0.04;
+const FROZEN_USUAL: f64 = 10.0;
 const FROZEN_SAMPLES: u32 = 20;
 /// ... while the model's force changes by more than this, N, and by as many standard deviations, is frozen.
 const FROZEN_CHANGE: f64 = 0.2;
 const FROZEN_SIGMAS: f64 = 5.0;
-/// Part of the readings before it that differ from their predecessor: a sensor without noise may well stay the same.
-const LIVELY: f64 = 0.5;
+/// Usual time between changes of the reading, s, as long as none was seen, and the part of each new one in the mean.
+const USUAL: f64 = 0.02;
+const NEWEST: f64 = 0.02;
 
 /// What cannot be right about a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -26,7 +31,7 @@ pub enum Fault {
     Saturated,
     /// The reading has not changed although the force must have.
     Frozen,
-    /// The position moved faster than 3 m/s: taken as a new zero of the encoder, not as a motion.
+    /// The position moved faster than 1 m/s, and by more than 1 mm: taken as a new zero of the encoder, not as a motion.
     Jump,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap,
@@ -50,7 +55,9 @@ impl Fault {
             Self::NoDuration => "time does not go on: the model waits",
             Self::Saturated => "the force reading is at the sensor's limit: no tissue force",
             Self::Frozen => "the force reading is frozen while the force must have changed: no tissue force",
-            Self::Jump => "the position jumps faster than 3 m/s: taken as a new zero of the encoder, not as a motion",
+            Self::Jump => {
+                "the position jumps (over 1 m/s): a new zero of the encoder, not a motion; the seal's state is unknown until it has slid"
+            }
             Self::Gap => "more than 0.2 s without a sample: the seal's state is unknown until it has slid",
         }
     }
@@ -62,9 +69,27 @@ pub(super) struct Watch {
     limit: f64,
     least_change: f64,
     same: Option<Same>,
-    /// Readings so far, and those that differ from their predecessor.
-    readings: f64,
-    changes: f64,
+    /// Mean time between changes of the reading, s.
+    usual: f64,
+}
+
+/// What is wrong with a sample.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Found {
+    /// With position or time.
+    pub(super) motion: Option<Fault>,
+    /// With the reading.
+    pub(super) reading: Option<Fault>,
+}
+
+impl Found {
+    /// The graver one.
+    pub(super) fn first(self) -> Option<Fault> {
+        match self.motion {
+            Some(Fault::NoPosition) => self.motion,
+            other => self.reading.or(other),
+        }
+    }
 }
 
 /// A stretch of equal readings.
@@ -81,31 +106,21 @@ struct Same {
 impl Watch {
     pub(super) fn new(limit: Option<f64>, sigma: f64) -> Self {
         let least_change = FROZEN_CHANGE.max(FROZEN_SIGMAS * sigma);
-        Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None, readings: 0.0, changes: 0.0 }
+        Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None, usual: USUAL }
     }
 
     /// As new.
     pub(super) fn reset(&mut self) {
-        (self.same, self.readings, self.changes) = (None, 0.0, 0.0);
+        (self.same, self.usual) = (None, USUAL);
     }
 
-    /// The gravest fault of a sample.
-    pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> Option<Fault> {
-        if !position.is_finite() {
-            return Some(Fault::NoPosition);
-        }
-        if let Some(before) = before {
-            if !(duration > 0.0 && duration.is_finite()) {
-                return Some(Fault::NoDuration);
-            }
-            if (position - before).abs() > FASTEST * duration {
-                return Some(Fault::Jump);
-            }
-            if duration > LONGEST_GAP {
-                return Some(Fault::Gap);
-            }
-        }
-        if !force.is_finite() {
+    /// What is wrong with a sample `duration`, s, after the last one with a position `before`, m.
+    pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> Found {
+        Found { motion: motion(before, position, duration), reading: self.reading(force, duration) }
+    }
+
+    fn reading(&mut self, force: f64, duration: f64) -> Option<Fault> {
+        if !(force.abs() <= LARGEST) {
             return Some(Fault::NoReading);
         }
         if force.abs() >= self.limit {
@@ -115,18 +130,17 @@ impl Watch {
     }
 
     fn is_frozen(&mut self, force: f64, duration: f64) -> bool {
+        let duration = if duration > 0.0 && duration.is_finite() { duration } else { 0.0 };
         let Some(same) = self.same.as_mut().filter(|same| same.reading == force) else {
-            self.same = None;
-            self.readings += 1.0;
-            self.changes += 1.0;
+            if let Some(ended) = self.same.take() {
+                self.usual += NEWEST * (ended.time + duration - self.usual);
+            }
             return false;
         };
         same.time += duration;
         same.samples += 1;
-        let long = same.time >= FROZEN_FOR && same.samples >= FROZEN_SAMPLES;
-        let frozen = long && same.high - same.low > self.least_change && self.changes > LIVELY * self.readings;
-        self.readings += f64::from(u8::from(!frozen));
-        frozen
+        let long = same.time >= FROZEN_FOR.max(FROZEN_USUAL * self.usual) && same.samples >= FROZEN_SAMPLES;
+        long && same.high - same.low > self.least_change
     }
 
     /// Takes note of the model's force, N, behind a reading.
@@ -134,4 +148,18 @@ impl Watch {
         let same = self.same.get_or_insert(Same { reading: force, time: 0.0, samples: 1, low: model, high: model });
         (same.low, same.high) = (same.low.min(model), same.high.max(model));
     }
+}
+
+fn motion(before: Option<f64>, position: f64, duration: f64) -> Option<Fault> {
+    if !position.is_finite() {
+        return Some(Fault::NoPosition);
+    }
+    let way = (position - before?).abs();
+    if !(duration > 0.0 && duration.is_finite()) {
+        return Some(Fault::NoDuration);
+    }
+    if way > JUMP && way > FASTEST * duration {
+        return Some(Fault::Jump);
+    }
+    (duration > LONGEST_GAP).then_some(Fault::Gap)
 }

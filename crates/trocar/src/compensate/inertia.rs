@@ -1,7 +1,7 @@
 //! Inertia and weight of the moving mass, from past positions only.
 //!
 //! ```text
-//! x(t) ~ a0 + a1·(t − t_now) + a2·(t − t_now)²   least squares over the last 30 ms       a = 2·a2
+//! x(t) ~ a0 + a1·(t − t_now) + a2·(t − t_now)²   least squares over the last 30 ms, or 8 samples       a = 2·a2
 //! ```
 //! That is the acceleration at the middle of the window: 15 ms late, which a hand (below 5 Hz) hardly notices. The variance
 //! is 720·s²/(h⁴·n⁵) for n positions every h seconds with standard deviation s: 0.01 m/s² for a 4 µm encoder at 1 kHz.
@@ -9,7 +9,7 @@
 /// Length of the window, s.
 const WINDOW: f64 = 0.03;
 /// Most positions kept.
-const MOST: usize = 64;
+const MOST: usize = 128;
 /// Fewest for an acceleration.
 const FEWEST: usize = 8;
 
@@ -55,10 +55,14 @@ impl Inertia {
 
     /// Sums of the quadratic fit about the newest sample, with time in windows.
     fn fit(&self, now: f64, here: f64) -> Option<f64> {
+        if self.count < FEWEST {
+            return None;
+        }
+        let window = WINDOW.max(now - self.past[(self.next + MOST - FEWEST) % MOST].0);
         let (mut n, mut t1, mut t2, mut t3, mut t4) = (0.0, 0.0, 0.0, 0.0, 0.0);
         let (mut x0, mut x1, mut x2) = (0.0, 0.0, 0.0);
         for (time, position) in &self.past[..self.count] {
-            let t = (time - now) / WINDOW;
+            let t = (time - now) / window;
             if t < -1.0 {
                 continue;
             }
@@ -67,14 +71,11 @@ impl Inertia {
             (n, t1, t2, t3, t4) = (n + 1.0, t1 + t, t2 + tt, t3 + t * tt, t4 + tt * tt);
             (x0, x1, x2) = (x0 + x, x1 + x * t, x2 + x * tt);
         }
-        if n < FEWEST as f64 {
-            return None;
-        }
         // Cramer's rule for a2.
         let minor = n * t2 - t1 * t1;
         let whole = n * (t2 * t4 - t3 * t3) - t1 * (t1 * t4 - t2 * t3) + t2 * (t1 * t3 - t2 * t2);
         let curvature = (x2 * minor - x1 * (n * t3 - t1 * t2) + x0 * (t1 * t3 - t2 * t2)) / whole;
-        Some(2.0 * curvature / (WINDOW * WINDOW)).filter(|a| a.is_finite())
+        Some(2.0 * curvature / (window * window)).filter(|a| a.is_finite())
     }
 }
 
@@ -95,15 +96,15 @@ mod tests {
         assert!((inertia.force() - 0.5 * (1.7 - 9.81)).abs() < 1e-6, "{}", inertia.force());
     }
 
-    /// Too few samples within the window give none: the weight stays.
+    /// Slow sampling lengthens the window.
     #[test]
-    fn slow_sampling_gives_no_acceleration() {
+    fn slow_sampling_is_enough() {
         let mut inertia = Inertia::new(0.5, 0.0);
         inertia.restart(0.0, 0.0);
-        for k in 1..20 {
+        for k in 1..40 {
             let time = 0.01 * f64::from(k);
-            inertia.advance(time, time * time);
+            inertia.advance(time, 0.5 * 3.0 * time * time);
         }
-        assert_eq!(inertia.force(), 0.0);
+        assert!((inertia.force() - 1.5).abs() < 1e-6, "{}", inertia.force());
     }
 }

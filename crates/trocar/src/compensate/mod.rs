@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! F_tissue = reading − F_offset − m·(a + g) − F_trocar           force of the instrument on the tissue, N
-//! F_trocar = F_0(x) + level(x)·[λ·(F − F_β) + ν·F_β]             F of the model driven by x/λ, F_β its viscous part
+//! F_trocar = F_0(x) + level(x)·λ·[F − F_β + ν·F_β]                F of the model driven by x/λ, F_β its viscous part
 //! ```
 //!
 //! | symbol | meaning | unit |
@@ -17,7 +17,7 @@
 //! # The band
 //!
 //! ```text
-//! std² = σ_phase² + (F − F_β)²·var λ + F_β²·var ν + spread² + doubt²
+//! std² = σ_phase² + f²·var λ + b²·var ν + 2·f·b·cov(λ, ν) + spread² + doubt²        f = F − F_β, b = λ·F_β
 //! ```
 //! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]); var λ and var ν are those of the
 //! estimates, or come from the intervals of the parameters; spread is how far apart the forces of extreme starts are as long as
@@ -56,6 +56,10 @@ mod stream;
 
 /// Speed below which the instrument counts as held, m/s.
 const HOLD_SPEED: f64 = 1e-3;
+/// Times between samples shorter than this, s, are added to the next one.
+const SHORTEST: f64 = 1e-5;
+/// Least standard deviation of a model, N, that is believed.
+const LEAST_ERROR: f64 = 1e-3;
 /// Extreme starts count as one when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;
 /// 95 % quantile of a normal law, half-sided.
@@ -168,6 +172,8 @@ pub struct Compensator {
     bank: Bank,
     watch: Watch,
     time: f64,
+    /// Time since the model last moved, s, where samples could not move it.
+    waited: f64,
     last: Estimate,
 }
 
@@ -192,9 +198,10 @@ impl Compensator {
         let gravity = finite("gravity_m_s2", options.gravity_m_s2)?;
         let limit = options.sensor_limit_n.map(|limit| positive("sensor_limit_n", limit)).transpose()?;
         let error = match options.force_error_n {
-            Some(std) => ForceError::everywhere(not_negative("force_error_n", std)?),
+            Some(std) => ForceError::everywhere(positive("force_error_n", std)?),
             None => file.force_error.ok_or(CompensateError::NoForceError)?,
         };
+        let sigma = error.sliding_n.max(LEAST_ERROR);
         let spread = ["coulomb_force_n", "viscous_damping_n_s_m"].map(|name| relative_std(file, name));
         Ok(Self {
             setup: Setup { seal, travel: file.travel.clone(), offset, error, adaptation: options.adaptation },
@@ -203,10 +210,11 @@ impl Compensator {
             position: None,
             speed: 0.0,
             inertia: Inertia::new(mass, gravity),
-            bank: Bank::new(&seal, error.sliding_n),
-            adapter: Adapter::new(options.adaptation, spread, error.sliding_n),
-            watch: Watch::new(limit, error.sliding_n),
+            bank: Bank::new(&seal, sigma),
+            adapter: Adapter::new(options.adaptation, spread, sigma),
+            watch: Watch::new(limit, sigma),
             time: 0.0,
+            waited: 0.0,
             last: Estimate::NONE,
         })
     }
@@ -215,7 +223,7 @@ impl Compensator {
     pub fn reset(&mut self) {
         self.state = self.setup.seal.rest_at_force(0.0);
         (self.extremes, self.position) = (None, None);
-        (self.speed, self.time) = (0.0, 0.0);
+        (self.speed, self.time, self.waited) = (0.0, 0.0, 0.0);
         self.inertia.restart(0.0, 0.0);
         self.adapter.reset();
         self.bank.reset(&self.setup.seal);
@@ -243,18 +251,23 @@ impl Compensator {
     /// The first sample starts the observer, whatever its duration. A duration that is not positive and finite, or a
     /// position that is not finite, leaves the model where it is.
     pub fn step(&mut self, position: f64, force: f64, duration: f64) -> Estimate {
-        let fault = self.watch.look(self.position, position, force, duration);
-        match (self.position, fault) {
+        let since = self.waited + if duration > 0.0 && duration.is_finite() { duration } else { 0.0 };
+        // A sample too soon after the last one moves the model with the next.
+        let elapsed = if duration.is_finite() && duration > 0.0 { since } else { duration };
+        let found = self.watch.look(self.position, position, force, elapsed);
+        self.waited = since;
+        match (self.position, found.motion) {
             (None, _) if position.is_finite() => self.start(position, force),
-            (Some(_), Some(Fault::Jump)) => self.rebase(position),
+            (Some(_), None) if since < SHORTEST => {}
+            (Some(_), None) => self.move_to(position, since),
             (Some(_), Some(Fault::Gap)) => {
-                self.move_to(position, duration);
+                self.move_to(position, since);
                 self.forget();
             }
-            (Some(_), _) => self.move_to(position, duration),
+            (Some(_), Some(Fault::Jump)) => self.rebase(position),
             _ => {}
         }
-        self.last = self.estimate(force, fault);
+        self.last = self.estimate(force, found.first());
         self.last
     }
 
@@ -265,16 +278,18 @@ impl Compensator {
         self.state = self.setup.seal.rest_at_force(own);
         self.bank.start(&self.setup.seal, own);
         self.position = Some(position);
+        self.waited = 0.0;
         self.inertia.restart(self.time, position);
         self.forget();
     }
 
-    /// The position was set anew; nothing moved.
+    /// The position was set anew; what moved meanwhile is unknown.
     fn rebase(&mut self, position: f64) {
         self.position = Some(position);
+        self.time += self.waited;
+        self.waited = 0.0;
         self.inertia.restart(self.time, position);
-        self.adapter.break_off();
-        self.bank.break_off();
+        self.forget();
     }
 
     /// The state is anybody's guess until the seal has slid.
@@ -304,6 +319,7 @@ impl Compensator {
         self.position = Some(position);
         self.speed = displacement / duration;
         self.time += duration;
+        self.waited = 0.0;
         self.inertia.advance(self.time, position);
         self.adapter.pass(duration);
         if self.setup.adaptation {
@@ -322,13 +338,16 @@ impl Compensator {
         let own = force - self.setup.offset - self.inertia.force();
         let reading = if fault.is_some_and(Fault::spoils_reading) { f64::NAN } else { own };
         let spread = level * self.extremes.as_ref().map_or(0.0, |starts| spread(starts, &self.state));
-        let sigma = self.setup.error.in_phase(self.phase());
-        let parameters = (dry / level * level_std).powi(2) + (viscous * viscosity_std).powi(2);
+        let sigma = self.setup.error.in_phase(self.phase()).max(LEAST_ERROR);
+        let own_dry = dry / level;
+        let parameters = (own_dry * level_std).powi(2)
+            + (viscous * viscosity_std).powi(2)
+            + 2.0 * own_dry * viscous * self.adapter.covariance();
         let doubt = self.bank.doubt(level);
-        let std = (sigma * sigma + slope * slope * (parameters + spread * spread + doubt)).sqrt();
+        let std = (sigma * sigma + slope * slope * (parameters.max(0.0) + spread * spread + doubt)).sqrt();
         if self.setup.adaptation && reading.is_finite() {
             let seal = self.setup.travel().map_or(reading, |travel| travel.without(position, reading));
-            self.learn(position, Sliding { reading: seal, dry: dry / level, viscous });
+            self.learn(position, Sliding { reading: seal, dry: own_dry, viscous });
         }
         let tissue_force = reading - trocar_force;
         self.watch.follow(trocar_force, force);
@@ -339,10 +358,11 @@ impl Compensator {
         if let Some(inserts) = self.settled() {
             self.adapter.take(position, inserts, now);
         }
+        let Drift { level: present, viscosity, .. } = self.adapter.drift();
         if self.extremes.is_none() && self.speed != 0.0 {
-            self.bank.take(position, self.speed > 0.0, now.reading);
+            self.bank.take(position, self.speed > 0.0, now.reading - (viscosity - 1.0) * now.viscous);
         }
-        if let Some((level, state)) = self.bank.better_than(self.adapter.drift().level) {
+        if let Some((level, state)) = self.bank.better_than(present) {
             self.state = state;
             self.adapter.restart_at(level);
         }

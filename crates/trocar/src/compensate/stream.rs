@@ -57,7 +57,7 @@ pub struct StreamOptions<'a> {
 /// Runs `observer` along the file `recording` and writes `output`; `-` is standard input or output.
 ///
 /// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress` is told the bytes read so
-/// far, now and then.
+/// far, now and then; `on_fault` the first line of each kind of fault, when it comes.
 ///
 /// # Errors
 /// [`SimulateError::Motion`] for a file that cannot be read, a time that is not finite or goes back;
@@ -68,14 +68,15 @@ pub fn compensate_file(
     observer: &mut Compensator,
     output: &Path,
     progress: impl FnMut(u64),
+    on_fault: impl FnMut(Fault, u64),
 ) -> Result<Compensation, SimulateError> {
     let file = recording.display().to_string();
     let mut result = AtomicFile::create(output)?;
     let summary = if file == "-" {
-        compensate_stream(&file, io::stdin().lock(), options, observer, &mut result, progress)?
+        compensate_stream(&file, io::stdin().lock(), options, observer, &mut result, progress, on_fault)?
     } else {
         let input = File::open(recording).map_err(|source| RecordingError::Open { file: file.clone(), source })?;
-        compensate_stream(&file, input, options, observer, &mut result, progress)?
+        compensate_stream(&file, input, options, observer, &mut result, progress, on_fault)?
     };
     result.commit()?;
     Ok(summary)
@@ -92,6 +93,7 @@ pub fn compensate_stream(
     observer: &mut Compensator,
     output: &mut AtomicFile,
     mut progress: impl FnMut(u64),
+    mut on_fault: impl FnMut(Fault, u64),
 ) -> Result<Compensation, SimulateError> {
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let mut rows = RowReader::open(file, input, options.columns, &needed, false)?;
@@ -103,9 +105,16 @@ pub fn compensate_stream(
     while let Some(row) = rows.next_row()? {
         let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
         let force = sign * row.get(Quantity::Force);
-        let duration = duration(file, row.line, before, time)?;
-        before = Some(time);
+        // Nobody can mend a live stream: a time that is none is a fault there, and the model waits.
+        let duration = match duration(file, row.line, before, time) {
+            Err(_) if options.live => f64::NAN,
+            other => other?,
+        };
+        before = if time.is_finite() { Some(time) } else { before };
         let estimate = observer.step(position, force, duration);
+        if let Some(fault) = estimate.fault.filter(|fault| count.is_new(*fault)) {
+            on_fault(fault, row.line);
+        }
         count.take(row.line, &estimate);
         out.row(
             [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std],
@@ -178,6 +187,10 @@ struct Counter {
 }
 
 impl Counter {
+    fn is_new(&self, fault: Fault) -> bool {
+        self.faults[fault as usize].is_none()
+    }
+
     fn take(&mut self, line: u64, estimate: &super::Estimate) {
         self.rows += 1;
         self.adapting_rows += u64::from(estimate.adapting);
