@@ -6,12 +6,12 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 use trocar::bench::config::TissueKind;
 use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
-use trocar::compensate::{CompensateError, CompensateOptions, Compensator, Estimate, Fault};
+use trocar::compensate::{CompensateError, CompensateOptions, Compensator, Drift, Estimate, Fault};
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::{ErrorSource, ForceError, Model, ModelFile, Origin, OriginKind, SensorInfo};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::validate::validate_along;
-use trocar_model::{Classical, Element, ElementParams, SlidingFriction, StaticFriction};
+use trocar_model::{Classical, Element, ElementParams, Seal, SlidingFriction, StaticFriction};
 
 /// Normal quantile of a band of 95 %.
 const BAND: f64 = 1.96;
@@ -149,6 +149,90 @@ fn a_change_of_the_friction_is_followed() {
         let without = rms(late.map(|k| fixed[k].tissue_force - truth[k]));
         assert!(error < 2.0 * FOUND && error < 0.5 * without, "{wet}: {error} N, {without} N without adaptation");
     }
+}
+
+/// Adds `tissue(t)`, N, to a run of the bench, and gives errors of the observer from 30 s on, its coverage and its drift.
+fn under_load(seed: u64, tissue: impl Fn(f64, f64) -> f64) -> (f64, f64, Drift) {
+    let mut record = run(&surgeon(90.0, |_| {}), Protocol::Surgeon, &seal(), seed).unwrap();
+    let truth: Vec<f64> = (0..record.time.len())
+        .map(|k| if record.time[k] > 20.0 { tissue(record.time[k], record.truth.velocity[k]) } else { 0.0 })
+        .collect();
+    record.force.iter_mut().zip(&truth).for_each(|(reading, load)| *reading += load);
+    let mut observer = observer(true);
+    let said = observe(&mut observer, &record);
+    let late: Vec<usize> = (0..said.len()).filter(|k| record.time[*k] > 30.0).collect();
+    let error = rms(late.iter().map(|k| said[*k].tissue_force - truth[*k]));
+    let covered = late.iter().filter(|k| (said[**k].tissue_force - truth[**k]).abs() < BAND * said[**k].std).count();
+    (error, covered as f64 / late.len() as f64, observer.drift())
+}
+
+/// Whatever tissue does, it is not learnt: constant loads of any size and onset, breathing, loads of one direction only.
+#[test]
+fn no_tissue_is_learnt_as_friction() {
+    let turn = core::f64::consts::TAU;
+    for seed in [5, 71, 72] {
+        for load in [0.1, 0.3, 0.6, -0.4, 2.0] {
+            let (error, coverage, drift) = under_load(seed, |_, _| load);
+            assert!(error < FOUND && coverage > 0.9, "{load} N, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
+        }
+        for (size, rate) in [(1.0, 0.25), (2.0, 0.25), (4.0, 0.25), (1.0, 0.1), (0.5, 1.0)] {
+            let (error, coverage, drift) = under_load(seed, |t, _| size * libm::sin(turn * rate * t));
+            let what = format!("{size} N at {rate} Hz, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
+            assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "{what}");
+        }
+        for (out, back) in [(0.0, -1.5), (0.0, -2.5), (-1.0, 0.0), (-2.5, 0.0), (2.0, 0.0)] {
+            let (error, coverage, drift) = under_load(seed, |_, v| if v > 0.0 { out } else { back });
+            let what = format!("{out} and {back} N, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
+            assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "{what}");
+        }
+        let (error, coverage, drift) = under_load(seed, |t, _| if (t / 3.0) as u32 % 2 == 0 { 3.0 } else { 0.0 });
+        assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "on and off: {error:.3} N, {coverage:.3}, {drift:?}");
+    }
+}
+
+/// Viscosity that grows is followed, if slowly: the error is less than without.
+#[test]
+fn viscosity_is_followed() {
+    let config = surgeon(120.0, |config| {
+        (config.lubrication.viscosity, config.lubrication.onset_s, config.lubrication.spread_s) = (2.0, 15.0, 5.0);
+        config.protocol.surgeon.fastest_m_s = 0.15;
+    });
+    let record = run(&config, Protocol::Surgeon, &seal(), 81).unwrap();
+    let error = |observer: &mut Compensator| {
+        let said = observe(observer, &record);
+        rms((60_000..said.len()).map(|k| said[k].tissue_force))
+    };
+    let (mut fixed, mut following) = (observer(false), observer(true));
+    let (without, with) = (error(&mut fixed), error(&mut following));
+    let drift = following.drift();
+    assert!((drift.viscosity - 2.0).abs() < 0.3 && (drift.level - 1.0).abs() < 0.06, "{drift:?}");
+    assert!(with < 0.6 * without, "{with} N with, {without} N without");
+}
+
+/// A seal that grips harder on the way in than out is followed like any other.
+#[test]
+fn an_asymmetric_seal_is_followed() {
+    let asymmetric = |level: f64| {
+        let mut params = ElementParams::plausible_10_5_mm().unwrap();
+        let seal = Seal::from(Element::new(params).unwrap());
+        let mut values: Vec<f64> = seal.tunables().map(|tunable| tunable.value).collect();
+        (values[1], values[5]) = (4.0 * level, 2.0 * level);
+        values[0] *= level;
+        let Seal::Ems(stages) = seal.tuned(&values).unwrap() else { unreachable!("stays EMS") };
+        params = *stages.first().params();
+        Element::new(params).unwrap()
+    };
+    let mut file = ModelFile::new(vec![asymmetric(1.0)], Origin::new(OriginKind::HandMade));
+    file.force_error = Some(ForceError::everywhere(0.03));
+    let mut observer = Compensator::new(&file, &CompensateOptions::default()).unwrap();
+    let wet = asymmetric(0.85);
+    let record = run(&surgeon(90.0, |_| {}), Protocol::Surgeon, &seal(), 91).unwrap();
+    let mut state = wet.rest_state(0.0);
+    for k in 1..record.time.len() {
+        let force = wet.step(&mut state, record.position[k] - record.position[k - 1], 1e-3);
+        observer.step(record.position[k], force + 0.02 * f64::from(k as u32 % 3) - 0.02, 1e-3);
+    }
+    assert!((observer.drift().level - 0.85).abs() < 0.02, "{:?}", observer.drift());
 }
 
 /// Until the seal has slid nobody knows its force, and the band says so.
@@ -332,7 +416,7 @@ fn what_cannot_compensate_is_refused() {
         ),
         (
             CompensateOptions { force_error_n: Some(-0.1), ..CompensateOptions::default() },
-            "force_error_n must be 0 or more, got -0.1",
+            "force_error_n must be above 0, got -0.1",
         ),
     ] {
         assert_eq!(error(&plausible, options), expected);
@@ -370,10 +454,12 @@ fn a_classical_model_runs() {
         ModelFile::new(Classical::Static(StaticFriction::new(sliding).unwrap()), Origin::new(OriginKind::HandMade));
     file.force_error = Some(ForceError::everywhere(0.05));
     let mut observer = Compensator::new(&file, &CompensateOptions::default()).unwrap();
-    for k in 0..2000 {
+    let (mut position, mut force) = (0.0, 0.0);
+    for k in 0..6000 {
+        observer.step(position, force, 1e-3);
         let turn = if (k / 500) % 2 == 0 { 1.0 } else { -1.0 };
-        let position = 1e-4 * f64::from(if (k / 500) % 2 == 0 { k % 500 } else { 500 - k % 500 });
-        observer.step(position, turn * (2.0 * 3.0 + 5.0 * 0.1), 1e-3);
+        position += 1e-4 * turn;
+        force = turn * (2.0 * 3.0 + 5.0 * 0.1) + 1e-3 * f64::from(k % 2);
     }
     assert!((observer.drift().level - 2.0).abs() < 0.1, "{:?}", observer.drift());
 }

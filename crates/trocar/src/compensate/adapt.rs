@@ -47,7 +47,7 @@ const PRIOR: [f64; 2] = [0.15, 0.3];
 /// The same once a change was seen: silicone oil takes 75 % off.
 const OPENED: [f64; 2] = [0.5, 0.5];
 /// Growth of the standard deviations within a second.
-const GROWTH: [f64; 2] = [0.003, 0.006];
+const GROWTH: [f64; 2] = [0.003, 0.02];
 /// Bounds of λ and ν.
 const BOUNDS: [[f64; 2]; 2] = [[0.1, 2.0], [0.0, 4.0]];
 /// Part of the deformation range that must be slid before the slide is beyond doubt.
@@ -258,18 +258,25 @@ impl Adapter {
         of.reading - self.estimate[0] * of.dry - self.estimate[1] * of.viscous
     }
 
+    /// Variance of the model's force, N², that λ and ν leave: of a seal that is not the same both ways, of unequal speeds.
+    fn variance(&self, of: &Sliding) -> f64 {
+        let [[level, both], [_, viscosity]] = self.covariance;
+        level * of.dry * of.dry + 2.0 * both * of.dry * of.viscous + viscosity * of.viscous * of.viscous
+    }
+
     /// Learns from a crossing, the one back before it, and the one of its own direction before that.
     fn learn(&mut self, now: Sliding, across: Sliding, first: Option<Sliding>) {
         let mean = now.plus(across).times(0.5);
         let load = self.residual(&mean);
-        // What a wrong λ leaves of a seal that is not the same both ways is no load.
-        let asymmetry = self.covariance[0][0] * mean.dry * mean.dry;
-        self.contact = load * load > CONTACT * CONTACT * (self.sigma * self.sigma + asymmetry);
+        self.contact = load * load > CONTACT * CONTACT * (self.sigma * self.sigma + self.variance(&mean));
         if self.contact {
             self.loaded = self.time;
         }
-        let change = first.map(|first| self.residual(&now) - self.residual(&first));
-        let same = change.is_some_and(|change| change * change < 2.0 * CONTACT * CONTACT * self.sigma * self.sigma);
+        let same = first.is_some_and(|first| {
+            let change = now.plus(first.times(-1.0));
+            let noise = 2.0 * self.sigma * self.sigma + self.variance(&change);
+            self.residual(&change).powi(2) < CONTACT * CONTACT * noise
+        });
         if self.is_latched() || !same {
             return;
         }
