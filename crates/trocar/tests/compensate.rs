@@ -350,6 +350,82 @@ fn an_encoder_jump_moves_nothing() {
     assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
 }
 
+/// Positions missing in the midst of the fastest motion: the way is made up with its time, as one motion.
+#[test]
+fn a_dropout_at_full_speed_is_bridged() {
+    let record = run(&surgeon(40.0, |_| {}), Protocol::Surgeon, &seal(), 61).unwrap();
+    let speed = |k: &usize| (record.position[k + 25] - record.position[k - 25]).abs();
+    let fastest = (20_000..30_000).max_by(|a, b| speed(a).total_cmp(&speed(b))).unwrap() - 25;
+    assert!(speed(&(fastest + 25)) > 3e-3, "fast enough to look like a jump");
+    let (_, said) = with_fault(|k, x, _, _| {
+        if (fastest..fastest + 50).contains(&k) {
+            *x = f64::NAN;
+        }
+    });
+    assert_eq!(said[fastest + 50].fault, None);
+    assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
+}
+
+/// Frozen from the first sample on, and frozen behind a sensor that only reads every tenth sample.
+#[test]
+fn a_frozen_sensor_is_noticed_whatever_its_rate() {
+    for (hold, from) in [(1, 0), (10, 20_000)] {
+        let held = std::cell::Cell::new(0.0);
+        let (_, said) = with_fault(|k, _, y, _| {
+            if k % hold == 0 && (k < from || k == 0) {
+                held.set(*y);
+            }
+            *y = held.get();
+        });
+        let frozen = said[from + 10_000..].iter().filter(|e| e.fault == Some(Fault::Frozen)).count();
+        assert!(frozen > 9_000, "every {hold}th sample: {frozen}");
+        let early = said[..from].iter().filter(|e| e.fault == Some(Fault::Frozen)).count();
+        assert_eq!(early, 0, "every {hold}th sample");
+    }
+}
+
+/// A reading at the limit is told even where time stands still, and samples that come in bursts lose no way.
+#[test]
+fn one_fault_does_not_hide_another() {
+    let (_, said) = with_fault(|k, _, y, duration| {
+        if (20_000..20_010).contains(&k) {
+            (*y, *duration) = (15.0, 0.0);
+        }
+    });
+    assert!(said[20_000..20_010].iter().all(|e| e.fault == Some(Fault::Saturated) && e.tissue_force.is_nan()));
+    let (_, said) = with_fault(|k, _, _, duration| match k % 8 {
+        0 if k > 0 => *duration = 1e-6,
+        1 => *duration = 2e-3 - 1e-6,
+        _ => {}
+    });
+    assert!(said.iter().all(|e| e.fault.is_none()));
+    assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
+}
+
+/// A jump of 2.5 mm within a millisecond is no hand's motion, and the band opens after it.
+#[test]
+fn a_small_jump_opens_the_band() {
+    let (_, said) = with_fault(|k, x, _, _| {
+        if k >= 20_000 {
+            *x += 2.5e-3;
+        }
+    });
+    assert_eq!(said[20_000].fault, Some(Fault::Jump));
+    assert!(said[20_001].std > 0.5 && said.last().unwrap().std < FOUND);
+}
+
+/// Once the change is learnt the band is as narrow as before it.
+#[test]
+fn the_band_is_narrow_again_after_wetting() {
+    let config = surgeon(110.0, |config| {
+        (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) = (0.85, 20.0, 3.0);
+    });
+    let record = run(&config, Protocol::Surgeon, &seal(), 41).unwrap();
+    let said = observe(&mut observer(true), &record);
+    let (early, late) = (rms(said[15_000..20_000].iter().map(|e| e.std)), rms(said[90_000..].iter().map(|e| e.std)));
+    assert!(late < 0.15 && late < 2.0 * early.max(0.05), "{early} N before, {late} N after");
+}
+
 /// Times that jitter by half an interval cost nothing: the model takes displacements.
 #[test]
 fn clock_jitter_costs_nothing() {
