@@ -94,7 +94,8 @@ impl Compensator {
     /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its duration.
     fn step(&mut self, position_m: f64, force_n: f64, duration_s: f64) -> TissueForce {
         let said = self.observer.step(position_m, force_n, duration_s);
-        self.time = Some(self.time.unwrap_or(0.0) + if duration_s > 0.0 { duration_s } else { 0.0 });
+        self.time =
+            Some(self.time.unwrap_or(0.0) + if duration_s > 0.0 && duration_s.is_finite() { duration_s } else { 0.0 });
         TissueForce {
             trocar_force_n: said.trocar_force,
             tissue_force_n: said.tissue_force,

@@ -185,7 +185,8 @@ fn no_tissue_is_learnt_as_friction() {
             let what = format!("{out} and {back} N, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
             assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "{what}");
         }
-        let (error, coverage, drift) = under_load(seed, |t, _| if (t / 3.0) as u32 % 2 == 0 { 3.0 } else { 0.0 });
+        let (error, coverage, drift) =
+            under_load(seed, |t, _| if ((t / 3.0) as u32).is_multiple_of(2) { 3.0 } else { 0.0 });
         assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "on and off: {error:.3} N, {coverage:.3}, {drift:?}");
     }
 }

@@ -194,7 +194,8 @@ impl Bank {
         }
         levels.sort_by(f64::total_cmp);
         let middle = levels[PAIRS / 2];
-        if !((middle / present).ln().abs() > WORTH) {
+        let change = (middle / present).ln().abs();
+        if change.is_nan() || change <= WORTH {
             return None;
         }
         let pairs = self.pairs.iter().flatten();

@@ -120,7 +120,7 @@ impl Watch {
     }
 
     fn reading(&mut self, force: f64, duration: f64) -> Option<Fault> {
-        if !(force.abs() <= LARGEST) {
+        if force.is_nan() || force.abs() > LARGEST {
             return Some(Fault::NoReading);
         }
         if force.abs() >= self.limit {
