@@ -49,7 +49,7 @@ use crate::model_file::{ForceError, Interval, ModelFile, ModelFileError};
 use crate::travel::TravelProfile;
 
 pub mod adapt;
-mod bank;
+pub mod bank;
 mod faults;
 mod inertia;
 mod stream;
