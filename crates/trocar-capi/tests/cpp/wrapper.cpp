@@ -104,7 +104,7 @@ static void compensators(const trocar::Model &model) {
     CHECK(!trocar::Compensator::try_make(model, options, &why) && why.status == TROCAR_STATUS_OUT_OF_RANGE);
     options.force_error_n = -1.0;
     CHECK(!trocar::Compensator::try_make(model, options, &why) && why.status == TROCAR_STATUS_OUT_OF_RANGE);
-    CHECK(why.text.find("force_error_n must be 0 or more") != std::string::npos);
+    CHECK(why.text.find("force_error_n must be above 0") != std::string::npos);
 
     // A tuned model compensates with its own friction: twice the force leaves nothing for the tissue.
     std::vector<double> values;
