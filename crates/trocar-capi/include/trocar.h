@@ -177,7 +177,7 @@ enum trocar_fault
      */
     TROCAR_FAULT_FROZEN = 5,
     /**
-     * The position moved faster than 3 m/s: taken as a new zero of the encoder, not as a motion.
+     * The position moved faster than 1 m/s, and by more than 1 mm: taken as a new zero of the encoder, not as a motion.
      */
     TROCAR_FAULT_JUMP = 6,
     /**

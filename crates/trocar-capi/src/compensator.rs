@@ -78,7 +78,7 @@ pub enum Fault {
     Saturated = 4,
     /// The reading has not changed although the force must have: no tissue force.
     Frozen = 5,
-    /// The position moved faster than 3 m/s: taken as a new zero of the encoder, not as a motion.
+    /// The position moved faster than 1 m/s, and by more than 1 mm: taken as a new zero of the encoder, not as a motion.
     Jump = 6,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap = 7,
@@ -122,7 +122,7 @@ impl Fault {
         (Self::NoDuration, c"time does not go on: the model waits"),
         (Self::Saturated, c"the force reading is at the sensor's limit: no tissue force"),
         (Self::Frozen, c"the force reading is frozen while the force must have changed: no tissue force"),
-        (Self::Jump, c"the position jumps faster than 3 m/s: taken as a new zero of the encoder, not as a motion"),
+        (Self::Jump, c"the position jumps (over 1 m/s): a new zero of the encoder, not a motion; the seal's state is unknown until it has slid"),
         (Self::Gap, c"more than 0.2 s without a sample: the seal's state is unknown until it has slid"),
     ];
 }
