@@ -8,30 +8,9 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use common::{Ran, names_in};
-
-/// A folder of its own for one test, and the program run inside it.
-struct Place(tempfile::TempDir);
+use common::{Place, Ran, names_in};
 
 impl Place {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
-        command.current_dir(self.0.path()).args(arguments.split_whitespace());
-        command
-    }
-
-    fn run(&self, arguments: &str) -> Ran {
-        Ran::from(self.command(arguments).output().unwrap())
-    }
-
     fn text(&self, name: &str) -> String {
         fs::read_to_string(self.path(name)).unwrap()
     }
@@ -80,12 +59,6 @@ impl Ran {
         ran.says(essentials);
         assert!(ran.stderr.contains("error: ") && ran.stdout.is_empty(), "{ran:#?}");
         ran
-    }
-
-    fn says(&self, essentials: &[&str]) {
-        for essential in essentials {
-            assert!(self.stderr.contains(essential), "no {essential:?} in {self:#?}");
-        }
     }
 }
 

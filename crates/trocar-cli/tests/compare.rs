@@ -3,15 +3,13 @@
 mod common;
 
 use std::fs;
-use std::path::PathBuf;
-use std::process::Command;
 
 use serde_json::Value;
 use trocar::model_file::{Model, ModelFile};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::replay::{Replay, replay};
 
-use common::{Ran, names_in};
+use common::{Place, Ran, names_in};
 
 /// Keys that every model has.
 const KEYS: [&str; 11] = [
@@ -33,29 +31,18 @@ const QUICK: &str = "coulomb-viscous,ems,maxwell-slip:1-2,dahl";
 /// Error of one model on one recording by two ways of adding up, N: rounding alone.
 const SAME_ERROR: f64 = 1e-9;
 
-/// A folder with recordings of a virtual bench, and the program run inside it.
-struct Place(tempfile::TempDir);
+/// A folder with recordings of a virtual bench.
+fn recorded() -> Place {
+    let place = Place::new();
+    let speeds = "slowest_m_s = 0.02\nfastest_m_s = 0.08\nincrement_m_s = 0.02\nstroke_m = 0.06\n";
+    let rig = format!("[protocol.steady]\n{speeds}\n[protocol.validation]\n{speeds}");
+    fs::write(place.path("rig.toml"), rig).unwrap();
+    place.run("bench steady --rig rig.toml --out steady.csv").ends_with(0);
+    place.run("bench validation --rig rig.toml --seed 2 --out validation.csv").ends_with(0);
+    place
+}
 
 impl Place {
-    fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        let speeds = "slowest_m_s = 0.02\nfastest_m_s = 0.08\nincrement_m_s = 0.02\nstroke_m = 0.06\n";
-        let rig = format!("[protocol.steady]\n{speeds}\n[protocol.validation]\n{speeds}");
-        fs::write(place.path("rig.toml"), rig).unwrap();
-        place.run("bench steady --rig rig.toml --out steady.csv").ends_with(0);
-        place.run("bench validation --rig rig.toml --seed 2 --out validation.csv").ends_with(0);
-        place
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn run(&self, arguments: &str) -> Ran {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
-        Ran::from(command.current_dir(self.0.path()).args(arguments.split_whitespace()).output().unwrap())
-    }
-
     /// Compares the quick models without times.
     fn compare(&self, more: &str) -> Ran {
         self.run(&format!("compare steady.csv --moving-mass-kg 0.04 --no-timing {more}"))
@@ -77,13 +64,6 @@ impl Place {
 }
 
 impl Ran {
-    fn says(self, essentials: &[&str]) -> Self {
-        for essential in essentials {
-            assert!(self.stderr.contains(essential), "no {essential:?} in {self:#?}");
-        }
-        self
-    }
-
     fn json(&self) -> Value {
         serde_json::from_str(&self.stdout).unwrap()
     }
@@ -99,7 +79,7 @@ fn numbers(json: &Value, key: &str) -> Vec<f64> {
 
 #[test]
 fn json_holds_every_model_with_all_keys_least_error_first() {
-    let place = Place::new();
+    let place = recorded();
     let json = place.compare(&format!("--validate validation.csv --models {QUICK} --json")).ends_with(0).json();
     assert_eq!(models(&json).len(), 5);
     for model in models(&json) {
@@ -126,7 +106,7 @@ fn json_holds_every_model_with_all_keys_least_error_first() {
 
 #[test]
 fn equal_input_gives_equal_bytes_and_times_are_all_that_differs() {
-    let place = Place::new();
+    let place = recorded();
     let arguments = format!("--validate validation.csv --models {QUICK} --json");
     let first = place.compare(&format!("{arguments} --out first")).ends_with(0);
     let second = place.compare(&format!("{arguments} --out second")).ends_with(0);
@@ -149,8 +129,9 @@ fn equal_input_gives_equal_bytes_and_times_are_all_that_differs() {
 
 #[test]
 fn without_validation_the_last_third_is_held_back_and_it_is_said() {
-    let place = Place::new();
-    let ran = place.compare("--models ems,coulomb --json --out out").ends_with(0).says(&["last third", "held back"]);
+    let place = recorded();
+    let ran = place.compare("--models ems,coulomb --json --out out").ends_with(0);
+    ran.says(&["last third", "held back"]);
     let json = ran.json();
     assert_eq!(json["held_back"], true);
     let parts = json["recordings"].as_array().unwrap();
@@ -165,7 +146,7 @@ fn without_validation_the_last_third_is_held_back_and_it_is_said() {
 
 #[test]
 fn the_table_is_for_people_and_holds_every_model() {
-    let place = Place::new();
+    let place = recorded();
     let ran = place.compare("--validate validation.csv --models ems,gms:2,gms:2-3,leuven:1").ends_with(0);
     let mut lines = ran.stdout.lines();
     let head = lines.next().unwrap();
@@ -182,7 +163,7 @@ fn the_table_is_for_people_and_holds_every_model() {
 
 #[test]
 fn models_that_do_not_exist_are_refused_with_those_that_do() {
-    let place = Place::new();
+    let place = recorded();
     let cases: [(&str, &[&str]); 8] = [
         ("friction", &["\"friction\"", "coulomb-viscous", "lugre-rational", "gms[:N"]),
         ("ems,,gms", &["\"\"", "there are"]),
@@ -194,14 +175,15 @@ fn models_that_do_not_exist_are_refused_with_those_that_do() {
         ("GMS", &["\"GMS\"", "there are"]),
     ];
     for (list, essentials) in cases {
-        let ran = place.compare(&format!("--models {list}")).ends_with(2).says(essentials);
+        let ran = place.compare(&format!("--models {list}")).ends_with(2);
+        ran.says(essentials);
         assert!(ran.stdout.is_empty(), "{ran:#?}");
     }
 }
 
 #[test]
 fn what_fails_leaves_nothing_behind() {
-    let place = Place::new();
+    let place = recorded();
     let before = place.names();
     place.compare("--validate nowhere.csv --out out").ends_with(1).says(&["nowhere.csv", "No such file"]);
     fs::copy(place.path("steady.csv"), place.path("again.csv")).unwrap();
@@ -216,7 +198,7 @@ fn what_fails_leaves_nothing_behind() {
 
 #[test]
 fn lost_data_and_seals_that_never_slide_end_with_3() {
-    let place = Place::new();
+    let place = recorded();
     let text = fs::read_to_string(place.path("validation.csv")).unwrap();
     let mut lines: Vec<&str> = text.lines().collect();
     lines[700] = "nan,nan,nan,nan";
@@ -231,7 +213,7 @@ fn lost_data_and_seals_that_never_slide_end_with_3() {
     }
     fs::write(place.path("still.csv"), still).unwrap();
     let ran = place.compare("--validate still.csv --models coulomb --json").ends_with(3);
-    let ran = ran.says(&["still.csv", "never makes the seal slide"]);
+    ran.says(&["still.csv", "never makes the seal slide"]);
     assert_eq!(models(&ran.json()).len(), 1);
 }
 
@@ -255,7 +237,7 @@ fn rms(model: &ModelFile, recording: &Recording, judge: &ModelFile) -> f64 {
 /// `compare` scores all models on the samples known to the EMS element, `validate` each on those known to itself.
 #[test]
 fn models_are_left_as_files_that_validate_to_the_same_errors() {
-    let place = Place::new();
+    let place = recorded();
     let models_of = "ems,ems-output-error,coulomb,stribeck,dahl,lugre,lugre-rational,leuven:2,maxwell-slip:2,gms:2";
     let json = place.compare(&format!("--validate validation.csv --models {models_of} --json --out out"));
     let json = json.ends_with(0).json();
@@ -290,7 +272,7 @@ fn models_are_left_as_files_that_validate_to_the_same_errors() {
 
 #[test]
 fn models_say_where_they_come_from() {
-    let place = Place::new();
+    let place = recorded();
     let arguments = "--validate validation.csv --models ems,lugre --gravity-m-s2 -9.81 --seed 7 --json --out out";
     let json = place.compare(arguments).ends_with(0).json();
     for model in models(&json) {
@@ -312,7 +294,7 @@ fn models_say_where_they_come_from() {
 
 #[test]
 fn classical_models_simulate_their_force_and_are_no_ems_elements() {
-    let place = Place::new();
+    let place = recorded();
     place.compare("--validate validation.csv --models lugre --out out").ends_with(0);
     let model = "out/models/lugre.json";
     place.run(&format!("simulate {model} validation.csv --out force.csv")).ends_with(0).says(&["start: at rest"]);

@@ -4,44 +4,20 @@ mod common;
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use common::{Ran, names_in};
+use common::{Place, names_in};
 
-struct Place(tempfile::TempDir);
-
-/// The messages hold all of `essentials`.
-fn says(ran: &Ran, essentials: &[&str]) {
-    essentials.iter().for_each(|part| assert!(ran.stderr.contains(part), "no {part:?} in {}", ran.stderr));
-}
-
-impl Place {
-    /// A folder with a made-up model and a hand-like recording into tissue.
-    fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        let rig = "[protocol.surgeon]\nduration_s = 20.0\n[tissue]\nkind = \"kelvin_voigt\"\nsurface_m = 0.06\n";
-        fs::write(place.path("rig.toml"), rig).unwrap();
-        place.run("bench surgeon --rig rig.toml --out hand.csv").ends_with(0);
-        fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems.json"), place.path("model.json"))
-            .unwrap();
-        place
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
-        command.current_dir(self.0.path()).args(arguments.split_whitespace());
-        command
-    }
-
-    fn run(&self, arguments: &str) -> Ran {
-        Ran::from(self.command(arguments).output().unwrap())
-    }
+/// A folder with a made-up model and a hand-like recording into tissue.
+fn place() -> Place {
+    let place = Place::new();
+    let rig = "[protocol.surgeon]\nduration_s = 20.0\n[tissue]\nkind = \"kelvin_voigt\"\nsurface_m = 0.06\n";
+    fs::write(place.path("rig.toml"), rig).unwrap();
+    place.run("bench surgeon --rig rig.toml --out hand.csv").ends_with(0);
+    fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems.json"), place.path("model.json"))
+        .unwrap();
+    place
 }
 
 const OPTIONS: &str = "--force-error-n 0.05 --offset-n -0.34 --moving-mass-kg 0.04";
@@ -49,7 +25,7 @@ const OPTIONS: &str = "--force-error-n 0.05 --offset-n -0.34 --moving-mass-kg 0.
 /// One row per row, the reading split into trocar, tissue and inertia, and the truth of the bench within the noise.
 #[test]
 fn a_recording_becomes_a_table() {
-    let place = Place::new();
+    let place = place();
     let ran = place.run(&format!("compensate model.json hand.csv --out out.csv {OPTIONS}")).ends_with(0);
     assert_eq!(ran.stdout, "", "data went into the file");
     let text = fs::read_to_string(place.path("out.csv")).unwrap();
@@ -68,7 +44,7 @@ fn a_recording_becomes_a_table() {
 /// A controller at the other end of a pipe gets each answer before it sends the next row.
 #[test]
 fn each_row_is_answered_at_once() {
-    let place = Place::new();
+    let place = place();
     let mut command = place.command(&format!("--quiet compensate model.json - --out - {OPTIONS}"));
     let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let mut rows = child.stdin.take().unwrap();
@@ -92,7 +68,7 @@ fn each_row_is_answered_at_once() {
 /// Rows without a reading, and readings at the limit, tell no tissue force: said, marked, and exit code 3.
 #[test]
 fn faults_are_told() {
-    let place = Place::new();
+    let place = place();
     let text = fs::read_to_string(place.path("hand.csv")).unwrap();
     let broken: String = text
         .lines()
@@ -106,22 +82,22 @@ fn faults_are_told() {
     let ran = place
         .run(&format!("compensate model.json broken.csv --out out.csv --sensor-limit-n 3.0 {OPTIONS}"))
         .ends_with(3);
-    says(&ran, &["broken.csv: 50 rows, from line 102 on: no force reading: no tissue force", "at the sensor's limit"]);
+    ran.says(&["broken.csv: 50 rows, from line 102 on: no force reading: no tissue force", "at the sensor's limit"]);
     let out = fs::read_to_string(place.path("out.csv")).unwrap();
     assert!(out.lines().nth(120).unwrap().contains(",nan,"), "{}", out.lines().nth(120).unwrap());
 }
 
 #[test]
 fn what_cannot_be_run_leaves_nothing() {
-    let place = Place::new();
+    let place = place();
     let before = names_in(place.0.path());
     let ran = place.run("compensate model.json hand.csv --out out.csv").ends_with(1);
-    says(&ran, &["force_error", "--force-error-n"]);
+    ran.says(&["force_error", "--force-error-n"]);
     fs::write(place.path("back.csv"), "time_s,position_m,force_n\n0,0,0\n0.002,0,0\n0.001,0,0\n").unwrap();
     let ran = place.run(&format!("compensate model.json back.csv --out out.csv {OPTIONS}")).ends_with(1);
-    says(&ran, &["back.csv line 4: time goes back from 0.002 s to 0.001 s"]);
+    ran.says(&["back.csv line 4: time goes back from 0.002 s to 0.001 s"]);
     fs::write(place.path("two.csv"), "time_s,position_m\n0,0\n0.002,0\n").unwrap();
-    says(&place.run(&format!("compensate model.json two.csv --out out.csv {OPTIONS}")).ends_with(1), &["force"]);
+    place.run(&format!("compensate model.json two.csv --out out.csv {OPTIONS}")).ends_with(1).says(&["force"]);
     place.run("compensate model.json hand.csv --out out.csv --force-error-n -1").ends_with(2);
     fs::remove_file(place.path("back.csv")).unwrap();
     fs::remove_file(place.path("two.csv")).unwrap();

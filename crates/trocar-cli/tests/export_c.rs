@@ -1,6 +1,5 @@
 //! `trocar export c` as a process: where the file goes, what is refused, that nothing half-written stays.
 
-#[allow(dead_code)] // every test binary uses its own part
 mod common;
 
 use std::fs;

@@ -16,7 +16,6 @@ use trocar_model::{Seal, Trocar, TrocarState};
 
 use common::Ran;
 
-#[allow(dead_code)] // other tests look into folders
 mod common;
 
 const PLAYWRIGHT: &str = "playwright-core@1.64.1";

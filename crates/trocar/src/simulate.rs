@@ -5,8 +5,7 @@
 //! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model without a deformation of
 //! its own. The force is the seal's alone, positive on insertion.
 
-use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{Read, Write};
 use std::path::Path;
 
 use trocar_model::{Deformation, Friction, GuardState, Mode, Parallel, PlayGuard};
@@ -16,7 +15,7 @@ use crate::output::AtomicFile;
 use crate::recording::columns::Quantity;
 use crate::recording::line::Line;
 use crate::recording::rows::{Row, RowReader};
-use crate::recording::{LONGEST_STROKE, Place};
+use crate::recording::{self, LONGEST_STROKE, Place};
 
 /// Names of the columns written, with and without a deformation.
 const HEADER: &[u8] = b"time_s,position_m,force_n,deflection_m,mode\n";
@@ -172,12 +171,7 @@ pub fn simulate_file(
 ) -> Result<u64, SimulateError> {
     let file = motion.display().to_string();
     let mut result = AtomicFile::create(output)?;
-    let rows = if file == "-" {
-        simulate(&file, io::stdin().lock(), columns, drive, &mut result, progress)?
-    } else {
-        let input = File::open(motion).map_err(|source| RecordingError::Open { file: file.clone(), source })?;
-        simulate(&file, input, columns, drive, &mut result, progress)?
-    };
+    let rows = simulate(&file, recording::open(motion)?, columns, drive, &mut result, progress)?;
     result.commit()?;
     Ok(rows)
 }

@@ -7,25 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include <trocar.h>
-
-static int failed;
-
-#define CHECK(condition)                                                        \
-    do {                                                                        \
-        if (!(condition)) {                                                     \
-            fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition);     \
-            failed = 1;                                                         \
-        }                                                                       \
-    } while (0)
-#define REFUSED(status, call) CHECK((call) == TROCAR_STATUS_##status)
-
-/* A pointer to an odd byte of a place large enough. */
-static union {
-    double number;
-    unsigned char bytes[1024];
-} room;
-#define ODD(type) ((type *)(void *)(room.bytes + 1))
+#include "check.h"
 
 static trocar_model *model;
 

@@ -1,6 +1,8 @@
 //! What the tests of the program share.
+#![allow(dead_code)] // every test binary uses its own part
 
-use std::process::Output;
+use std::path::PathBuf;
+use std::process::{Command, Output};
 
 /// A finished run.
 #[derive(Debug)]
@@ -20,6 +22,14 @@ impl Ran {
         assert_eq!(self.code, Some(code), "{self:#?}");
         self
     }
+
+    /// The messages hold all of `essentials`.
+    pub(crate) fn says(&self, essentials: &[&str]) -> &Self {
+        for essential in essentials {
+            assert!(self.stderr.contains(essential), "no {essential:?} in {self:#?}");
+        }
+        self
+    }
 }
 
 /// Everything in a folder, hidden files included, in order.
@@ -28,4 +38,27 @@ pub(crate) fn names_in(folder: &std::path::Path) -> Vec<String> {
     let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
+}
+
+/// A folder of its own for one test, and the program run inside it.
+pub(crate) struct Place(pub(crate) tempfile::TempDir);
+
+impl Place {
+    pub(crate) fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub(crate) fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
+        command.current_dir(self.0.path()).args(arguments.split_whitespace());
+        command
+    }
+
+    pub(crate) fn run(&self, arguments: &str) -> Ran {
+        Ran::from(self.command(arguments).output().unwrap())
+    }
 }

@@ -251,17 +251,17 @@ impl Compensator {
     /// The first sample starts the observer, whatever its duration. A duration that is not positive and finite, or a
     /// position that is not finite, leaves the model where it is.
     pub fn step(&mut self, position: f64, force: f64, duration: f64) -> Estimate {
-        let since = self.waited + if duration > 0.0 && duration.is_finite() { duration } else { 0.0 };
-        // A sample too soon after the last one moves the model with the next.
-        let elapsed = if duration.is_finite() && duration > 0.0 { since } else { duration };
+        let goes_on = duration > 0.0 && duration.is_finite();
+        self.waited += if goes_on { duration } else { 0.0 };
+        let elapsed = if goes_on { self.waited } else { duration };
         let found = self.watch.look(self.position, position, force, elapsed);
-        self.waited = since;
         match (self.position, found.motion) {
             (None, _) if position.is_finite() => self.start(position, force),
-            (Some(_), None) if since < SHORTEST => {}
-            (Some(_), None) => self.move_to(position, since),
-            (Some(_), Some(Fault::Gap)) => {
-                self.move_to(position, since);
+            // A sample too soon after the last one moves the model with the next.
+            (Some(_), None) if self.waited < SHORTEST => {}
+            (Some(before), None) => self.move_to(position, position - before),
+            (Some(before), Some(Fault::Gap)) => {
+                self.move_to(position, position - before);
                 self.forget();
             }
             (Some(_), Some(Fault::Jump)) => self.rebase(position),
@@ -286,8 +286,7 @@ impl Compensator {
     /// The position was set anew; what moved meanwhile is unknown.
     fn rebase(&mut self, position: f64) {
         self.position = Some(position);
-        self.time += self.waited;
-        self.waited = 0.0;
+        self.time += std::mem::take(&mut self.waited);
         self.inertia.restart(self.time, position);
         self.forget();
     }
@@ -299,12 +298,9 @@ impl Compensator {
         self.bank.break_off();
     }
 
-    fn move_to(&mut self, position: f64, duration: f64) {
-        let Some(before) = self.position else { return };
-        let displacement = position - before;
-        if !(duration > 0.0 && duration.is_finite() && displacement.is_finite()) {
-            return;
-        }
+    /// Moves the model by `displacement`, m, within the time since it last moved.
+    fn move_to(&mut self, position: f64, displacement: f64) {
+        let duration = std::mem::take(&mut self.waited);
         let level = self.adapter.drift().level;
         let own = displacement / level;
         self.setup.seal.step(&mut self.state, own, duration);
@@ -319,7 +315,6 @@ impl Compensator {
         self.position = Some(position);
         self.speed = displacement / duration;
         self.time += duration;
-        self.waited = 0.0;
         self.inertia.advance(self.time, position);
         self.adapter.pass(duration);
         if self.setup.adaptation {
@@ -380,9 +375,7 @@ impl Compensator {
 
     /// Direction of a slide that is beyond doubt.
     fn settled(&mut self) -> Option<bool> {
-        let slides = self.extremes.is_none()
-            && self.phase() == Phase::Sliding
-            && self.state.deformation().is_none_or(|seal| seal.mode == Mode::Sliding);
+        let slides = self.extremes.is_none() && self.phase() == Phase::Sliding;
         self.adapter.settle(slides, self.speed > 0.0, self.position.unwrap_or(0.0), self.setup.seal.deformation_width())
     }
 }

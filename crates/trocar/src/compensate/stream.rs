@@ -1,16 +1,15 @@
 //! A recording, or a live stream, through the observer: row by row and in constant memory.
 
-use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{Read, Write};
 use std::path::Path;
 
 use super::{Compensator, Drift, Fault};
 use crate::error::RecordingError;
 use crate::output::AtomicFile;
-use crate::recording::Place;
 use crate::recording::columns::Quantity;
 use crate::recording::line::Line;
 use crate::recording::rows::RowReader;
+use crate::recording::{self, Place};
 use crate::simulate::SimulateError;
 
 /// Names of the columns written.
@@ -54,7 +53,7 @@ pub struct StreamOptions<'a> {
     pub live: bool,
 }
 
-/// Runs `observer` along the file `recording` and writes `output`; `-` is standard input or output.
+/// Runs `observer` along the file at `path` and writes `output`; `-` is standard input or output.
 ///
 /// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress` is told the bytes read so
 /// far, now and then; `on_fault` the first line of each kind of fault, when it comes.
@@ -63,21 +62,17 @@ pub struct StreamOptions<'a> {
 /// [`SimulateError::Motion`] for a file that cannot be read, a time that is not finite or goes back;
 /// [`SimulateError::Output`] when the result cannot be written. Neither leaves an output file.
 pub fn compensate_file(
-    recording: &Path,
+    path: &Path,
     options: StreamOptions,
     observer: &mut Compensator,
     output: &Path,
     progress: impl FnMut(u64),
     on_fault: impl FnMut(Fault, u64),
 ) -> Result<Compensation, SimulateError> {
-    let file = recording.display().to_string();
+    let file = path.display().to_string();
     let mut result = AtomicFile::create(output)?;
-    let summary = if file == "-" {
-        compensate_stream(&file, io::stdin().lock(), options, observer, &mut result, progress, on_fault)?
-    } else {
-        let input = File::open(recording).map_err(|source| RecordingError::Open { file: file.clone(), source })?;
-        compensate_stream(&file, input, options, observer, &mut result, progress, on_fault)?
-    };
+    let input = recording::open(path)?;
+    let summary = compensate_stream(&file, input, options, observer, &mut result, progress, on_fault)?;
     result.commit()?;
     Ok(summary)
 }

@@ -5,7 +5,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::ops::Range;
 use std::path::Path;
 
@@ -270,6 +270,16 @@ pub fn position_resolution(path: &Path, columns: Option<&str>) -> Result<f64, Re
         positions.extend(Some(row.get(Quantity::Position)).filter(|position| position.is_finite()));
     }
     Ok(screen::resolution(&positions))
+}
+
+/// The bytes of the file at `path` as a stream; `-` is standard input.
+pub(crate) fn open(path: &Path) -> Result<Box<dyn Read>, RecordingError> {
+    let file = path.display().to_string();
+    if file == "-" {
+        return Ok(Box::new(std::io::stdin().lock()));
+    }
+    let input = File::open(path).map_err(|source| RecordingError::Open { file, source })?;
+    Ok(Box::new(input))
 }
 
 fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
