@@ -18,10 +18,12 @@ use screen::{Columns, Lines};
 
 pub use crate::error::RecordingError;
 pub use columns::{TableColumn, TableColumns};
+pub use container::{Column, Table};
 pub use motion::{local_acceleration, local_velocity};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 
 pub(crate) mod columns;
+pub(crate) mod container;
 mod format;
 pub(crate) mod line;
 mod motion;
