@@ -224,7 +224,14 @@ class Compared:
     def save(self, folder: _Path) -> None: ...
 
 def read(
-    path: _Path, *, columns: str | None = None, flip_force: bool = False, sensor_limit_n: float | None = None
+    path: _Path,
+    *,
+    columns: str | None = None,
+    topics: list[str] = ...,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    flip_force: bool = False,
+    sensor_limit_n: float | None = None,
 ) -> Recording: ...
 def simulate(
     model: Model,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::recording::{ReadOptions, Recording, RecordingError, read};
+use trocar::recording::{Choice, ReadOptions, Recording, RecordingError, read};
 use trocar::summary::MovingMass;
 
 use crate::console::{BadArgument, Console};
@@ -10,16 +10,46 @@ use crate::console::{BadArgument, Console};
 /// Recordings in memory against what a whole identification holds at its peak.
 const PEAK_TO_COLUMNS: u64 = 5;
 
+/// What to take from a file.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Reading recordings")]
+pub(crate) struct Choosing {
+    /// Columns with units, in order, '-' to skip one: time_s,position_mm,-,force_n; or by name, a minus reversing the sign:
+    /// position_mm=x,force_n=-fz
+    #[arg(long, value_name = "NAMES")]
+    columns: Option<String>,
+    /// Topic of a robot log, group of a MATLAB or HDF5 file to look in; may be repeated (`trocar inspect` shows them)
+    #[arg(long, value_name = "NAME")]
+    topic: Vec<String>,
+    /// Leave out what comes earlier, in s from the first row
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
+    from_s: Option<f64>,
+    /// Leave out what comes then or later, in s from the first row
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
+    to_s: Option<f64>,
+    /// Reverse the sign of the force, for a sensor mounted the other way round
+    #[arg(long)]
+    flip_force: bool,
+}
+
+impl Choosing {
+    pub(crate) fn choice(&self) -> Choice {
+        Choice {
+            columns: self.columns.clone(),
+            topics: self.topic.clone(),
+            from: self.from_s,
+            to: self.to_s,
+            flip_force: self.flip_force,
+        }
+    }
+}
+
 /// How to read the recordings.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Reading recordings")]
 pub(crate) struct Reading {
-    /// Names of the columns in order, with units, '-' to skip one: time_s,position_mm,-,force_n
-    #[arg(long, value_name = "NAMES")]
-    pub(crate) columns: Option<String>,
-    /// Reverse the sign of the force, for a sensor mounted the other way round
-    #[arg(long)]
-    flip_force: bool,
+    #[command(flatten)]
+    choosing: Choosing,
     /// Largest force the sensor can read, in N; readings there count as saturated
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
@@ -51,9 +81,8 @@ impl Reading {
 
     fn options(&self, memory: Option<u64>) -> ReadOptions {
         ReadOptions {
-            columns: self.columns.clone(),
+            choice: self.choosing.choice(),
             sensor_limit: self.sensor_limit_n,
-            flip_force: self.flip_force,
             memory_limit: memory.map(|bytes| bytes / PEAK_TO_COLUMNS),
         }
     }

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyAny, PyTuple, PyType};
 use trocar::output::AtomicFile;
-use trocar::recording::{self, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns};
+use trocar::recording::{self, Choice, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns};
 
 use crate::arrays::column;
 use crate::errors::{ArrayError, InternalError, ParameterError, Raise};
@@ -278,22 +278,30 @@ fn quality_json(quality: &Quality) -> PyResult<String> {
     serde_json::to_string(quality).map_err(|error| InternalError::new_err(error.to_string()))
 }
 
-/// Reads a recording from a text file with columns of time, position and force.
+/// Reads a recording from a file of any format that `trocar inspect` lists.
 ///
 /// Columns are found by their names, units included; `columns` names them in order instead, `-` skips one:
-/// `"time_s,position_mm,-,force_n"`. `flip_force` reverses the sign of the force; readings at `sensor_limit_n` count as
-/// saturated.
+/// `"time_s,position_mm,-,force_n"`, or by name: `"position_mm=x,force_n=-fz"`. `topics` are the tables or topics to look in.
+/// Rows before `from_s` and from `to_s` on (s behind the first row) are left out. `flip_force` reverses the sign of the force;
+/// readings at `sensor_limit_n` count as saturated.
 #[pyfunction]
-#[pyo3(signature = (path, *, columns=None, flip_force=false, sensor_limit_n=None))]
+#[pyo3(signature = (path, *, columns=None, topics=Vec::new(), from_s=None, to_s=None, flip_force=false,
+    sensor_limit_n=None), text_signature = "(path, *, columns=None, topics=[], from_s=None, to_s=None, flip_force=False, \
+    sensor_limit_n=None)")]
+#[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(crate) fn read(
     py: Python<'_>,
     path: PathBuf,
     columns: Option<String>,
+    topics: Vec<String>,
+    from_s: Option<f64>,
+    to_s: Option<f64>,
     flip_force: bool,
     sensor_limit_n: Option<f64>,
 ) -> PyResult<Recording> {
     check_limit(sensor_limit_n)?;
-    let options = ReadOptions { columns, sensor_limit: sensor_limit_n, flip_force, memory_limit: None };
+    let choice = Choice { columns, topics, from: from_s, to: to_s, flip_force };
+    let options = ReadOptions { choice, sensor_limit: sensor_limit_n, ..ReadOptions::default() };
     let record = run(py, How::default(), move |_| recording::read(&path, &options))?;
     Ok(Recording::new(record.map_err(Raise::raise)?))
 }

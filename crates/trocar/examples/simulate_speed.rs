@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use trocar::output::AtomicFile;
-use trocar::recording::{ReadOptions, read};
+use trocar::recording::{Choice, ReadOptions, read};
 
 use trocar::simulate::{Drive, Positions, simulate};
 use trocar_model::{Deformation, Element, ElementParams, Mode, Parallel};
@@ -37,14 +37,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = motion();
     let element = Element::new(ElementParams::plausible_10_5_mm()?)?;
     let parse = rate(|| {
-        let mut positions = Positions::open("made", text.as_bytes(), None)?;
+        let mut positions = Positions::from_text("made", text.as_bytes(), &Choice::default())?;
         while let Some(step) = positions.advance()? {
             black_box(step);
         }
         Ok(())
     })?;
     let mut steps = Vec::new();
-    let mut positions = Positions::open("made", text.as_bytes(), None)?;
+    let mut positions = Positions::from_text("made", text.as_bytes(), &Choice::default())?;
     while let Some(step) = positions.advance()? {
         steps.push(step);
     }
@@ -89,7 +89,7 @@ fn whole_recording(text: &str) -> Result<(), Box<dyn std::error::Error>> {
 
 fn replay(text: &str, drive: &mut impl Drive) -> Result<(), Box<dyn std::error::Error>> {
     let mut output = AtomicFile::create("/dev/null")?;
-    simulate("made", text.as_bytes(), None, drive, &mut output, |_| ())?;
+    simulate(Positions::from_text("made", text.as_bytes(), &Choice::default())?, drive, &mut output, |_, _| ())?;
     Ok(())
 }
 

@@ -78,13 +78,13 @@ pub enum RecordingError {
     },
     /// A needed column is not in the header.
     #[error(
-        "{file} line {line}: no {quantity} column among '{found}', expected a name such as {expected}\n\nhint: name the columns in order, with units, and '-' for those to skip, for example --columns {example}"
+        "{file}{place}: no {quantity} column among '{found}', expected a name such as {expected}\n\nhint: name the columns in order, with units, and '-' for those to skip, for example --columns {example}"
     )]
     MissingColumn {
         /// File as the caller named it.
         file: String,
-        /// Line of the header.
-        line: u64,
+        /// Where in it, ` line 1`; empty where a table has no lines.
+        place: Box<str>,
         /// `time`, `position` or `force`.
         quantity: &'static str,
         /// The names found.
@@ -96,13 +96,13 @@ pub enum RecordingError {
     },
     /// Several columns could be the same quantity.
     #[error(
-        "{file} line {line}: {quantity} could be '{first}' or '{second}', expected one\n\nhint: say which, with '-' for columns to skip, for example --columns {example}"
+        "{file}{place}: {quantity} could be '{first}' or '{second}', expected one\n\nhint: say which, with '-' for columns to skip, for example --columns {example}"
     )]
     AmbiguousColumn {
         /// File as the caller named it.
         file: String,
-        /// Line of the header.
-        line: u64,
+        /// Where in it, ` line 1`; empty where a table has no lines.
+        place: Box<str>,
         /// The quantity concerned.
         quantity: &'static str,
         /// One candidate.
@@ -114,13 +114,13 @@ pub enum RecordingError {
     },
     /// A column is named, but not its unit.
     #[error(
-        "{file} line {line}: column '{column}' has no unit that is understood for {quantity}, expected one of {expected}\n\nhint: rename it, for example {quantity}_{unit}, or give --columns {example}"
+        "{file}{place}: column '{column}' has no unit that is understood for {quantity}, expected one of {expected}\n\nhint: rename it, for example {quantity}_{unit}, or give --columns {example}"
     )]
     MissingUnit {
         /// File as the caller named it.
         file: String,
-        /// Line of the header.
-        line: u64,
+        /// Where in it, ` line 1`; empty where a table has no lines.
+        place: Box<str>,
         /// Name of the column.
         column: Box<str>,
         /// The quantity it was taken for.
@@ -132,9 +132,31 @@ pub enum RecordingError {
         /// A `--columns` value with the right number of entries.
         example: Box<str>,
     },
+    /// Several tables of a file hold what is needed.
+    #[error(
+        "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example --topic NAME; `trocar inspect` shows them"
+    )]
+    AmbiguousTable {
+        /// File as the caller named it.
+        file: String,
+        /// Their names.
+        found: String,
+    },
+    /// No table, or more than one, has the name asked for.
+    #[error("{file}: {found} topics or tables are named '{topic}', expected one\n\nhint: the file holds {expected}")]
+    NoSuchTable {
+        /// File as the caller named it.
+        file: String,
+        /// The name asked for.
+        topic: String,
+        /// How many have it.
+        found: usize,
+        /// All names.
+        expected: String,
+    },
     /// The `--columns` mapping itself is wrong.
     #[error(
-        "--columns entry '{entry}' is {problem}\n\nhint: give a name with its unit per column, '-' to skip one, for example --columns time_s,position_mm,force_n,-"
+        "--columns entry '{entry}' is {problem}\n\nhint: give a name with its unit per column, '-' to skip one, for example --columns time_s,position_mm,force_n,-, or say by name which column is which, for example --columns position_mm=x,force_n=-fz"
     )]
     BadColumns {
         /// The entry concerned.

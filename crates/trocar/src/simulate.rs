@@ -1,6 +1,6 @@
 //! Replays a model along a recorded motion, row by row and in constant memory.
 //!
-//! The motion is any CSV that [`crate::recording`] understands with time and position; of a force column only the
+//! The motion is any file that [`crate::recording`] understands with time and position; of a force column only the
 //! first reading counts, and only for a drive that starts from it. Every row gives one row
 //! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model without a deformation of
 //! its own. The force is the seal's alone, positive on insertion.
@@ -12,10 +12,11 @@ use trocar_model::{Deformation, Friction, GuardState, Mode, Parallel, PlayGuard}
 
 use crate::error::{OutputError, RecordingError};
 use crate::output::AtomicFile;
+use crate::recording::block::Row;
 use crate::recording::columns::Quantity;
 use crate::recording::line::Line;
-use crate::recording::rows::{Row, RowReader};
-use crate::recording::{self, LONGEST_STROKE, Place};
+use crate::recording::rows::Rows;
+use crate::recording::{Choice, LONGEST_STROKE, Place};
 
 /// Names of the columns written, with and without a deformation.
 const HEADER: &[u8] = b"time_s,position_m,force_n,deflection_m,mode\n";
@@ -155,8 +156,9 @@ pub enum SimulateError {
 
 /// Replays `drive` along the file `motion` and writes `output`; `-` is standard input or output.
 ///
-/// `columns` names the columns of a motion without a header. The first row is where the drive stands: it carries the
-/// drive's present force. `progress` is told the bytes read so far, now and then. Returns the number of rows.
+/// `choice` says what to take from the motion. The first row is where the drive stands: it carries the drive's present force.
+/// `progress` is told now and then which part of the motion has been read, 0 to 1 (0 for a stream), and how many rows. Returns
+/// the number of rows.
 ///
 /// # Errors
 /// [`SimulateError::Motion`] names the line of the first row that cannot be replayed: no number, not finite, time going
@@ -164,31 +166,27 @@ pub enum SimulateError {
 /// cannot be written. Neither leaves an output file.
 pub fn simulate_file(
     motion: &Path,
-    columns: Option<&str>,
+    choice: &Choice,
     drive: &mut impl Drive,
     output: &Path,
-    progress: impl FnMut(u64),
+    progress: impl FnMut(f64, u64),
 ) -> Result<u64, SimulateError> {
-    let file = motion.display().to_string();
     let mut result = AtomicFile::create(output)?;
-    let rows = simulate(&file, recording::open(motion)?, columns, drive, &mut result, progress)?;
+    let rows = simulate(Positions::open(motion, choice)?, drive, &mut result, progress)?;
     result.commit()?;
     Ok(rows)
 }
 
-/// The same from any stream into an [`AtomicFile`], which stays uncommitted. `file` names the stream in messages.
+/// The same into an [`AtomicFile`], which stays uncommitted.
 ///
 /// # Errors
 /// As for [`simulate_file`].
 pub fn simulate(
-    file: &str,
-    input: impl Read,
-    columns: Option<&str>,
+    mut rows: Positions,
     drive: &mut impl Drive,
     output: &mut AtomicFile,
-    mut progress: impl FnMut(u64),
+    mut progress: impl FnMut(f64, u64),
 ) -> Result<u64, SimulateError> {
-    let mut rows = Positions::open(file, input, columns)?;
     let mut line = Line::default();
     let header = if drive.deformation().is_some() { HEADER } else { HEADER_OF_FORCE };
     let outcome = output.write_all(header);
@@ -210,7 +208,7 @@ pub fn simulate(
         outcome.map_err(|source| output.write_error(source))?;
         count += 1;
         if count % REPORT_EVERY == 0 {
-            progress(rows.rows.bytes_read());
+            progress(rows.rows.part(), count);
         }
     }
     let outcome = line.flush(output);
@@ -241,9 +239,9 @@ pub struct Step {
 }
 
 /// Reads a motion row by row and refuses a row that cannot follow the one above.
-pub struct Positions<R> {
+pub struct Positions<'a> {
     file: String,
-    rows: RowReader<R>,
+    rows: Rows<'a>,
     started: bool,
     time: f64,
     position: f64,
@@ -251,15 +249,32 @@ pub struct Positions<R> {
     highest: f64,
 }
 
-impl<R: Read> Positions<R> {
-    /// Reads up to the first row; `file` names the stream in messages, `columns` is for files without a header.
+/// What a motion has to hold.
+const NEEDED: [Quantity; 2] = [Quantity::Time, Quantity::Position];
+
+impl Positions<'static> {
+    /// Opens the file at `path`, or standard input for `-`, up to the first row.
     ///
     /// # Errors
     /// [`RecordingError`] when there is no such row or the columns are unclear.
-    pub fn open(file: &str, input: R, columns: Option<&str>) -> Result<Self, RecordingError> {
-        let rows = RowReader::open(file, input, columns, &[Quantity::Time, Quantity::Position], false)?;
+    pub fn open(path: &Path, choice: &Choice) -> Result<Self, RecordingError> {
+        Ok(Self::new(path.display().to_string(), Rows::open(path, choice, &NEEDED, false)?))
+    }
+}
+
+impl<'a> Positions<'a> {
+    /// The same from a stream of text, which `file` names in messages.
+    ///
+    /// # Errors
+    /// As for [`Positions::open`].
+    pub fn from_text(file: &str, input: impl Read + Send + 'a, choice: &Choice) -> Result<Self, RecordingError> {
+        let rows = Rows::from_text(file, Box::new(input), None, choice, &NEEDED, false)?;
+        Ok(Self::new(file.to_owned(), rows))
+    }
+
+    fn new(file: String, rows: Rows<'a>) -> Self {
         let (lowest, highest) = (f64::INFINITY, f64::NEG_INFINITY);
-        Ok(Self { file: file.to_owned(), rows, started: false, time: 0.0, position: 0.0, lowest, highest })
+        Self { file, rows, started: false, time: 0.0, position: 0.0, lowest, highest }
     }
 
     /// The next row, or `None` at the end.

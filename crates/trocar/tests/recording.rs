@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
-use trocar::recording::{ReadOptions, Recording, WarningKind, local_acceleration, local_velocity, read, write};
+use trocar::recording::{Choice, ReadOptions, Recording, WarningKind, local_acceleration, local_velocity, read, write};
 
 /// Force noise in N of standard deviation 0.01, the same for every run.
 fn noise(k: usize) -> f64 {
@@ -60,7 +60,7 @@ fn message_with(contents: impl AsRef<[u8]>, options: &ReadOptions) -> String {
 }
 
 fn columns(mapping: &str) -> ReadOptions {
-    ReadOptions { columns: Some(mapping.into()), ..ReadOptions::default() }
+    ReadOptions { choice: Choice::columns(mapping), ..ReadOptions::default() }
 }
 
 #[track_caller]
@@ -299,7 +299,7 @@ fn a_flipped_force_is_noticed_and_can_be_flipped_back() {
     let recording = read_text(&flipped);
     assert_eq!(kinds(&recording), [WarningKind::ForceSign]);
     assert_says(recording.quality.warnings[0].hint.as_deref().unwrap(), &["--flip-force"]);
-    let options = ReadOptions { flip_force: true, ..ReadOptions::default() };
+    let options = ReadOptions { choice: Choice { flip_force: true, ..Choice::default() }, ..ReadOptions::default() };
     let back = read(&Scratch::new().file(&flipped), &options).unwrap();
     assert_eq!(back.quality.warnings, []);
     assert_eq!(back.force[7], -recording.force[7]);

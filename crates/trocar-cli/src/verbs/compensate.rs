@@ -7,7 +7,7 @@ use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
 use crate::Done;
 use crate::console::Console;
-use crate::input::{finite, not_negative, positive};
+use crate::input::{Choosing, finite, not_negative, positive};
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -45,12 +45,8 @@ pub(crate) struct Args {
     /// Keep friction and viscosity as identified
     #[arg(long)]
     no_adaptation: bool,
-    /// Names of the columns in order, with units, '-' to skip one: time_s,position_mm,-,force_n
-    #[arg(long, value_name = "NAMES")]
-    columns: Option<String>,
-    /// Reverse the sign of the force, for a sensor mounted the other way round
-    #[arg(long)]
-    flip_force: bool,
+    #[command(flatten)]
+    choosing: Choosing,
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
@@ -67,10 +63,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     say_what_it_rests_on(console, args, &model);
     let is_file = std::fs::metadata(&args.recording).is_ok_and(|data| data.is_file());
     let is_stream = args.recording.as_os_str() == "-" || (args.recording.exists() && !is_file);
-    let stream = StreamOptions { columns: args.columns.as_deref(), flip_force: args.flip_force, live: is_stream };
-    let size = std::fs::metadata(&args.recording).map_or(0, |data| data.len());
+    let stream = StreamOptions { choice: &args.choosing.choice(), live: is_stream };
     let progress = Progress::new(console);
-    let report = |bytes: u64| progress.report("compensating", if size > 0 { bytes as f64 / size as f64 } else { 0.0 });
+    let report = |part, rows| progress.report_rows("compensating", part, rows);
     let tell = |fault: Fault, line: u64| {
         if is_stream {
             console.warn(&format!("line {line}: {}", fault.words()));

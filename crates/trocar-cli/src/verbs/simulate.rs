@@ -1,6 +1,6 @@
 //! `trocar simulate`
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use trocar::model_file::{Model, ModelFile};
 use trocar::recording::position_resolution;
@@ -12,7 +12,7 @@ use trocar_model::{Deformation, Element, LiteralState, Mode, PaperLiteral, PlayG
 
 use crate::Done;
 use crate::console::{BadArgument, Console};
-use crate::input::{finite, not_negative};
+use crate::input::{Choosing, finite, not_negative};
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -42,9 +42,8 @@ pub(crate) struct Args {
     /// is none; 'auto' takes 1.5 times the resolution that the first rows of a file show
     #[arg(long, default_value = "0", value_name = "WIDTH", value_parser = guard_width, allow_negative_numbers = true)]
     guard_m: GuardWidth,
-    /// Names of the columns in order, with units, '-' to skip one: time_s,position_mm,-
-    #[arg(long, value_name = "NAMES")]
-    columns: Option<String>,
+    #[command(flatten)]
+    choosing: Choosing,
 }
 
 /// Width of the play guard.
@@ -124,7 +123,7 @@ fn guard_for_resolution(console: &Console, args: &Args) -> anyhow::Result<PlayGu
     if args.motion.as_os_str() == "-" || std::fs::metadata(&args.motion).is_ok_and(|data| !data.is_file()) {
         return Err(refuse("which a stream does not tell beforehand").into());
     }
-    let resolution = position_resolution(&args.motion, args.columns.as_deref())?;
+    let resolution = position_resolution(&args.motion, &args.choosing.choice())?;
     if resolution == 0.0 {
         return Err(refuse("but they are whole multiples of no step").into());
     }
@@ -136,17 +135,11 @@ fn guard_for_resolution(console: &Console, args: &Args) -> anyhow::Result<PlayGu
 
 fn stream_bare(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<()> {
     let progress = Progress::new(console);
-    let size = size_of_file(&args.motion);
-    let report = |bytes: u64| progress.report("simulating", size.map_or(0.0, |size| bytes as f64 / size as f64));
-    let rows = simulate_file(&args.motion, args.columns.as_deref(), drive, &args.out, report)?;
+    let report = |part, rows| progress.report_rows("simulating", part, rows);
+    let rows = simulate_file(&args.motion, &args.choosing.choice(), drive, &args.out, report)?;
     drop(progress);
     console.remark(&format!("{rows} rows -> {}", args.out.display()));
     Ok(())
-}
-
-fn size_of_file(path: &Path) -> Option<u64> {
-    let size = std::fs::metadata(path).ok()?.len();
-    (size > 0).then_some(size)
 }
 
 /// Where the seal stands before the first row.

@@ -38,7 +38,7 @@ use trocar_model::{Deformation, Friction, Mode, Seal, SealState, Travel};
 
 pub use adapt::Drift;
 pub use faults::Fault;
-pub use stream::{Compensation, FaultCount, StreamOptions, compensate_file, compensate_stream};
+pub use stream::{Compensation, FaultCount, StreamOptions, compensate_file};
 
 use adapt::{Adapter, Sliding};
 use bank::Bank;

@@ -1,6 +1,6 @@
 //! A recording, or a live stream, through the observer: row by row and in constant memory.
 
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::Path;
 
 use super::{Compensator, Drift, Fault};
@@ -8,8 +8,8 @@ use crate::error::RecordingError;
 use crate::output::AtomicFile;
 use crate::recording::columns::Quantity;
 use crate::recording::line::Line;
-use crate::recording::rows::RowReader;
-use crate::recording::{self, Place};
+use crate::recording::rows::Rows;
+use crate::recording::{Choice, Place};
 use crate::simulate::SimulateError;
 
 /// Names of the columns written.
@@ -43,20 +43,18 @@ pub struct Compensation {
 }
 
 /// How a stream is read and written.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct StreamOptions<'a> {
-    /// Names of the columns of a stream without a header.
-    pub columns: Option<&'a str>,
-    /// Reverse the sign of the force, for a sensor mounted the other way round.
-    pub flip_force: bool,
+    /// What to take from it.
+    pub choice: &'a Choice,
     /// Hand on each row at once: for a stream that a person or a controller waits for.
     pub live: bool,
 }
 
 /// Runs `observer` along the file at `path` and writes `output`; `-` is standard input or output.
 ///
-/// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress` is told the bytes read so
-/// far, now and then; `on_fault` the first line of each kind of fault, when it comes.
+/// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress` is told now and then
+/// which part of the file has been read, 0 to 1 (0 for a stream), and how many rows; `on_fault` the first line of each kind of fault, when it comes.
 ///
 /// # Errors
 /// [`SimulateError::Motion`] for a file that cannot be read, a time that is not finite or goes back;
@@ -66,40 +64,19 @@ pub fn compensate_file(
     options: StreamOptions,
     observer: &mut Compensator,
     output: &Path,
-    progress: impl FnMut(u64),
-    on_fault: impl FnMut(Fault, u64),
-) -> Result<Compensation, SimulateError> {
-    let file = path.display().to_string();
-    let mut result = AtomicFile::create(output)?;
-    let input = recording::open(path)?;
-    let summary = compensate_stream(&file, input, options, observer, &mut result, progress, on_fault)?;
-    result.commit()?;
-    Ok(summary)
-}
-
-/// The same from any stream into an [`AtomicFile`], which stays uncommitted. `file` names the stream in messages.
-///
-/// # Errors
-/// As for [`compensate_file`].
-pub fn compensate_stream(
-    file: &str,
-    input: impl Read,
-    options: StreamOptions,
-    observer: &mut Compensator,
-    output: &mut AtomicFile,
-    mut progress: impl FnMut(u64),
+    mut progress: impl FnMut(f64, u64),
     mut on_fault: impl FnMut(Fault, u64),
 ) -> Result<Compensation, SimulateError> {
+    let file = &path.display().to_string();
+    let mut result = AtomicFile::create(output)?;
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
-    let mut rows = RowReader::open(file, input, options.columns, &needed, false)?;
-    let mut out = Rows { output, line: Line::default(), live: options.live };
+    let mut rows = Rows::open(path, options.choice, &needed, false)?;
+    let mut out = Output { output: &mut result, line: Line::default(), live: options.live };
     out.head()?;
-    let sign = if options.flip_force { -1.0 } else { 1.0 };
     let mut count = Counter::default();
     let mut before = None;
     while let Some(row) = rows.next_row()? {
-        let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
-        let force = sign * row.get(Quantity::Force);
+        let [time, position, force, _] = row.values;
         // Nobody can mend a live stream: a time that is none is a fault there, and the model waits.
         let duration = match duration(file, row.line, before, time) {
             Err(_) if options.live => f64::NAN,
@@ -116,10 +93,11 @@ pub fn compensate_stream(
             estimate.adapting,
         )?;
         if count.rows % REPORT_EVERY == 0 {
-            progress(rows.bytes_read());
+            progress(rows.part(), count.rows);
         }
     }
     out.end()?;
+    result.commit()?;
     Ok(count.summary(observer.drift()))
 }
 
@@ -140,13 +118,13 @@ fn duration(file: &str, line: u64, before: Option<f64>, time: f64) -> Result<f64
 }
 
 /// Rows on their way out.
-struct Rows<'a> {
+struct Output<'a> {
     output: &'a mut AtomicFile,
     line: Line,
     live: bool,
 }
 
-impl Rows<'_> {
+impl Output<'_> {
     fn head(&mut self) -> Result<(), SimulateError> {
         let outcome = self.output.write_all(HEADER);
         Ok(outcome.map_err(|source| self.output.write_error(source))?)

@@ -119,11 +119,22 @@ fn take_unit(words: &mut Vec<&str>, quantity: Quantity) -> Option<f64> {
     Some(per_si)
 }
 
-/// A column that is read: which quantity, and the divisor that makes it SI.
+/// A column that is read: where its numbers go, and the divisor that makes them SI, negative where the sign is reversed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Slot {
-    pub(crate) quantity: Quantity,
+    /// A [`Quantity`], or a place of the reader's own.
+    pub(crate) output: usize,
     pub(crate) per_si: f64,
+}
+
+impl Slot {
+    fn of(quantity: Quantity, per_si: f64) -> Self {
+        Self { output: quantity as usize, per_si }
+    }
+
+    fn is(&self, quantity: Quantity) -> bool {
+        self.output == quantity as usize
+    }
 }
 
 /// The columns of one file.
@@ -139,7 +150,20 @@ pub(crate) struct Layout {
 
 impl Layout {
     pub(crate) fn has(&self, quantity: Quantity) -> bool {
-        self.slots.iter().flatten().any(|slot| slot.quantity == quantity)
+        self.slots.iter().flatten().any(|slot| slot.is(quantity))
+    }
+
+    /// Every column as it stands, for who wants to see all of them.
+    pub(crate) fn all(names: Vec<String>) -> Self {
+        let slots = (0..names.len()).map(|output| Some(Slot { output, per_si: 1.0 })).collect();
+        Self { names, slots, source: "the header", notes: Vec::new() }
+    }
+
+    /// The force with its sign reversed.
+    pub(crate) fn flip_force(&mut self) {
+        let slots = self.slots.iter_mut().flatten();
+        slots.filter(|slot| slot.is(Quantity::Force)).for_each(|slot| slot.per_si = -slot.per_si);
+        self.notes.push("sign of the force reversed".into());
     }
 
     /// From `--columns time_s,position_mm,-,force_n`.
@@ -148,7 +172,7 @@ impl Layout {
         let slots = names.iter().map(|name| mapped_slot(name)).collect::<Result<Vec<_>, _>>()?;
         let layout = Self { names, slots, source: "--columns", notes: Vec::new() };
         for quantity in Quantity::ALL {
-            let mut taken = layout.slots.iter().flatten().filter(|slot| slot.quantity == quantity);
+            let mut taken = layout.slots.iter().flatten().filter(|slot| slot.is(quantity));
             let count = taken.by_ref().count();
             if count > 1 || (count == 0 && needed.contains(&quantity)) {
                 let problem = format!("naming {} {count} times, expected once", quantity.name());
@@ -158,18 +182,28 @@ impl Layout {
         Ok(layout)
     }
 
-    /// From the names in a header line.
+    /// From the names in a header line, or of a table, with what is declared beside them as `units` (one each, or none at all);
+    /// `given` are the columns that somebody has named by hand.
     pub(crate) fn from_header(
         file: &str,
-        line: u64,
+        place: &str,
         names: Vec<String>,
+        units: &[String],
+        given: &[Given],
         needed: &[Quantity],
     ) -> Result<Self, RecordingError> {
-        let readings: Vec<Option<Reading>> = names.iter().map(|name| recognise(name)).collect();
         let mut slots = vec![None; names.len()];
         let mut notes = Vec::new();
-        for quantity in Quantity::ALL {
-            let header = Header { file, line, names: &names, readings: &readings };
+        let unit = |k: usize| units.get(k).map_or("", String::as_str);
+        let read = |(k, name): (usize, &String)| recognise(&format!("{name} {}", unit(k)));
+        let mut readings: Vec<Option<Reading>> = names.iter().enumerate().map(read).collect();
+        for named in given {
+            let index = named.find(&names)?;
+            slots[index] = Some(named.slot(readings[index])?);
+            readings[index] = None;
+        }
+        for quantity in Quantity::ALL.into_iter().filter(|q| given.iter().all(|given| given.quantity != *q)) {
+            let header = Header { file, place, names: &names, readings: &readings };
             match header.choose(quantity, needed.contains(&quantity))? {
                 Choice::Column(index, slot) => {
                     if readings[index].is_some_and(|reading| !reading.exact) {
@@ -214,8 +248,11 @@ impl TableColumns {
     pub fn find(table: &str, names: &[String], mapping: Option<&str>) -> Result<Self, RecordingError> {
         let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
         let layout = match mapping {
+            Some(mapping) if mapping.contains('=') => {
+                Layout::from_header(table, "", names.to_vec(), &[], &Given::parse(mapping)?, &needed)?
+            }
             Some(mapping) => Layout::from_mapping(mapping, &needed)?,
-            None => Layout::from_header(table, 1, names.to_vec(), &needed)?,
+            None => Layout::from_header(table, "", names.to_vec(), &[], &[], &needed)?,
         };
         if layout.slots.len() != names.len() {
             let problem = format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
@@ -223,7 +260,7 @@ impl TableColumns {
         }
         let of = |quantity: Quantity| {
             let slots = layout.slots.iter().enumerate();
-            let mut own = slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.quantity == quantity)?)));
+            let mut own = slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.is(quantity))?)));
             own.next().map(|(index, slot)| TableColumn { index, per_si: slot.per_si })
         };
         let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
@@ -241,7 +278,81 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
     let per_si = reading
         .per_si
         .ok_or_else(|| bad(format!("without a unit, expected one of {}", unit_list(reading.quantity))))?;
-    Ok(Some(Slot { quantity: reading.quantity, per_si }))
+    Ok(Some(Slot::of(reading.quantity, per_si)))
+}
+
+/// An entry `force_n=-fz` of `--columns`: a quantity, and the name of its column.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Given {
+    pub(crate) quantity: Quantity,
+    /// As declared in the entry; otherwise the column's own name has to say.
+    per_si: Option<f64>,
+    pub(crate) column: String,
+    reversed: bool,
+}
+
+impl Given {
+    /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`.
+    pub(crate) fn parse(mapping: &str) -> Result<Vec<Self>, RecordingError> {
+        let given = mapping.split(',').map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
+        for (k, entry) in given.iter().enumerate() {
+            if given[..k].iter().any(|other| other.quantity == entry.quantity) {
+                let problem = format!("naming {} more than once", entry.quantity.name());
+                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
+            }
+        }
+        Ok(given)
+    }
+
+    fn parse_one(entry: &str) -> Result<Self, RecordingError> {
+        let bad = |problem: &str| RecordingError::BadColumns { entry: entry.to_owned(), problem: problem.to_owned() };
+        let (what, column) =
+            entry.split_once('=').ok_or_else(|| bad("without '=', while others have one: name all by column"))?;
+        let reading = recognise(what)
+            .ok_or_else(|| bad("not understood, expected time, position, force or velocity in front of '='"))?;
+        let column = column.trim();
+        let reversed = column.starts_with('-');
+        let column = column.trim_start_matches('-').trim().to_owned();
+        if column.is_empty() {
+            return Err(bad("without the name of a column behind '='"));
+        }
+        Ok(Self { quantity: reading.quantity, per_si: reading.per_si, column, reversed })
+    }
+
+    /// Place of the column among `names`: the same name, or the only one that differs in case alone.
+    fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
+        if let Some(index) = names.iter().position(|name| *name == self.column) {
+            return Ok(index);
+        }
+        let mut like = (0..names.len()).filter(|k| names[*k].eq_ignore_ascii_case(&self.column));
+        match (like.next(), like.next()) {
+            (Some(index), None) => Ok(index),
+            _ => {
+                let problem = format!("a name that no column has, expected one of {}", listed(names));
+                Err(RecordingError::BadColumns { entry: self.column.clone(), problem })
+            }
+        }
+    }
+
+    fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
+        let declared = own.filter(|own| own.quantity == self.quantity).and_then(|own| own.per_si);
+        let per_si = self.per_si.or(declared).ok_or_else(|| {
+            let units = unit_list(self.quantity);
+            let problem = format!(
+                "{} without a unit, which the column's name does not tell either, expected one of {units}",
+                self.quantity.name()
+            );
+            RecordingError::BadColumns { entry: format!("{}={}", self.quantity.name(), self.column), problem }
+        })?;
+        Ok(Slot::of(self.quantity, if self.reversed { -per_si } else { per_si }))
+    }
+}
+
+/// Names for a message, the first few of many.
+pub(crate) fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 12;
+    let shown = names.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN { format!("{shown}, ... ({} in all)", names.len()) } else { shown }
 }
 
 fn unit_list(quantity: Quantity) -> String {
@@ -266,7 +377,7 @@ enum Choice {
 
 struct Header<'a> {
     file: &'a str,
-    line: u64,
+    place: &'a str,
     names: &'a [String],
     readings: &'a [Option<Reading>],
 }
@@ -302,22 +413,22 @@ impl Header<'_> {
         let per_si = self.readings[index].and_then(|reading| reading.per_si);
         let per_si = per_si.ok_or_else(|| RecordingError::MissingUnit {
             file: self.file.to_owned(),
-            line: self.line,
+            place: self.place.into(),
             column: self.names[index].as_str().into(),
             quantity: quantity.name(),
             expected: unit_list(quantity).into(),
             unit: quantity.units()[0].0,
             example: example_mapping(self.names.len()).into(),
         })?;
-        Ok((index, Slot { quantity, per_si }))
+        Ok((index, Slot::of(quantity, per_si)))
     }
 
     fn missing(&self, quantity: Quantity) -> RecordingError {
         RecordingError::MissingColumn {
             file: self.file.to_owned(),
-            line: self.line,
+            place: self.place.into(),
             quantity: quantity.name(),
-            found: self.names.join(", "),
+            found: listed(self.names),
             expected: quantity.example(),
             example: example_mapping(self.names.len()).into(),
         }
@@ -326,7 +437,7 @@ impl Header<'_> {
     fn ambiguous(&self, quantity: Quantity, first: usize, second: usize) -> RecordingError {
         RecordingError::AmbiguousColumn {
             file: self.file.to_owned(),
-            line: self.line,
+            place: self.place.into(),
             quantity: quantity.name(),
             first: self.names[first].as_str().into(),
             second: self.names[second].as_str().into(),

@@ -11,17 +11,21 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
+use block::{Block, Row};
 use columns::Quantity;
 use line::Line;
-use rows::{Row, RowReader};
+use rows::Rows;
 use screen::{Columns, Lines};
 
 pub use crate::error::RecordingError;
+pub use choice::Choice;
 pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use motion::{local_acceleration, local_velocity};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 
+pub(crate) mod block;
+mod choice;
 pub(crate) mod columns;
 pub(crate) mod container;
 mod format;
@@ -31,6 +35,7 @@ mod position;
 mod quality;
 pub(crate) mod rows;
 mod screen;
+mod text;
 
 /// Fewest samples that make a recording.
 pub const MIN_SAMPLES: usize = 8;
@@ -91,12 +96,10 @@ pub struct Readings {
 /// How to read a file.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
-    /// Names of the columns in order, `time_s,position_mm,-,force_n`; needed for files without a header.
-    pub columns: Option<String>,
+    /// What to take from the file.
+    pub choice: Choice,
     /// Largest force the sensor can read, in N; readings there count as saturated.
     pub sensor_limit: Option<f64>,
-    /// Reverse the sign of the force.
-    pub flip_force: bool,
     /// Most memory the columns may take, in bytes.
     pub memory_limit: Option<u64>,
 }
@@ -143,7 +146,7 @@ impl Recording {
             let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
             collector.add(Row { line: k as u64, values });
         }
-        collector.finish(&name, name.clone(), rows::hex(&hash.finalize()), sensor_limit)
+        collector.finish(&name, name.clone(), text::hex(&hash.finalize()), sensor_limit)
     }
 
     /// Number of samples.
@@ -208,7 +211,7 @@ impl Recording {
     }
 }
 
-/// Reads a recording from a text file; `-` reads standard input.
+/// Reads a recording from a file; `-` reads text from standard input.
 ///
 /// # Errors
 /// [`RecordingError`], naming file and line, when a cell is no number, a row has the wrong number of cells, a column or
@@ -217,55 +220,30 @@ impl Recording {
 /// [`Recording::quality`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingError> {
     let file = path.display().to_string();
-    if file == "-" {
-        return read_from(&file, std::io::stdin().lock(), None, options);
-    }
-    let open = |source| RecordingError::Open { file: file.clone(), source };
-    let input = File::open(path).map_err(open)?;
-    let metadata = input.metadata().map_err(open)?;
-    if metadata.is_dir() {
-        return Err(open(std::io::ErrorKind::IsADirectory.into()));
-    }
-    read_from(&file, input, metadata.is_file().then_some(metadata.len()), options)
-}
-
-fn read_from(
-    file: &str,
-    input: impl std::io::Read,
-    size: Option<u64>,
-    options: &ReadOptions,
-) -> Result<Recording, RecordingError> {
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
-    let mut reader = RowReader::open(file, input, options.columns.as_deref(), &needed, true)?;
+    let mut reader = Rows::open(path, &options.choice, &needed, true)?;
     let has_velocity = reader.layout().has(Quantity::Velocity);
-    let rows = size.map_or(0, |size| (size as f64 / reader.bytes_per_line()) as u64);
-    check_memory(file, rows, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
+    let rows = reader.expected().unwrap_or(0);
+    check_memory(&file, rows, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
     // The estimate saves the copies of a growing column; a few percent cover lines that get shorter.
     let mut collector = Collector::new((rows + rows / 32) as usize, has_velocity);
-    let sign = if options.flip_force { -1.0 } else { 1.0 };
-    while let Some(mut row) = reader.next_row()? {
-        row.values[Quantity::Force as usize] *= sign;
-        collector.add(row);
+    while let Some(block) = reader.next_block()? {
+        collector.take(block);
     }
-    let name = Path::new(file).file_name().map_or(file.into(), |name| name.to_string_lossy());
-    let mut recording = collector.finish(file, name.into_owned(), reader.digest(), options.sensor_limit)?;
+    let name = path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
+    let mut recording = collector.finish(&file, name, reader.digest()?, options.sensor_limit)?;
     recording.quality.notes.extend_from_slice(&reader.layout().notes);
-    if options.flip_force {
-        recording.quality.notes.push("sign of the force reversed".into());
-    }
     Ok(recording)
 }
 
 /// [`Quality::position_resolution`] from the first rows of a file alone, in constant memory; 0 if none was found.
 ///
-/// `columns` names the columns of a file without a header; a force column is not needed.
+/// A force column is not needed.
 ///
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened, its columns are unclear or one of those rows is no row of numbers.
-pub fn position_resolution(path: &Path, columns: Option<&str>) -> Result<f64, RecordingError> {
-    let file = path.display().to_string();
-    let input = File::open(path).map_err(|source| RecordingError::Open { file: file.clone(), source })?;
-    let mut reader = RowReader::open(&file, input, columns, &[Quantity::Time, Quantity::Position], false)?;
+pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, RecordingError> {
+    let mut reader = Rows::open(path, choice, &[Quantity::Time, Quantity::Position], false)?;
     let mut positions = Vec::new();
     while positions.len() < screen::LOOKED_AT {
         let Some(row) = reader.next_row()? else { break };
@@ -274,14 +252,19 @@ pub fn position_resolution(path: &Path, columns: Option<&str>) -> Result<f64, Re
     Ok(screen::resolution(&positions))
 }
 
-/// The bytes of the file at `path` as a stream; `-` is standard input.
-pub(crate) fn open(path: &Path) -> Result<Box<dyn Read>, RecordingError> {
+/// The bytes of the file at `path` as a stream, with the file's size; `-` is standard input.
+fn open_text(path: &Path) -> Result<(Box<dyn Read + Send>, Option<u64>), RecordingError> {
     let file = path.display().to_string();
     if file == "-" {
-        return Ok(Box::new(std::io::stdin().lock()));
+        return Ok((Box::new(std::io::stdin()), None));
     }
-    let input = File::open(path).map_err(|source| RecordingError::Open { file, source })?;
-    Ok(Box::new(input))
+    let failed = |source| RecordingError::Open { file: file.clone(), source };
+    let input = File::open(path).map_err(failed)?;
+    let metadata = input.metadata().map_err(failed)?;
+    if metadata.is_dir() {
+        return Err(failed(std::io::ErrorKind::IsADirectory.into()));
+    }
+    Ok((Box::new(input), metadata.is_file().then_some(metadata.len())))
 }
 
 fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
@@ -315,6 +298,21 @@ impl Collector {
             lines: Lines::default(),
         };
         Self { columns, non_finite: RowList::default() }
+    }
+
+    fn take(&mut self, block: &Block) {
+        let wanted = [Quantity::Time, Quantity::Position, Quantity::Force, Quantity::Velocity];
+        let columns = &wanted[..if self.columns.velocity.is_some() { 4 } else { 3 }];
+        let is_whole = |quantity: &Quantity| block.columns[*quantity as usize].iter().all(|x| x.is_finite());
+        if !columns.iter().all(is_whole) {
+            return (0..block.len()).for_each(|row| self.add(block.row(row)));
+        }
+        let before = self.columns.time.len();
+        block.lines.iter().for_each(|&(first, line)| self.columns.lines.push(before + first, line));
+        let own = [&mut self.columns.time, &mut self.columns.position, &mut self.columns.force];
+        for (own, quantity) in own.into_iter().chain(&mut self.columns.velocity).zip(columns) {
+            own.extend_from_slice(&block.columns[*quantity as usize]);
+        }
     }
 
     fn add(&mut self, row: Row) {
