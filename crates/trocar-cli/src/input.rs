@@ -1,11 +1,12 @@
 //! Arguments on how to read recordings, common to several verbs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use trocar::recording::{Choice, ReadOptions, Recording, RecordingError, read};
+use trocar::recording::{Choice, Pieces, ReadOptions, Recording, RecordingError, read};
 use trocar::summary::MovingMass;
 
 use crate::console::{BadArgument, Console};
+use crate::progress::Progress;
 
 /// Recordings in memory against what a whole identification holds at its peak.
 const PEAK_TO_COLUMNS: u64 = 5;
@@ -44,6 +45,9 @@ impl Choosing {
     }
 }
 
+/// Samples of a recording in memory at once where it is read in pieces: a quarter of an hour at 1 kHz.
+const SAMPLES_IN_A_PIECE: usize = 1 << 20;
+
 /// How to read the recordings.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Reading recordings")]
@@ -53,6 +57,9 @@ pub(crate) struct Reading {
     /// Largest force the sensor can read, in N; readings there count as saturated
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
+    /// Most samples of a recording to identify from; of a longer one excerpts are taken, spread over the whole
+    #[arg(long, default_value_t = 4_000_000, value_name = "N")]
+    most_samples: usize,
     /// Most memory to use, in MB (10^6 bytes) [default: what the system has available]
     #[arg(long, value_name = "MB")]
     memory_limit_mb: Option<u64>,
@@ -67,22 +74,46 @@ impl Reading {
         for path in paths {
             let recording = read(path, &self.options(left)).map_err(with_the_peak)?.without_glitches();
             left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
-            let file = path.display();
-            for warning in &recording.quality.warnings {
-                console.warn(&format!("{file}: {warning}"));
-            }
-            for note in &recording.quality.notes {
-                console.remark(&format!("note: {file}: {note}"));
-            }
+            say_quality(console, path, &recording);
             recordings.push(recording);
         }
         Ok(recordings)
+    }
+
+    /// Hands on one recording piece by piece, so that its length does not matter; says what is doubtful about each.
+    pub(crate) fn pieces(
+        &self,
+        console: &Console,
+        path: &Path,
+        mut take: impl FnMut(Recording) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let mut pieces = Pieces::open(path, &self.options(None), SAMPLES_IN_A_PIECE)?;
+        let progress = Progress::new(console);
+        let mut count = 0;
+        while let Some(piece) = pieces.next_piece()? {
+            let (part, rows) = pieces.progress();
+            progress.report_rows("validating", part, rows);
+            let piece = piece.without_glitches();
+            say_quality(console, path, &piece);
+            take(piece)?;
+            count += 1;
+        }
+        drop(progress);
+        if count > 1 {
+            console.remark(&format!(
+                "note: {}: taken in {count} pieces of {SAMPLES_IN_A_PIECE} samples, each from an unknown start; whiteness and scatter between \
+                 strokes are those of the first",
+                path.display()
+            ));
+        }
+        Ok(())
     }
 
     fn options(&self, memory: Option<u64>) -> ReadOptions {
         ReadOptions {
             choice: self.choosing.choice(),
             sensor_limit: self.sensor_limit_n,
+            most_samples: Some(self.most_samples),
             memory_limit: memory.map(|bytes| bytes / PEAK_TO_COLUMNS),
         }
     }
@@ -125,6 +156,16 @@ fn with_the_peak(error: RecordingError) -> RecordingError {
             limit_mb: PEAK_TO_COLUMNS * limit_mb,
         },
         other => other,
+    }
+}
+
+fn say_quality(console: &Console, path: &Path, recording: &Recording) {
+    let file = path.display();
+    for warning in &recording.quality.warnings {
+        console.warn(&format!("{file}: {warning}"));
+    }
+    for note in &recording.quality.notes {
+        console.remark(&format!("note: {file}: {note}"));
     }
 }
 

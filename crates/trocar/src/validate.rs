@@ -154,7 +154,80 @@ pub struct Validation {
     pub recordings: Vec<RecordingValidation>,
 }
 
+/// What became of one recording, with the sums that it rests on.
+#[derive(Debug, Clone)]
+pub struct Scored {
+    result: RecordingValidation,
+    sums: Sums,
+    pieces: usize,
+}
+
+impl Scored {
+    /// This and the next piece of the same recording. Every piece starts with a seal of unknown state; whiteness and the scatter
+    /// between strokes stay those of the first.
+    #[must_use]
+    pub fn plus(self, next: Self) -> Self {
+        let (a, b) = (self.result, next.result);
+        let sums = self.sums.plus(next.sums);
+        let (n, m) = (a.samples as f64, b.samples as f64);
+        let with_start = |r: &RecordingValidation| (r.samples + r.samples_before_known) as f64;
+        let (p, q) = (with_start(&a), with_start(&b));
+        let mut warnings = a.warnings;
+        warnings.extend(b.warnings.into_iter().filter(|warning| !warnings.contains(warning)).collect::<Vec<_>>());
+        let result = RecordingValidation {
+            rms_n: sums.rms(),
+            fit_percent: sums.fit_percent(),
+            bias_n: (n * a.bias_n + m * b.bias_n) / (n + m).max(1.0),
+            worst_n: a.worst_n.max(b.worst_n),
+            rms_with_start_n: ((p * a.rms_with_start_n.powi(2) + q * b.rms_with_start_n.powi(2)) / (p + q)).sqrt(),
+            samples: a.samples + b.samples,
+            samples_before_known: a.samples_before_known + b.samples_before_known,
+            by_speed: both_speeds(a.by_speed, &b.by_speed),
+            by_phase: a.by_phase.plus(&b.by_phase),
+            warnings,
+            path: a.path,
+            whiteness: a.whiteness,
+            strokes: a.strokes,
+        };
+        Self { result, sums, pieces: self.pieces + next.pieces }
+    }
+
+    /// Number of pieces put together.
+    pub fn pieces(&self) -> usize {
+        self.pieces
+    }
+}
+
+fn both_speeds(mut all: Vec<SpeedPart>, more: &[SpeedPart]) -> Vec<SpeedPart> {
+    for part in more {
+        match all.iter_mut().find(|own| own.speed_m_s == part.speed_m_s) {
+            Some(own) => {
+                (own.rms_n, own.samples) =
+                    (both_rms((own.rms_n, own.samples), (part.rms_n, part.samples)), own.samples + part.samples);
+            }
+            None => all.push(*part),
+        }
+    }
+    all.sort_by(|a, b| a.speed_m_s.total_cmp(&b.speed_m_s));
+    all
+}
+
+/// Root mean square over two groups of samples.
+fn both_rms((a, n): (f64, usize), (b, m): (f64, usize)) -> f64 {
+    ((a * a * n as f64 + b * b * m as f64) / ((n + m) as f64).max(1.0)).sqrt()
+}
+
 impl Validation {
+    /// The validation of several recordings.
+    pub fn of(recordings: Vec<Scored>) -> Self {
+        let all = recordings.iter().fold(Sums::default(), |s, one| s.plus(one.sums));
+        Self {
+            rms_n: all.rms(),
+            fit_percent: all.fit_percent(),
+            recordings: recordings.into_iter().map(|one| one.result).collect(),
+        }
+    }
+
     /// The error by phase over all recordings; a phase without samples has that of all.
     pub fn force_error(&self, source: ErrorSource) -> ForceError {
         let rms = |part: fn(&Phases) -> Part| {
@@ -178,7 +251,7 @@ impl Validation {
 }
 
 /// Sums over samples, from which root mean squares and fits follow.
-#[derive(Default, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Sums {
     n: f64,
     squares: f64,
@@ -225,21 +298,16 @@ pub fn validate_along<M: Replayable + ?Sized>(
     recordings: &[Recording],
     offset: f64,
 ) -> Validation {
-    let results: Vec<_> = recordings.iter().map(|r| validate_one(model, travel, r, offset)).collect();
-    let all = results.iter().fold(Sums::default(), |s, (_, sums)| s.plus(*sums));
-    Validation {
-        rms_n: all.rms(),
-        fit_percent: all.fit_percent(),
-        recordings: results.into_iter().map(|(r, _)| r).collect(),
-    }
+    Validation::of(recordings.iter().map(|r| validate_one(model, travel, r, offset)).collect())
 }
 
-fn validate_one<M: Replayable + ?Sized>(
+/// Validates one recording, or one piece of it; [`Scored::plus`] puts pieces together.
+pub fn validate_one<M: Replayable + ?Sized>(
     model: &M,
     travel: Option<&TravelProfile>,
     recording: &Recording,
     offset: f64,
-) -> (RecordingValidation, Sums) {
+) -> Scored {
     let run = replay_along(model, travel, recording, offset);
     let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let mut warnings = Vec::new();
@@ -272,7 +340,7 @@ fn validate_one<M: Replayable + ?Sized>(
         strokes: AgainstStrokes::of(recording, &error, &scored),
         warnings,
     };
-    (result, sums)
+    Scored { result, sums, pieces: 1 }
 }
 
 fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {
@@ -326,6 +394,23 @@ pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -
 }
 
 impl Phases {
+    /// Of both parts of one recording together.
+    fn plus(&self, other: &Self) -> Self {
+        let squares = |part: &Part| part.rms_n * part.rms_n * part.samples as f64;
+        let none = Part { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
+        let parts = |phases: &Self| [phases.deformation, phases.sliding, phases.moving.unwrap_or(none), phases.hold];
+        let pairs = || parts(self).into_iter().zip(parts(other));
+        let total: f64 = pairs().map(|(a, b)| squares(&a) + squares(&b)).sum();
+        let mut both = pairs().map(|(a, b)| Part {
+            rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
+            samples: a.samples + b.samples,
+            share_of_squares: if total > 0.0 { (squares(&a) + squares(&b)) / total } else { 0.0 },
+        });
+        let mut next = || both.next().unwrap_or(none);
+        let (deformation, sliding, moving, hold) = (next(), next(), next(), next());
+        Self { deformation, sliding, moving: Some(moving).filter(|part| part.samples > 0), hold }
+    }
+
     /// Errors, N, summed up by phase.
     pub(crate) fn of(errors: impl Iterator<Item = (Phase, f64)>) -> Self {
         let mut sums = [Sums::default(); 4];

@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use trocar::model_file::{Model, ModelFile, SensorInfo};
-use trocar::recording::Recording;
 use trocar::summary::MovingMass;
-use trocar::validate::{Part, Phases, Validation, validate, validate_along};
+use trocar::validate::{Part, Phases, Scored, Validation, validate_one};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -44,22 +43,33 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_lag_s: 0.0 });
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
-    let recordings = args.reading.recordings(console, &args.recordings)?;
-    let lost = recordings.iter().any(|recording| !recording.quality.warnings.is_empty());
     console.remark(&format!(
         "offset {} N and moving mass {} kg taken out of the readings",
         number(offset),
         number(mass)
     ));
-    // The weight of the mass is part of the offset.
-    let recordings: Result<Vec<Recording>, _> =
-        recordings.into_iter().map(|recording| without(recording, MovingMass { mass, gravity: 0.0 }, 0.0)).collect();
-    let recordings =
-        recordings?.iter().map(|r| r.with_position_lag(sensor.position_lag_s)).collect::<Result<Vec<_>, _>>()?;
-    let mut validation = match &model.model {
-        Model::Ems(elements) => validate_along(elements.as_slice(), model.travel.as_ref(), &recordings, offset),
-        Model::Classical(classical) => validate(classical, &recordings, offset),
-    };
+    let mut lost = false;
+    let mut scored = Vec::with_capacity(args.recordings.len());
+    for path in &args.recordings {
+        let mut all: Option<Scored> = None;
+        args.reading.pieces(console, path, |piece| {
+            lost |= !piece.quality.warnings.is_empty();
+            // The weight of the mass is part of the offset.
+            let piece =
+                without(piece, MovingMass { mass, gravity: 0.0 }, 0.0)?.with_position_lag(sensor.position_lag_s)?;
+            let one = match &model.model {
+                Model::Ems(elements) => validate_one(elements.as_slice(), model.travel.as_ref(), &piece, offset),
+                Model::Classical(classical) => validate_one(classical, None, &piece, offset),
+            };
+            all = Some(match all.take() {
+                Some(before) => before.plus(one),
+                None => one,
+            });
+            Ok(())
+        })?;
+        scored.extend(all);
+    }
+    let mut validation = Validation::of(scored);
     for (result, path) in validation.recordings.iter_mut().zip(&args.recordings) {
         result.path = path.display().to_string();
         for warning in &result.warnings {

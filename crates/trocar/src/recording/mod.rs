@@ -11,26 +11,29 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use block::{Block, Row};
+use block::Row;
+use collect::Collector;
 use columns::Quantity;
 use line::Line;
 use rows::Rows;
-use screen::{Columns, Lines};
 
 pub use crate::error::RecordingError;
 pub use choice::Choice;
 pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use motion::{local_acceleration, local_velocity};
+pub use pieces::Pieces;
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 
 pub(crate) mod block;
 mod choice;
+mod collect;
 pub(crate) mod columns;
 pub(crate) mod container;
 mod format;
 pub(crate) mod line;
 mod motion;
+mod pieces;
 mod position;
 mod quality;
 pub(crate) mod rows;
@@ -100,6 +103,8 @@ pub struct ReadOptions {
     pub choice: Choice,
     /// Largest force the sensor can read, in N; readings there count as saturated.
     pub sensor_limit: Option<f64>,
+    /// Most samples to keep; of a longer recording excerpts spread over the whole are taken, and a note says so.
+    pub most_samples: Option<usize>,
     /// Most memory the columns may take, in bytes.
     pub memory_limit: Option<u64>,
 }
@@ -140,8 +145,7 @@ impl Recording {
         for column in [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten() {
             column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
-        let mut collector = Collector::new(time.len(), velocity.is_some());
-        collector.columns.lines = Lines::counted();
+        let mut collector = Collector::new(time.len(), velocity.is_some(), None).counting_samples();
         for k in 0..time.len() {
             let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
             collector.add(Row { line: k as u64, values });
@@ -224,9 +228,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
     let mut reader = Rows::open(path, &options.choice, &needed, true)?;
     let has_velocity = reader.layout().has(Quantity::Velocity);
     let rows = reader.expected().unwrap_or(0);
-    check_memory(&file, rows, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
+    let kept = options.most_samples.map_or(rows, |most| rows.min(most as u64));
+    check_memory(&file, kept, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
     // The estimate saves the copies of a growing column; a few percent cover lines that get shorter.
-    let mut collector = Collector::new((rows + rows / 32) as usize, has_velocity);
+    let mut collector = Collector::new((kept + kept / 32) as usize, has_velocity, options.most_samples);
     while let Some(block) = reader.next_block()? {
         collector.take(block);
     }
@@ -278,70 +283,6 @@ fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Resu
             limit_mb: limit / MB,
         }),
         _ => Ok(()),
-    }
-}
-
-/// Rows becoming columns.
-struct Collector {
-    columns: Columns,
-    non_finite: RowList,
-}
-
-impl Collector {
-    fn new(capacity: usize, has_velocity: bool) -> Self {
-        let column = || Vec::with_capacity(capacity);
-        let columns = Columns {
-            time: column(),
-            position: column(),
-            force: column(),
-            velocity: has_velocity.then(column),
-            lines: Lines::default(),
-        };
-        Self { columns, non_finite: RowList::default() }
-    }
-
-    fn take(&mut self, block: &Block) {
-        let wanted = [Quantity::Time, Quantity::Position, Quantity::Force, Quantity::Velocity];
-        let columns = &wanted[..if self.columns.velocity.is_some() { 4 } else { 3 }];
-        let is_whole = |quantity: &Quantity| block.columns[*quantity as usize].iter().all(|x| x.is_finite());
-        if !columns.iter().all(is_whole) {
-            return (0..block.len()).for_each(|row| self.add(block.row(row)));
-        }
-        let before = self.columns.time.len();
-        block.lines.iter().for_each(|&(first, line)| self.columns.lines.push(before + first, line));
-        let own = [&mut self.columns.time, &mut self.columns.position, &mut self.columns.force];
-        for (own, quantity) in own.into_iter().chain(&mut self.columns.velocity).zip(columns) {
-            own.extend_from_slice(&block.columns[*quantity as usize]);
-        }
-    }
-
-    fn add(&mut self, row: Row) {
-        let [time, position, force, velocity] = row.values;
-        let columns = &mut self.columns;
-        let finite = time.is_finite() && position.is_finite() && force.is_finite();
-        if !finite || (columns.velocity.is_some() && !velocity.is_finite()) {
-            self.non_finite.add(row.line);
-            return;
-        }
-        columns.lines.push(columns.time.len(), row.line);
-        columns.time.push(time);
-        columns.position.push(position);
-        columns.force.push(force);
-        if let Some(column) = &mut columns.velocity {
-            column.push(velocity);
-        }
-    }
-
-    fn finish(
-        self,
-        file: &str,
-        name: String,
-        sha256: String,
-        sensor_limit: Option<f64>,
-    ) -> Result<Recording, RecordingError> {
-        let (columns, quality) = screen::screen(file, self.columns, self.non_finite, sensor_limit)?;
-        let Columns { time, position, force, velocity, .. } = columns;
-        Ok(Recording { name, sha256, time, position, force, velocity, quality })
     }
 }
 

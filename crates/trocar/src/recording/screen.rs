@@ -81,17 +81,32 @@ impl Lines {
         line + (index - first) as u64
     }
 
+    /// Those of the samples in `kept`, which move together.
+    pub(super) fn keep(&mut self, kept: &[Range<usize>]) {
+        let old = std::mem::take(&mut self.jumps);
+        let old = Self { counted: self.counted, jumps: old };
+        let mut next = 0;
+        for range in kept {
+            let inside = old.jumps.iter().filter(|(first, _)| range.contains(first));
+            let starts = std::iter::once(range.start).chain(inside.map(|(first, _)| *first));
+            starts.for_each(|sample| self.push(next + sample - range.start, old.of(sample)));
+            next += range.len();
+        }
+    }
+
     fn place(&self, index: usize) -> Place {
         if self.counted { Place::Sample(self.of(index) as usize) } else { Place::Line(self.of(index)) }
     }
 }
 
-/// Drops rows that add nothing, and describes the rest.
+/// Drops rows that add nothing, and describes the rest. `excerpts` are the times, s, at which another excerpt begins: what lies
+/// in front of them is no gap.
 pub(super) fn screen(
     file: &str,
     mut columns: Columns,
     non_finite_rows: RowList,
     sensor_limit: Option<f64>,
+    excerpts: &[f64],
 ) -> Result<(Columns, Quality), RecordingError> {
     let mut quality = Quality { non_finite_rows, ..Quality::default() };
     check_length(file, columns.time.len())?;
@@ -103,10 +118,14 @@ pub(super) fn screen(
         let (file, stroke) = (file.to_owned(), quality.stroke);
         return Err(RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE });
     }
+    let begins = |index: usize| excerpts.binary_search_by(|time| time.total_cmp(&columns.time[index])).is_ok();
+    let (cuts, gaps): (Vec<Gap>, Vec<Gap>) = quality.gaps.drain(..).partition(|gap| begins(gap.index));
+    quality.gaps = gaps;
     find_jumps(&columns, &mut quality);
+    quality.resets.retain(|reset| !begins(reset.index));
     find_saturation(&columns, &mut quality, sensor_limit);
     quality.force_opposes_motion = force_opposes_motion(&columns);
-    quality.breaks = quality.gaps.iter().map(|gap| gap.index).collect();
+    quality.breaks = quality.gaps.iter().chain(&cuts).map(|gap| gap.index).collect();
     quality.breaks.extend(quality.resets.iter().map(|reset| reset.index));
     quality.breaks.sort_unstable();
     quality.breaks.dedup();

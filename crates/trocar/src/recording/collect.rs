@@ -1,0 +1,172 @@
+//! Rows becoming the columns of a recording, or of excerpts from one that is too long to be held.
+
+use std::ops::Range;
+
+use super::block::{Block, Row};
+use super::columns::Quantity;
+use super::quality::RowList;
+use super::screen::{self, Columns, Lines};
+use super::{Recording, RecordingError};
+
+/// Rows in an excerpt: a minute at 1 kHz, so several strokes of a slow protocol.
+const EXCERPT: usize = 1 << 16;
+
+/// Rows becoming columns.
+pub(super) struct Collector {
+    columns: Columns,
+    non_finite: RowList,
+    excerpts: Excerpts,
+}
+
+/// Which rows are kept once there are too many: of every 2^level excerpts one, drawn by a fixed rule from their numbers alone,
+/// so that the choice depends neither on how the rows come nor on how many there will be.
+struct Excerpts {
+    most: usize,
+    level: u32,
+    /// Finite rows seen.
+    seen: u64,
+    /// Number of each excerpt held, in order; each but the last is whole.
+    held: Vec<u64>,
+}
+
+impl Excerpts {
+    /// Whether excerpt `number` stands for its group: from the top down, each half of a group has the same chance.
+    fn keeps(&self, number: u64) -> bool {
+        let group = number >> self.level;
+        let chosen = (1..=self.level).rev().fold(group, |group, level| 2 * group + coin(group, level));
+        chosen == number
+    }
+}
+
+/// 0 or 1, without a pattern that a periodic protocol could share: the finaliser of SplitMix64 [STEELE].
+fn coin(group: u64, level: u32) -> u64 {
+    let mut z = group.wrapping_mul(64).wrapping_add(u64::from(level)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ (z >> 31)) & 1
+}
+
+impl Collector {
+    /// For about `capacity` rows; of more than `most`, excerpts.
+    pub(super) fn new(capacity: usize, has_velocity: bool, most: Option<usize>) -> Self {
+        let column = || Vec::with_capacity(capacity);
+        let columns = Columns {
+            time: column(),
+            position: column(),
+            force: column(),
+            velocity: has_velocity.then(column),
+            lines: Lines::default(),
+        };
+        // An excerpt is the least that can be dropped.
+        let most = most.map_or(usize::MAX, |most| most.max(2 * EXCERPT));
+        let excerpts = Excerpts { most, level: 0, seen: 0, held: Vec::new() };
+        Self { columns, non_finite: RowList::default(), excerpts }
+    }
+
+    /// Samples are counted from 0: there is no file.
+    pub(super) fn counting_samples(mut self) -> Self {
+        self.columns.lines = Lines::counted();
+        self
+    }
+
+    /// Samples held.
+    pub(super) fn len(&self) -> usize {
+        self.columns.time.len()
+    }
+
+    pub(super) fn take(&mut self, block: &Block) {
+        let wanted = [Quantity::Time, Quantity::Position, Quantity::Force, Quantity::Velocity];
+        let columns = &wanted[..if self.columns.velocity.is_some() { 4 } else { 3 }];
+        let is_whole = |quantity: &Quantity| block.columns[*quantity as usize].iter().all(|x| x.is_finite());
+        let fits = self.excerpts.level == 0 && self.len() + block.len() <= self.excerpts.most;
+        if !fits || !columns.iter().all(is_whole) {
+            return (0..block.len()).for_each(|row| self.add(block.row(row)));
+        }
+        let before = self.len();
+        self.excerpts.seen += block.len() as u64;
+        self.excerpts.held = (0..self.excerpts.seen.div_ceil(EXCERPT as u64)).collect();
+        block.lines.iter().for_each(|&(first, line)| self.columns.lines.push(before + first, line));
+        let own = [&mut self.columns.time, &mut self.columns.position, &mut self.columns.force];
+        for (own, quantity) in own.into_iter().chain(&mut self.columns.velocity).zip(columns) {
+            own.extend_from_slice(&block.columns[*quantity as usize]);
+        }
+    }
+
+    pub(super) fn add(&mut self, row: Row) {
+        let [time, position, force, velocity] = row.values;
+        let finite = time.is_finite() && position.is_finite() && force.is_finite();
+        if !finite || (self.columns.velocity.is_some() && !velocity.is_finite()) {
+            self.non_finite.add(row.line);
+            return;
+        }
+        if !self.is_in_an_excerpt() {
+            return;
+        }
+        let columns = &mut self.columns;
+        columns.lines.push(columns.time.len(), row.line);
+        columns.time.push(time);
+        columns.position.push(position);
+        columns.force.push(force);
+        if let Some(column) = &mut columns.velocity {
+            column.push(velocity);
+        }
+    }
+
+    /// Counts a row; whether it is to be kept.
+    fn is_in_an_excerpt(&mut self) -> bool {
+        let number = self.excerpts.seen / EXCERPT as u64;
+        let begins = self.excerpts.seen % EXCERPT as u64 == 0;
+        self.excerpts.seen += 1;
+        if begins && self.len() + EXCERPT > self.excerpts.most && self.excerpts.keeps(number) {
+            self.thin();
+        }
+        if begins && self.excerpts.keeps(number) {
+            self.excerpts.held.push(number);
+        }
+        self.excerpts.held.last() == Some(&number)
+    }
+
+    /// Drops half of the excerpts held.
+    fn thin(&mut self) {
+        self.excerpts.level += 1;
+        let all = std::mem::take(&mut self.excerpts.held);
+        let kept: Vec<usize> = (0..all.len()).filter(|k| self.excerpts.keeps(all[*k])).collect();
+        let ranges: Vec<Range<usize>> = kept.iter().map(|k| k * EXCERPT..(k + 1) * EXCERPT).collect();
+        self.excerpts.held = kept.iter().map(|k| all[*k]).collect();
+        self.columns.lines.keep(&ranges);
+        let columns = &mut self.columns;
+        for column in
+            [&mut columns.time, &mut columns.position, &mut columns.force].into_iter().chain(&mut columns.velocity)
+        {
+            for (k, range) in ranges.iter().enumerate() {
+                column.copy_within(range.clone(), k * EXCERPT);
+            }
+            column.truncate(ranges.len() * EXCERPT);
+        }
+    }
+
+    pub(super) fn finish(
+        self,
+        file: &str,
+        name: String,
+        sha256: String,
+        sensor_limit: Option<f64>,
+    ) -> Result<Recording, RecordingError> {
+        let starts: Vec<f64> = match self.excerpts.level {
+            0 => Vec::new(),
+            _ => self.columns.time.iter().copied().step_by(EXCERPT).skip(1).collect(),
+        };
+        let note = (self.excerpts.level > 0).then(|| {
+            format!(
+                "{} rows are more than are held at once: {} of them taken, in {} excerpts of {EXCERPT} rows spread over the file",
+                self.excerpts.seen,
+                self.columns.time.len(),
+                self.excerpts.held.len()
+            )
+        });
+        let (columns, mut quality) = screen::screen(file, self.columns, self.non_finite, sensor_limit, &starts)?;
+        quality.notes.extend(note);
+        let Columns { time, position, force, velocity, .. } = columns;
+        Ok(Recording { name, sha256, time, position, force, velocity, quality })
+    }
+}

@@ -1,0 +1,75 @@
+//! A recording of any length in consecutive pieces, one at a time.
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use super::block::Row;
+use super::collect::Collector;
+use super::columns::Quantity;
+use super::rows::Rows;
+use super::{MIN_SAMPLES, ReadOptions, Recording, RecordingError};
+
+/// Reads a recording piece by piece; each is looked over by itself, and no piece holds more samples than asked for, but for the last,
+/// which may hold the few more that would be too few for one of their own.
+pub struct Pieces {
+    file: String,
+    name: String,
+    rows: Rows<'static>,
+    /// Rows read and not yet handed on.
+    ahead: VecDeque<Row>,
+    samples: usize,
+    sensor_limit: Option<f64>,
+    found: u64,
+}
+
+impl Pieces {
+    /// Opens the file at `path`, or standard input for `-`, to be read in pieces of `samples` samples, at least
+    /// [`MIN_SAMPLES`].
+    ///
+    /// # Errors
+    /// As for [`read`](super::read), as far as they show before the first row.
+    pub fn open(path: &Path, options: &ReadOptions, samples: usize) -> Result<Self, RecordingError> {
+        let file = path.display().to_string();
+        let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
+        let rows = Rows::open(path, &options.choice, &needed, false)?;
+        let name = path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
+        let (samples, sensor_limit) = (samples.max(MIN_SAMPLES), options.sensor_limit);
+        Ok(Self { file, name, rows, ahead: VecDeque::new(), samples, sensor_limit, found: 0 })
+    }
+
+    /// Part of the file read so far, 0 to 1 (0 for a stream), and the rows.
+    pub fn progress(&self) -> (f64, u64) {
+        (self.rows.part(), self.found)
+    }
+
+    /// The next piece, or `None` behind the last. The hash of a piece is empty: it is no file.
+    ///
+    /// # Errors
+    /// As for [`read`](super::read).
+    pub fn next_piece(&mut self) -> Result<Option<Recording>, RecordingError> {
+        let has_velocity = self.rows.layout().has(Quantity::Velocity);
+        let mut collector = Collector::new(self.samples.min(1 << 16), has_velocity, None);
+        let first = self.found == 0;
+        loop {
+            while self.ahead.len() < MIN_SAMPLES {
+                let Some(row) = self.rows.next_row()? else { break };
+                self.ahead.push_back(row);
+            }
+            let others_follow = self.ahead.len() == MIN_SAMPLES;
+            if collector.len() >= self.samples && others_follow {
+                break;
+            }
+            let Some(row) = self.ahead.pop_front() else { break };
+            self.found += 1;
+            collector.add(row);
+        }
+        if collector.len() == 0 && !first {
+            return Ok(None);
+        }
+        let mut piece = collector.finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)?;
+        if first {
+            piece.quality.notes.extend_from_slice(&self.rows.layout().notes);
+        }
+        Ok(Some(piece))
+    }
+}
