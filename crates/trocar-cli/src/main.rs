@@ -36,6 +36,7 @@ const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done 
 
 #[derive(Subcommand)]
 enum Verb {
+    Inspect(verbs::inspect::Args),
     Bench(verbs::bench::Args),
     Identify(verbs::identify::Args),
     Validate(verbs::validate::Args),
@@ -92,6 +93,7 @@ fn main() -> ExitCode {
 
 fn run(console: &Console, verb: Verb) -> anyhow::Result<Done> {
     match verb {
+        Verb::Inspect(args) => verbs::inspect::run(console, &args),
         Verb::Bench(args) => verbs::bench::run(console, &args),
         Verb::Identify(args) => verbs::identify::run(console, &args),
         Verb::Validate(args) => verbs::validate::run(console, &args),

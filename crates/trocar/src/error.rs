@@ -196,13 +196,13 @@ pub enum RecordingError {
     },
     /// A cell is empty, NaN or infinite where every row must count (`simulate`).
     #[error(
-        "{file} line {line}: {quantity} is {found}, expected a finite number\n\nhint: remove the row or fill it in; a replay needs every position"
+        "{file} {place}: {quantity} is {found}, expected a finite number\n\nhint: remove the row or fill it in; a replay needs every position"
     )]
     NonFinite {
         /// File as the caller named it.
         file: String,
-        /// Line concerned.
-        line: u64,
+        /// Where.
+        place: Place,
         /// The quantity concerned.
         quantity: &'static str,
         /// `empty or nan` or `infinite`.
@@ -262,13 +262,13 @@ pub enum RecordingError {
     },
     /// The position changes between two rows of the same time (`simulate`).
     #[error(
-        "{file} line {line}: position goes from {from} m to {to} m while time stays at {time} s, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits"
+        "{file} {place}: position goes from {from} m to {to} m while time stays at {time} s, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits"
     )]
     NoDuration {
         /// File as the caller named it.
         file: String,
-        /// Line concerned.
-        line: u64,
+        /// Where.
+        place: Place,
         /// The time, in s.
         time: f64,
         /// Position before, in m.

@@ -8,6 +8,7 @@ pub mod compensate;
 pub mod error;
 pub mod export;
 pub mod identify;
+pub mod inspect;
 pub mod model_file;
 pub mod output;
 pub mod recording;

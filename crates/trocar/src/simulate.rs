@@ -16,7 +16,7 @@ use crate::recording::block::Row;
 use crate::recording::columns::Quantity;
 use crate::recording::line::Line;
 use crate::recording::rows::Rows;
-use crate::recording::{Choice, LONGEST_STROKE, Place};
+use crate::recording::{Choice, LONGEST_STROKE};
 
 /// Names of the columns written, with and without a deformation.
 const HEADER: &[u8] = b"time_s,position_m,force_n,deflection_m,mode\n";
@@ -302,19 +302,19 @@ impl<'a> Positions<'a> {
 
     #[cold]
     fn unfit(&self, row: Row) -> RecordingError {
-        let (file, line) = (self.file.clone(), row.line);
+        let (file, place) = (self.file.clone(), self.rows.place(row));
         let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
         for (quantity, value) in [("time", time), ("position", position)] {
             if !value.is_finite() {
                 let found = if value.is_nan() { "empty or nan" } else { "infinite" };
-                return RecordingError::NonFinite { file, line, quantity, found };
+                return RecordingError::NonFinite { file, place, quantity, found };
             }
         }
         if time < self.time {
-            return RecordingError::TimeGoesBack { file, place: Place::Line(line), from: self.time, to: time };
+            return RecordingError::TimeGoesBack { file, place, from: self.time, to: time };
         }
         if time == self.time {
-            return RecordingError::NoDuration { file, line, time, from: self.position, to: position };
+            return RecordingError::NoDuration { file, place, time, from: self.position, to: position };
         }
         let stroke = self.highest - self.lowest;
         RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE }

@@ -174,7 +174,7 @@ fn counted(count: usize, one: &str, many: &str) -> String {
     if count == 1 { format!("1 {one}") } else { format!("{count} {many}") }
 }
 
-fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
+pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     let range = |speeds: &[f64]| match speeds {
         [] => "none".to_owned(),
         [one] => format!("{:.1} mm/s", 1e3 * one),

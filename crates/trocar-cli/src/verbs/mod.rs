@@ -8,6 +8,7 @@ pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod export;
 pub(crate) mod identify;
+pub(crate) mod inspect;
 pub(crate) mod man;
 pub(crate) mod simulate;
 pub(crate) mod validate;

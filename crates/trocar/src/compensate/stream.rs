@@ -78,7 +78,7 @@ pub fn compensate_file(
     while let Some(row) = rows.next_row()? {
         let [time, position, force, _] = row.values;
         // Nobody can mend a live stream: a time that is none is a fault there, and the model waits.
-        let duration = match duration(file, row.line, before, time) {
+        let duration = match duration(file, rows.place(row), before, time) {
             Err(_) if options.live => f64::NAN,
             other => other?,
         };
@@ -102,16 +102,14 @@ pub fn compensate_file(
 }
 
 /// Time since the row before, s; 0 for the first and for a repeated time.
-fn duration(file: &str, line: u64, before: Option<f64>, time: f64) -> Result<f64, RecordingError> {
+fn duration(file: &str, place: Place, before: Option<f64>, time: f64) -> Result<f64, RecordingError> {
     let file = || file.to_owned();
     if !time.is_finite() {
         let found = if time.is_nan() { "empty or nan" } else { "infinite" };
-        return Err(RecordingError::NonFinite { file: file(), line, quantity: "time", found });
+        return Err(RecordingError::NonFinite { file: file(), place, quantity: "time", found });
     }
     match before {
-        Some(from) if time < from => {
-            Err(RecordingError::TimeGoesBack { file: file(), place: Place::Line(line), from, to: time })
-        }
+        Some(from) if time < from => Err(RecordingError::TimeGoesBack { file: file(), place, from, to: time }),
         Some(from) => Ok(time - from),
         None => Ok(0.0),
     }

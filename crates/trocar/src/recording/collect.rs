@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::block::{Block, Row};
 use super::columns::Quantity;
 use super::quality::RowList;
-use super::screen::{self, Columns, Lines};
+use super::screen::{self, Columns, Count, Lines};
 use super::{Recording, RecordingError};
 
 /// Rows in an excerpt: a minute at 1 kHz, so several strokes of a slow protocol.
@@ -63,9 +63,9 @@ impl Collector {
         Self { columns, non_finite: RowList::default(), excerpts }
     }
 
-    /// Samples are counted from 0: there is no file.
-    pub(super) fn counting_samples(mut self) -> Self {
-        self.columns.lines = Lines::counted();
+    /// In messages, places are counted in `count`.
+    pub(super) fn counting(mut self, count: Count) -> Self {
+        self.columns.lines = Lines::counting(count);
         self
     }
 

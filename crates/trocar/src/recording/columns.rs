@@ -159,6 +159,17 @@ impl Layout {
         Self { names, slots, source: "the header", notes: Vec::new() }
     }
 
+    /// What each quantity comes from, as `--columns` would say it.
+    pub(crate) fn words(&self) -> Vec<String> {
+        let of = |quantity: Quantity| {
+            let mut own = self.slots.iter().zip(&self.names);
+            let (slot, name) = own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
+            let unit = quantity.units().iter().find(|(_, per_si)| *per_si == slot.per_si.abs())?.0;
+            Some(format!("{}_{unit}={}{name}", quantity.name(), if slot.per_si < 0.0 { "-" } else { "" }))
+        };
+        Quantity::ALL.into_iter().filter_map(of).collect()
+    }
+
     /// The force with its sign reversed.
     pub(crate) fn flip_force(&mut self) {
         let slots = self.slots.iter_mut().flatten();
@@ -444,6 +455,12 @@ impl Header<'_> {
             example: example_mapping(self.names.len()).into(),
         }
     }
+}
+
+/// What a column of times is counted in, per second, if its unit is known; `None` if it is no column of times.
+pub(crate) fn time_unit(name: &str, unit: Option<&str>) -> Option<Option<f64>> {
+    let reading = recognise(&format!("{name} {}", unit.unwrap_or_default()))?;
+    (reading.quantity == Quantity::Time).then_some(reading.per_si)
 }
 
 /// Whether the name speaks of one of our quantities.

@@ -7,6 +7,7 @@
 use std::path::Path;
 
 use super::RecordingError;
+use super::text::TextTable;
 
 /// Most rows handed on at a time: what bounds the memory of everything that streams.
 pub(crate) const BATCH_ROWS: usize = 1 << 16;
@@ -58,6 +59,14 @@ pub(crate) trait Batches: Send {
     /// # Errors
     /// [`RecordingError`], with the row where the file is damaged; everything in front of it has been handed on before.
     fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError>;
+}
+
+/// A file of any format; text is one table.
+pub(crate) fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
+    match open(path)? {
+        Some(container) => Ok(container),
+        None => Ok(Box::new(TextTable::open(path)?)),
+    }
 }
 
 /// What the first bytes of a file say that it is, if it is one of the formats that are not text.

@@ -16,6 +16,7 @@ use collect::Collector;
 use columns::Quantity;
 use line::Line;
 use rows::Rows;
+use screen::Count;
 
 pub use crate::error::RecordingError;
 pub use choice::Choice;
@@ -51,6 +52,8 @@ pub const LONGEST_STROKE: f64 = 2.0;
 pub enum Place {
     /// Line of the file, counted from 1.
     Line(u64),
+    /// Row of a table, counted from 1.
+    Row(u64),
     /// Sample of a recording that was not read from a file, counted from 0.
     Sample(usize),
 }
@@ -59,6 +62,7 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Place::Line(line) => write!(f, "line {line}"),
+            Place::Row(row) => write!(f, "row {row}"),
             Place::Sample(index) => write!(f, "sample {index}"),
         }
     }
@@ -145,7 +149,7 @@ impl Recording {
         for column in [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten() {
             column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
-        let mut collector = Collector::new(time.len(), velocity.is_some(), None).counting_samples();
+        let mut collector = Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
         for k in 0..time.len() {
             let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
             collector.add(Row { line: k as u64, values });
@@ -232,6 +236,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
     check_memory(&file, kept, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
     // The estimate saves the copies of a growing column; a few percent cover lines that get shorter.
     let mut collector = Collector::new((kept + kept / 32) as usize, has_velocity, options.most_samples);
+    collector = collector.counting(reader.count());
     while let Some(block) = reader.next_block()? {
         collector.take(block);
     }
@@ -255,6 +260,15 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
         positions.extend(Some(row.get(Quantity::Position)).filter(|position| position.is_finite()));
     }
     Ok(screen::resolution(&positions))
+}
+
+/// What would be read from a file, in words of `--columns`.
+///
+/// # Errors
+/// As for [`read`], as far as they show before the first row.
+pub fn columns_of(path: &Path, choice: &Choice) -> Result<Vec<String>, RecordingError> {
+    let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
+    Ok(Rows::open(path, choice, &needed, false)?.layout().words())
 }
 
 /// The bytes of the file at `path` as a stream, with the file's size; `-` is standard input.

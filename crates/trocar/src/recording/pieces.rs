@@ -48,7 +48,7 @@ impl Pieces {
     /// As for [`read`](super::read).
     pub fn next_piece(&mut self) -> Result<Option<Recording>, RecordingError> {
         let has_velocity = self.rows.layout().has(Quantity::Velocity);
-        let mut collector = Collector::new(self.samples.min(1 << 16), has_velocity, None);
+        let mut collector = Collector::new(self.samples.min(1 << 16), has_velocity, None).counting(self.rows.count());
         let first = self.found == 0;
         loop {
             while self.ahead.len() < MIN_SAMPLES {

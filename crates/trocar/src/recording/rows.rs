@@ -11,8 +11,9 @@ use super::block::{Block, Row};
 use super::choice::{Choice, Picked, pick, read_slots};
 use super::columns::{Layout, Quantity, Slot};
 use super::container::{self, Batches};
+use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
-use super::{RecordingError, open_text};
+use super::{Place, RecordingError, open_text};
 
 /// Bytes hashed at a time.
 const HASHED: usize = 1 << 20;
@@ -90,9 +91,17 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Whether rows are counted in lines of a text.
-    pub(crate) fn has_lines(&self) -> bool {
-        matches!(self.source, Source::Text(_))
+    /// What places are counted in.
+    pub(crate) fn count(&self) -> Count {
+        match self.source {
+            Source::Text(_) => Count::Lines,
+            Source::Table(_) => Count::Rows,
+        }
+    }
+
+    /// Where a row stands.
+    pub(crate) fn place(&self, row: Row) -> Place {
+        self.count().place(row.line)
     }
 
     /// How many rows there will be, where that can be told beforehand; roughly.

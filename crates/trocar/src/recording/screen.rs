@@ -54,19 +54,47 @@ pub(super) struct Columns {
     pub(super) lines: Lines,
 }
 
+/// What places are counted in.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Count {
+    /// Lines of a text, from 1.
+    #[default]
+    Lines,
+    /// Rows of a table, from 1.
+    Rows,
+    /// Samples without a file, from 0.
+    Samples,
+}
+
+impl Count {
+    pub(crate) fn place(self, number: u64) -> Place {
+        match self {
+            Self::Lines => Place::Line(number),
+            Self::Rows => Place::Row(number),
+            Self::Samples => Place::Sample(number as usize),
+        }
+    }
+
+    fn unit(self) -> &'static str {
+        match self {
+            Self::Lines => "line",
+            Self::Rows => "row",
+            Self::Samples => "sample",
+        }
+    }
+}
+
 /// Line numbers, stored only where they do not simply count on.
 #[derive(Debug, Default)]
 pub(super) struct Lines {
-    /// Samples came without a file.
-    counted: bool,
+    count: Count,
     /// Sample and its line, wherever lines were left out before it.
     jumps: Vec<(usize, u64)>,
 }
 
 impl Lines {
-    /// For samples without a file, counted from 0.
-    pub(super) fn counted() -> Self {
-        Self { counted: true, jumps: Vec::new() }
+    pub(super) fn counting(count: Count) -> Self {
+        Self { count, jumps: Vec::new() }
     }
 
     pub(super) fn push(&mut self, index: usize, line: u64) {
@@ -84,7 +112,7 @@ impl Lines {
     /// Those of the samples in `kept`, which move together.
     pub(super) fn keep(&mut self, kept: &[Range<usize>]) {
         let old = std::mem::take(&mut self.jumps);
-        let old = Self { counted: self.counted, jumps: old };
+        let old = Self { count: self.count, jumps: old };
         let mut next = 0;
         for range in kept {
             let inside = old.jumps.iter().filter(|(first, _)| range.contains(first));
@@ -95,7 +123,7 @@ impl Lines {
     }
 
     fn place(&self, index: usize) -> Place {
-        if self.counted { Place::Sample(self.of(index) as usize) } else { Place::Line(self.of(index)) }
+        self.count.place(self.of(index))
     }
 }
 
@@ -129,7 +157,7 @@ pub(super) fn screen(
     quality.breaks.extend(quality.resets.iter().map(|reset| reset.index));
     quality.breaks.sort_unstable();
     quality.breaks.dedup();
-    quality.warnings = warnings(&quality, if columns.lines.counted { "sample" } else { "line" });
+    quality.warnings = warnings(&quality, columns.lines.count.unit());
     Ok((columns, quality))
 }
 
@@ -151,7 +179,7 @@ fn drop_standing_time(file: &str, columns: &mut Columns, quality: &mut Quality) 
         return Err(never_advances(file, columns));
     };
     let (mut kept, mut coincident, mut first_coincident) = (0, 0, 0);
-    let mut lines = Lines { counted: columns.lines.counted, jumps: Vec::new() };
+    let mut lines = Lines::counting(columns.lines.count);
     lines.push(0, columns.lines.of(0));
     for k in 1..samples {
         let step = columns.time[k] - columns.time[kept];

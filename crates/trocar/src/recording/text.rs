@@ -5,14 +5,16 @@
 //! general one. A piece stops in front of a line that is wrong; the reader words the error once all rows before it are handed on.
 
 use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::block::Block;
 use super::columns::{Given, Layout, Quantity, Slot, example_mapping, is_unit_row};
+use super::container::{Batches, Column, Container, Table};
 use super::format::{Format, Separator, whitespace_cells};
-use super::{RecordingError, columns};
+use super::{RecordingError, columns, open_text};
 
 /// Bytes read at a time from a file, and from what somebody may be waiting for; the second is also the longest line accepted.
 const CHUNK: usize = 4 << 20;
@@ -393,6 +395,66 @@ impl<R: Read> TextReader<R> {
         };
         let (file, expected) = (self.file.clone(), self.layout.slots.len());
         Ok(RecordingError::FieldCount { file, line, found, expected, reference: self.layout.source, hint })
+    }
+}
+
+/// A text file as a table of all its columns.
+pub(super) struct TextTable {
+    path: PathBuf,
+    format: Format,
+    tables: Vec<Table>,
+}
+
+impl TextTable {
+    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
+        let (input, _) = open_text(path)?;
+        let reader = TextReader::open(&path.display().to_string(), input, Wanted::All, false, false)?;
+        let described = reader.layout.names.iter().zip(&reader.layout.slots);
+        let columns = described
+            .map(|(name, slot)| Column { name: name.clone(), unit: None, is_numeric: slot.is_some() })
+            .collect();
+        let table = Table { name: String::new(), kind: String::new(), rows: None, columns };
+        Ok(Self { path: path.to_owned(), format: reader.format, tables: vec![table] })
+    }
+}
+
+impl Container for TextTable {
+    fn format(&self) -> &'static str {
+        match self.format.separator {
+            Separator::Byte(b',') => "text, separated by commas",
+            Separator::Byte(b';') => "text, separated by semicolons",
+            Separator::Byte(b'\t') => "text, separated by tabs",
+            Separator::Byte(_) => "text, separated by bars",
+            Separator::Whitespace => "text, separated by spaces",
+        }
+    }
+
+    fn tables(&self) -> &[Table] {
+        &self.tables
+    }
+
+    fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+        let (input, size) = open_text(&self.path)?;
+        let file = self.path.display().to_string();
+        let mut reader = TextReader::open(&file, input, Wanted::All, size.is_some(), false)?;
+        for (k, slot) in reader.layout.slots.iter_mut().enumerate() {
+            let place = columns.iter().position(|column| *column == k);
+            *slot = place.map(|output| Slot { output, per_si: 1.0 });
+        }
+        Ok(Box::new(TextBatches { reader, block: Block::new(columns.len()) }))
+    }
+}
+
+struct TextBatches {
+    reader: TextReader<Box<dyn Read + Send>>,
+    block: Block,
+}
+
+impl Batches for TextBatches {
+    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
+        let more = self.reader.fill(&mut self.block)?;
+        columns.iter_mut().zip(&mut self.block.columns).for_each(|(own, read)| std::mem::swap(own, read));
+        Ok(more)
     }
 }
 

@@ -1,0 +1,145 @@
+//! `trocar inspect`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use trocar::inspect::{Clock, ColumnView, Found, Inspection, TableView, inspect};
+
+use crate::Done;
+use crate::console::{self, Console};
+use crate::input::Choosing;
+use crate::table::{Table, number};
+use crate::verbs::identify::speeds;
+
+/// Characters of a sparkline.
+const WIDTH: usize = 32;
+
+/// Columns shown of a table that has many more.
+const SHOWN: usize = 40;
+
+/// Show what is in a file: tables, topics, columns, units, rates, gaps, and what would be made of them
+///
+/// Reads CSV and TSV (plain, gzip, zstd), Parquet, Arrow, MATLAB .mat, HDF5, MCAP and ROS 2 bags. Below the columns it says which
+/// of them would be taken as time, position, velocity and force, in the words of --columns and --topic, and what could be
+/// identified from them. Ends with exit code 3 when no recording can be read from the file as it stands.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// File or bag folder
+    file: PathBuf,
+    /// Print JSON instead of the tables
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    choosing: Choosing,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+    let found = inspect(&args.file, &args.choosing.choice())?;
+    if let Err(reason) = &found.recording {
+        console.warn(reason);
+    }
+    let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { in_words(&found) };
+    console::print(&text)?;
+    Ok(Done::doubtful_if(found.recording.is_err() || found.tables.iter().any(|table| table.damage.is_some())))
+}
+
+fn in_words(found: &Inspection) -> String {
+    let mut text = format!("{}: {}, {:.3} MB\n", found.file, found.format, 1e-6 * found.bytes as f64);
+    for table in &found.tables {
+        text.push('\n');
+        text.push_str(&table_in_words(table));
+    }
+    if let Ok(recording) = &found.recording {
+        text.push('\n');
+        text.push_str(&recording_in_words(recording));
+    }
+    text
+}
+
+fn table_in_words(table: &TableView) -> String {
+    let parts = [table.name.clone(), table.kind.clone(), rows_in_words(table)];
+    let mut text = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ");
+    text.push('\n');
+    if let Some(damage) = &table.damage {
+        let _ = writeln!(text, "  damaged: {}", damage.replace("\n\n", "; "));
+    }
+    let mut lines = Table::headed(["column", "unit", "from", "to", "not finite", "course"]);
+    for column in table.columns.iter().take(SHOWN) {
+        lines.row(column_in_words(column));
+    }
+    text.push_str(&lines.to_text());
+    if table.columns.len() > SHOWN {
+        let _ = writeln!(text, "  and {} more columns (--json shows all)", table.columns.len() - SHOWN);
+    }
+    text
+}
+
+fn rows_in_words(table: &TableView) -> String {
+    let rows = format!("{} rows", table.rows);
+    let Some(Clock { per_s, duration, median_interval, gaps, longest_interval, not_later, column }) = &table.clock
+    else {
+        return rows;
+    };
+    let Some(per_s) = per_s else {
+        return format!("{rows}, {} in {column}, whose unit is not declared", number(*duration));
+    };
+    let rate =
+        if *median_interval > 0.0 { format!(" at {} Hz", number(per_s / median_interval)) } else { String::new() };
+    let mut words = format!("{rows}{rate}, {} s", number(duration / per_s));
+    if *gaps > 0 {
+        let _ = write!(words, ", {gaps} gaps, the longest {} s", number(longest_interval / per_s));
+    }
+    if *not_later > 0 {
+        let _ = write!(words, ", {not_later} rows not later than the one before");
+    }
+    words
+}
+
+fn column_in_words(column: &ColumnView) -> [String; 6] {
+    let shown = |value: Option<f64>| value.map_or("-".to_owned(), number);
+    let not_finite = if column.not_finite > 0 { column.not_finite.to_string() } else { "-".to_owned() };
+    let unit = column.unit.clone().unwrap_or_else(|| "-".to_owned());
+    let course = if column.lowest.is_some() { sparkline(&column.course) } else { format!("{:<WIDTH$}", "no numbers") };
+    [column.name.clone(), unit, shown(column.lowest), shown(column.highest), not_finite, course]
+}
+
+/// Heights of eight steps, from the lowest mean to the highest.
+fn sparkline(course: &[f64]) -> String {
+    const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let lowest = course.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = course.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let bar = |value: f64| {
+        let part = if highest > lowest { (value - lowest) / (highest - lowest) } else { 0.0 };
+        BARS[((8.0 * part) as usize).min(7)]
+    };
+    let count = course.len().min(WIDTH);
+    let mean = |k: usize| {
+        let group = &course[k * course.len() / count..(k + 1) * course.len() / count];
+        group.iter().sum::<f64>() / group.len() as f64
+    };
+    let line: String = (0..count).map(mean).map(bar).collect();
+    format!("{line:<WIDTH$}")
+}
+
+fn recording_in_words(found: &Found) -> String {
+    let mut text = format!("would be read as\n  --columns '{}'\n", found.columns.join(","));
+    for note in &found.notes {
+        let _ = writeln!(text, "  note: {note}");
+    }
+    for warning in &found.warnings {
+        let _ = writeln!(text, "  warning: {}", warning.replace("\n\n", "; "));
+    }
+    let _ = writeln!(
+        text,
+        "\ncould be identified from it\n  {} samples, {:.1} s, stroke {:.1} mm, {} passes; constant velocity {}",
+        found.samples,
+        found.duration_s,
+        1e3 * found.stroke_m,
+        found.passes,
+        speeds(&found.insertion_speeds_m_s, &found.withdrawal_speeds_m_s)
+    );
+    for limit in &found.limits {
+        let _ = writeln!(text, "  not: {limit}");
+    }
+    text
+}

@@ -1,0 +1,333 @@
+//! What is in a file: its tables and columns, and what would be made of them.
+//!
+//! Every table is read once from end to end, in constant memory.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::error::RecordingError;
+use crate::recording::container::{self, Container, Table};
+use crate::recording::{self, Choice, ReadOptions, Recording};
+use crate::segment::SegmentOptions;
+use crate::survey::Survey;
+
+/// Groups of rows that a sparkline has at most; at least half of them once there are as many rows.
+pub const SPARK: usize = 64;
+
+/// Intervals between rows from which the usual one is taken.
+const INTERVALS: usize = 1 << 16;
+
+/// A gap is this much longer than 95 % of the intervals, as in [`crate::recording::Quality`].
+const GAP_FACTOR: f64 = 3.0;
+
+/// Most samples looked at to tell what can be identified.
+const SURVEYED: usize = 1 << 20;
+
+/// What one column holds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ColumnView {
+    /// Name in the file.
+    pub name: String,
+    /// Unit as the file declares it.
+    pub unit: Option<String>,
+    /// Smallest finite number; `None` for a column without any.
+    pub lowest: Option<f64>,
+    /// Largest finite number.
+    pub highest: Option<f64>,
+    /// Cells that are empty, NaN or infinite.
+    pub not_finite: u64,
+    /// Means of consecutive groups of rows, at most [`SPARK`]; empty for a column without numbers.
+    pub course: Vec<f64>,
+    /// Whether the numbers never fall: a clock, or a counter.
+    pub rises: bool,
+}
+
+/// What one table holds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TableView {
+    /// Topic, group or variable; empty where the file is one table.
+    pub name: String,
+    /// Type of a topic's messages, or class of a variable.
+    pub kind: String,
+    /// Rows.
+    pub rows: u64,
+    /// Its columns.
+    pub columns: Vec<ColumnView>,
+    /// Its clock, if it has one.
+    pub clock: Option<Clock>,
+    /// Why it could not be read to its end.
+    pub damage: Option<String>,
+}
+
+/// What a table's clock says. Seconds if the column's unit is known, else in the unit of the file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Clock {
+    /// The column.
+    pub column: String,
+    /// How many of its unit make one second; `None` where no unit is declared.
+    pub per_s: Option<f64>,
+    /// From the first row to the last.
+    pub duration: f64,
+    /// Median interval between rows.
+    pub median_interval: f64,
+    /// Intervals more than three times longer than 95 % of the first ones.
+    pub gaps: u64,
+    /// The longest interval.
+    pub longest_interval: f64,
+    /// Rows whose time is not later than that of the row before.
+    pub not_later: u64,
+}
+
+/// Everything about a file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Inspection {
+    /// File as the caller named it.
+    pub file: String,
+    /// Its format.
+    pub format: String,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// What it holds.
+    pub tables: Vec<TableView>,
+    /// What would be read from it, or why nothing can be.
+    pub recording: Result<Found, String>,
+}
+
+/// A recording as it would be read.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Found {
+    /// What each quantity comes from, in words of `--columns`.
+    pub columns: Vec<String>,
+    /// What was assumed, and how topics were put together.
+    pub notes: Vec<String>,
+    /// Losses and doubts.
+    pub warnings: Vec<String>,
+    /// Samples looked at.
+    pub samples: usize,
+    /// Their duration, s.
+    pub duration_s: f64,
+    /// Their range of positions, m.
+    pub stroke_m: f64,
+    /// Passes between reversals.
+    pub passes: usize,
+    /// Different speeds of insertion, m/s.
+    pub insertion_speeds_m_s: Vec<f64>,
+    /// Different speeds of withdrawal, m/s.
+    pub withdrawal_speeds_m_s: Vec<f64>,
+    /// What these samples cannot pin.
+    pub limits: Vec<String>,
+}
+
+/// Looks into a file. What is wrong with its recording is part of the result.
+///
+/// # Errors
+/// [`RecordingError`] when the file cannot be opened or is of no known format.
+pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingError> {
+    let container = container::any(path)?;
+    let tables = (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
+    let read = recording::read(
+        path,
+        &ReadOptions { choice: choice.clone(), most_samples: Some(SURVEYED), ..ReadOptions::default() },
+    );
+    Ok(Inspection {
+        file: path.display().to_string(),
+        format: container.format().to_owned(),
+        bytes: std::fs::metadata(path).map_or(0, |data| data.len()),
+        tables,
+        recording: read
+            .map_err(|error| error.to_string())
+            .and_then(|recording| Ok(Found::of(&recording, recording::columns_of(path, choice).unwrap_or_default()))),
+    })
+}
+
+impl Found {
+    fn of(recording: &Recording, columns: Vec<String>) -> Self {
+        let survey = Survey::new(std::slice::from_ref(recording), &SegmentOptions::default());
+        let own = &survey.recordings[0];
+        Self {
+            columns,
+            notes: recording.quality.notes.clone(),
+            warnings: recording.quality.warnings.iter().map(ToString::to_string).collect(),
+            samples: own.samples,
+            duration_s: own.duration,
+            stroke_m: own.stroke,
+            passes: own.passes,
+            insertion_speeds_m_s: own.insertion_speeds.clone(),
+            withdrawal_speeds_m_s: own.withdrawal_speeds.clone(),
+            limits: survey.limits,
+        }
+    }
+}
+
+fn view(container: &dyn Container, index: usize) -> TableView {
+    let table = &container.tables()[index];
+    let numeric: Vec<usize> = (0..table.columns.len()).filter(|k| table.columns[*k].is_numeric).collect();
+    let mut courses = vec![Course::default(); numeric.len()];
+    let clock = clock_of(table, &numeric);
+    let mut intervals = Intervals::default();
+    let mut rows = 0;
+    let mut look = || -> Result<(), RecordingError> {
+        let mut batches = container.open(index, &numeric)?;
+        let mut columns = vec![Vec::new(); numeric.len()];
+        while batches.next(&mut columns)? {
+            rows += columns.first().map_or(0, Vec::len) as u64;
+            courses.iter_mut().zip(&columns).for_each(|(course, column)| course.take(column));
+            if let Some((own, _)) = clock {
+                intervals.take(&columns[own]);
+            }
+        }
+        Ok(())
+    };
+    let damage = if numeric.is_empty() { None } else { look().err().map(|error| error.to_string()) };
+    let mut columns: Vec<ColumnView> = table.columns.iter().map(|column| Course::default().view(column)).collect();
+    for (course, k) in courses.into_iter().zip(&numeric) {
+        columns[*k] = course.view(&table.columns[*k]);
+    }
+    TableView {
+        name: table.name.clone(),
+        kind: table.kind.clone(),
+        rows: if numeric.is_empty() { table.rows.unwrap_or(0) } else { rows },
+        clock: clock.filter(|_| rows > 1).map(|(own, per_s)| intervals.clock(&columns[numeric[own]].name, per_s)),
+        columns,
+        damage,
+    }
+}
+
+/// The first column that is a time by its name, with its unit, counted among the numeric ones.
+fn clock_of(table: &Table, numeric: &[usize]) -> Option<(usize, Option<f64>)> {
+    numeric.iter().enumerate().find_map(|(own, k)| {
+        let column = &table.columns[*k];
+        let per_s = recording::columns::time_unit(&column.name, column.unit.as_deref())?;
+        Some((own, per_s))
+    })
+}
+
+/// Running description of a column.
+#[derive(Debug, Clone)]
+struct Course {
+    lowest: f64,
+    highest: f64,
+    not_finite: u64,
+    last: f64,
+    rises: bool,
+    /// Sum and count of each group of rows.
+    groups: Vec<(f64, u64)>,
+    /// Rows in a full group.
+    width: u64,
+    /// Rows in the group being filled.
+    filled: u64,
+}
+
+impl Default for Course {
+    fn default() -> Self {
+        let (lowest, highest, last) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
+        Self { lowest, highest, not_finite: 0, last, rises: true, groups: Vec::new(), width: 1, filled: 1 }
+    }
+}
+
+impl Course {
+    fn take(&mut self, values: &[f64]) {
+        for &value in values {
+            if self.filled == self.width {
+                self.begin_group();
+            }
+            self.filled += 1;
+            if !value.is_finite() {
+                self.not_finite += 1;
+                continue;
+            }
+            self.rises &= value >= self.last;
+            self.last = value;
+            self.lowest = self.lowest.min(value);
+            self.highest = self.highest.max(value);
+            if let Some((sum, count)) = self.groups.last_mut() {
+                (*sum, *count) = (*sum + value, *count + 1);
+            }
+        }
+    }
+
+    /// Joins groups in pairs once there are too many.
+    fn begin_group(&mut self) {
+        if self.groups.len() == SPARK {
+            self.groups = self.groups.chunks(2).map(|pair| (pair[0].0 + pair[1].0, pair[0].1 + pair[1].1)).collect();
+            self.width *= 2;
+        }
+        self.groups.push((0.0, 0));
+        self.filled = 0;
+    }
+
+    fn view(self, column: &recording::Column) -> ColumnView {
+        let seen = self.lowest <= self.highest;
+        let mean = |(sum, count): &(f64, u64)| if *count > 0 { sum / *count as f64 } else { f64::NAN };
+        ColumnView {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            lowest: seen.then_some(self.lowest),
+            highest: seen.then_some(self.highest),
+            not_finite: self.not_finite,
+            course: self.groups.iter().map(mean).filter(|mean| mean.is_finite()).collect(),
+            rises: seen && self.rises && self.lowest < self.highest,
+        }
+    }
+}
+
+/// Running description of a clock.
+#[derive(Default)]
+struct Intervals {
+    first: Option<f64>,
+    last: f64,
+    /// The first ones.
+    kept: Vec<f64>,
+    /// Three times what 95 % of those do not exceed, once there are enough.
+    limit: Option<f64>,
+    gaps: u64,
+    longest: f64,
+    not_later: u64,
+}
+
+impl Intervals {
+    fn take(&mut self, times: &[f64]) {
+        for &time in times.iter().filter(|time| time.is_finite()) {
+            if self.first.replace(self.first.unwrap_or(time)).is_some() {
+                self.interval(time - self.last);
+            }
+            self.last = time;
+        }
+    }
+
+    fn interval(&mut self, interval: f64) {
+        self.not_later += u64::from(interval <= 0.0);
+        self.longest = self.longest.max(interval);
+        if let Some(limit) = self.limit {
+            self.gaps += u64::from(interval > limit);
+            return;
+        }
+        self.kept.push(interval);
+        if self.kept.len() == INTERVALS {
+            self.settle();
+        }
+    }
+
+    fn settle(&mut self) {
+        self.kept.sort_by(f64::total_cmp);
+        let usual = self.kept.get(self.kept.len() * 95 / 100).copied().unwrap_or(0.0);
+        self.limit = Some(GAP_FACTOR * usual);
+        self.gaps = self.kept.iter().filter(|interval| **interval > GAP_FACTOR * usual).count() as u64;
+    }
+
+    fn clock(mut self, column: &str, per_s: Option<f64>) -> Clock {
+        if self.limit.is_none() {
+            self.settle();
+        }
+        Clock {
+            column: column.to_owned(),
+            per_s,
+            duration: self.last - self.first.unwrap_or(self.last),
+            median_interval: self.kept.get(self.kept.len() / 2).copied().unwrap_or(0.0),
+            gaps: self.gaps,
+            longest_interval: self.longest,
+            not_later: self.not_later,
+        }
+    }
+}
