@@ -29,7 +29,7 @@ const SURVEYED: usize = 1 << 20;
 pub struct ColumnView {
     /// Name in the file.
     pub name: String,
-    /// Unit as the file declares it.
+    /// Unit as the file declares it, or as the name tells.
     pub unit: Option<String>,
     /// Smallest finite number; `None` for a column without any.
     pub lowest: Option<f64>,
@@ -262,7 +262,7 @@ impl Course {
         let mean = |(sum, count): &(f64, u64)| if *count > 0 { sum / *count as f64 } else { f64::NAN };
         ColumnView {
             name: column.name.clone(),
-            unit: column.unit.clone(),
+            unit: column.unit.clone().or_else(|| recording::columns::unit_in(&column.name).map(str::to_owned)),
             lowest: seen.then_some(self.lowest),
             highest: seen.then_some(self.highest),
             not_finite: self.not_finite,

@@ -141,6 +141,49 @@ fn columns_can_be_named_and_skipped() {
 }
 
 #[test]
+fn columns_can_be_given_by_name_with_unit_and_sign() {
+    let scratch = Scratch::new();
+    let plain = read(&scratch.file(text(HEADER, &rows(100))), &ReadOptions::default()).unwrap();
+    let odd = scratch.file(text("stamp_s,x,fz", &rows(100)));
+    let found = read(&odd, &columns("time_s=stamp_s, position_mm=X, force_n=-fz")).unwrap();
+    assert_eq!(found.time, plain.time);
+    assert!(found.position.iter().zip(&plain.position).all(|(a, b)| (a - 1e-3 * b).abs() < 1e-15));
+    assert!(found.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
+    // What is not named is found by itself, and a declared unit need not be repeated.
+    let flipped = read(&scratch.file(text(HEADER, &rows(100))), &columns("force=-force_n")).unwrap();
+    assert!(flipped.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
+    assert_eq!(flipped.position, plain.position);
+    for (mapping, essentials) in [
+        ("position_m=depth", &["'depth'", "no column has", "time_s, position_m, force_n"][..]),
+        ("position_m=position_m,force_n", &["'force_n'", "without '='"]),
+        ("banana_m=position_m", &["'banana_m=position_m'", "not understood"]),
+        ("force_n=force_n,force_mn=force_n", &["force more than once"]),
+        ("force=time_s", &["force without a unit", "n, mn, kn"]),
+    ] {
+        assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
+    }
+    assert_says(&message_with(rows(20).join("\n"), &columns("force_n=x")), &["no header", "--columns"]);
+}
+
+#[test]
+fn a_crop_counts_from_the_first_row() {
+    let scratch = Scratch::new();
+    let later: Vec<String> = (0..200).map(cycle).map(|(t, x, f)| format!("{:.3},{x:.6},{f:.4}", t + 1e3)).collect();
+    let path = scratch.file(text(HEADER, &later));
+    let cropped = |from, to| {
+        let choice = Choice { from, to, ..Choice::default() };
+        read(&path, &ReadOptions { choice, ..ReadOptions::default() })
+    };
+    let all = cropped(None, None).unwrap();
+    let middle = cropped(Some(0.0495), Some(0.0995)).unwrap();
+    assert_eq!(middle.time, all.time[50..100]);
+    assert_eq!(middle.force, all.force[50..100]);
+    assert_eq!(cropped(None, Some(0.0995)).unwrap().len(), 100);
+    assert_eq!(middle.sha256, all.sha256, "the hash is that of the file");
+    assert_says(&cropped(Some(5.0), None).unwrap_err().to_string(), &["found 0 usable samples"]);
+}
+
+#[test]
 fn a_wrong_mapping_is_explained() {
     for (mapping, essentials) in [
         ("time_s,position,force_n", &["--columns", "'position'", "without a unit"][..]),

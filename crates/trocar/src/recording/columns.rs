@@ -457,6 +457,13 @@ impl Header<'_> {
     }
 }
 
+/// The unit at the end of a name that speaks of one of our quantities.
+pub(crate) fn unit_in(name: &str) -> Option<&'static str> {
+    let reading = recognise(name)?;
+    let per_si = reading.per_si?;
+    Some(reading.quantity.units().iter().find(|(_, own)| *own == per_si)?.0)
+}
+
 /// What a column of times is counted in, per second, if its unit is known; `None` if it is no column of times.
 pub(crate) fn time_unit(name: &str, unit: Option<&str>) -> Option<Option<f64>> {
     let reading = recognise(&format!("{name} {}", unit.unwrap_or_default()))?;
