@@ -58,7 +58,7 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
     /// Most samples of a recording to identify from; of a longer one excerpts are taken, spread over the whole
-    #[arg(long, default_value_t = 4_000_000, value_name = "N")]
+    #[arg(long, default_value_t = 2_000_000, value_name = "N")]
     most_samples: usize,
     /// Most memory to use, in MB (10^6 bytes) [default: what the system has available]
     #[arg(long, value_name = "MB")]
