@@ -342,4 +342,50 @@ pub enum OutputError {
         /// What the operating system said.
         source: std::io::Error,
     },
+    /// The ending asks for a format that this build lacks.
+    #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}, or let the name end in .csv", path.display())]
+    NoFeature {
+        /// Where the output was to go.
+        path: PathBuf,
+        /// Name of the cargo feature.
+        feature: &'static str,
+    },
+}
+
+/// Why a table of results cannot be read back.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// The file cannot be opened.
+    #[error("{}: cannot open: {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// It is no complete Parquet file.
+    #[error("{}: no complete Parquet file: {found}\n\nhint: was it cut off, or is it another format? make it again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the reader found.
+        found: String,
+    },
+    /// A column holds something else than flat numbers, truths and text.
+    #[error("{}: column '{column}' is no column of numbers, truths or text", path.display())]
+    Unread {
+        /// The file.
+        path: PathBuf,
+        /// Name of the column.
+        column: String,
+    },
+    /// This build cannot read Parquet.
+    #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}", path.display())]
+    NoFeature {
+        /// The file.
+        path: PathBuf,
+        /// Name of the cargo feature.
+        feature: &'static str,
+    },
 }

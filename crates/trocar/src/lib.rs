@@ -19,6 +19,7 @@ pub mod segment;
 pub mod simulate;
 pub mod summary;
 pub mod survey;
+pub mod table;
 pub mod travel;
 pub mod validate;
 

@@ -1,0 +1,82 @@
+//! Tables as Arrow files (Feather version 2).
+
+use std::collections::HashMap;
+use std::io;
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray};
+use arrow_ipc::CompressionType;
+use arrow_ipc::writer::{DictionaryTracker, FileWriter, IpcDataGenerator, IpcWriteOptions};
+use arrow_schema::{ArrowError, DataType, Schema, SchemaRef};
+
+use super::{Column, Field, Kind};
+use crate::output::AtomicFile;
+
+pub(super) struct Writer {
+    file: FileWriter<AtomicFile>,
+    schema: SchemaRef,
+}
+
+impl Writer {
+    pub(super) fn new(file: AtomicFile, fields: &[Field]) -> io::Result<Self> {
+        let schema = Arc::new(schema(fields));
+        let made = || {
+            let options = IpcWriteOptions::default().try_with_compression(Some(CompressionType::LZ4_FRAME))?;
+            FileWriter::try_new_with_options(file, &schema, options)
+        };
+        Ok(Self { file: made().map_err(io_error)?, schema })
+    }
+
+    pub(super) fn write(&mut self, columns: &[Column]) -> io::Result<()> {
+        if columns.first().is_none_or(Column::is_empty) {
+            return Ok(());
+        }
+        let batch = RecordBatch::try_new(self.schema.clone(), columns.iter().map(array).collect());
+        batch.and_then(|batch| self.file.write(&batch)).map_err(io_error)
+    }
+
+    pub(super) fn finish(mut self) -> io::Result<AtomicFile> {
+        self.file.finish().and_then(|()| self.file.into_inner()).map_err(io_error)
+    }
+}
+
+pub(super) fn schema(fields: &[Field]) -> Schema {
+    let field = |field: &Field| {
+        let kind = match field.kind {
+            Kind::Number => DataType::Float64,
+            Kind::Whole => DataType::Int64,
+            Kind::Truth => DataType::Boolean,
+            Kind::Text => DataType::Utf8,
+        };
+        let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
+        arrow_schema::Field::new(&field.name, kind, true).with_metadata(unit.into_iter().collect::<HashMap<_, _>>())
+    };
+    Schema::new(fields.iter().map(field).collect::<Vec<_>>())
+}
+
+/// A schema as a message of the stream format.
+#[cfg(feature = "parquet")]
+pub(super) fn schema_message(schema: &Schema) -> Vec<u8> {
+    let mut dictionaries = DictionaryTracker::new(true);
+    let (generator, options) = (IpcDataGenerator::default(), IpcWriteOptions::default());
+    generator.schema_to_bytes_with_dictionary_tracker(schema, &mut dictionaries, &options).ipc_message
+}
+
+fn array(column: &Column) -> ArrayRef {
+    match column {
+        Column::Number(cells) => {
+            Arc::new(cells.iter().map(|cell| Some(*cell).filter(|cell| !cell.is_nan())).collect::<Float64Array>())
+        }
+        Column::Whole(cells) => Arc::new(cells.iter().copied().collect::<Int64Array>()),
+        Column::Truth(cells) => Arc::new(cells.iter().copied().collect::<BooleanArray>()),
+        Column::Text(cells) => Arc::new(cells.iter().map(Option::as_deref).collect::<StringArray>()),
+    }
+}
+
+/// What the operating system said, where it was the one to refuse.
+fn io_error(error: ArrowError) -> io::Error {
+    match error {
+        ArrowError::IoError(_, source) => source,
+        other => io::Error::other(other),
+    }
+}

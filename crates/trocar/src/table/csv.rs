@@ -1,0 +1,101 @@
+//! Tables as text, compressed or not.
+
+use std::borrow::Cow;
+use std::io::{self, Write};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+use super::{Column, Field, Format};
+use crate::output::AtomicFile;
+use crate::recording::line::Line;
+
+/// Half the time of the usual 6 and a few percent more bytes.
+const GZIP_LEVEL: u32 = 4;
+
+#[cfg(feature = "zstd")]
+const ZSTD_LEVEL: i32 = 3;
+
+pub(super) struct Writer {
+    sink: Sink,
+    line: Line,
+}
+
+enum Sink {
+    Plain(AtomicFile),
+    Gzip(GzEncoder<AtomicFile>),
+    #[cfg(feature = "zstd")]
+    Zstd(zstd::Encoder<'static, AtomicFile>),
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::Plain(file) => file.write(bytes),
+            Self::Gzip(file) => file.write(bytes),
+            #[cfg(feature = "zstd")]
+            Self::Zstd(file) => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::Plain(file) => file.flush(),
+            Self::Gzip(file) => file.flush(),
+            #[cfg(feature = "zstd")]
+            Self::Zstd(file) => file.flush(),
+        }
+    }
+}
+
+impl Writer {
+    pub(super) fn new(file: AtomicFile, format: Format, fields: &[Field]) -> io::Result<Self> {
+        let sink = match format {
+            Format::CsvGzip => Sink::Gzip(GzEncoder::new(file, Compression::new(GZIP_LEVEL))),
+            #[cfg(feature = "zstd")]
+            Format::CsvZstd => Sink::Zstd(zstd::Encoder::new(file, ZSTD_LEVEL)?),
+            _ => Sink::Plain(file),
+        };
+        let mut writer = Self { sink, line: Line::default() };
+        for field in fields {
+            writer.line.word(&quoted(&field.name));
+        }
+        writer.line.finish(&mut writer.sink)?;
+        writer.line.flush(&mut writer.sink)?;
+        Ok(writer)
+    }
+
+    pub(super) fn write(&mut self, columns: &[Column]) -> io::Result<()> {
+        for row in 0..columns.first().map_or(0, Column::len) {
+            columns.iter().for_each(|column| cell(&mut self.line, column, row));
+            self.line.finish(&mut self.sink)?;
+        }
+        self.line.flush(&mut self.sink)
+    }
+
+    pub(super) fn finish(self) -> io::Result<AtomicFile> {
+        match self.sink {
+            Sink::Plain(file) => Ok(file),
+            Sink::Gzip(file) => file.finish(),
+            #[cfg(feature = "zstd")]
+            Sink::Zstd(file) => file.finish(),
+        }
+    }
+}
+
+fn cell(line: &mut Line, column: &Column, row: usize) {
+    match column {
+        Column::Number(cells) if cells[row].is_nan() => line.word(""),
+        Column::Number(cells) => line.number(cells[row]),
+        Column::Whole(cells) => line.word(&cells[row].map(|cell| cell.to_string()).unwrap_or_default()),
+        Column::Truth(cells) => line.word(cells[row].map_or("", |cell| if cell { "true" } else { "false" })),
+        Column::Text(cells) => line.word(&quoted(cells[row].as_deref().unwrap_or_default())),
+    };
+}
+
+fn quoted(text: &str) -> Cow<'_, str> {
+    match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")).into(),
+        false => text.into(),
+    }
+}

@@ -1,0 +1,334 @@
+//! Tables of results: named columns of numbers, whole numbers, truths and words, written in pieces to CSV (plain, gzip,
+//! zstd), Parquet or Arrow, and read back from Parquet.
+//!
+//! The file's ending chooses the format; the same columns give the same bytes. A cell may be missing: NaN among numbers,
+//! `None` elsewhere; it becomes null in Parquet and Arrow and an empty cell in CSV. A unit that ends a name, as in
+//! `force_n`, stands beside it in Parquet and Arrow as the field's metadata `unit`.
+
+use std::borrow::Cow;
+use std::io;
+use std::path::{Path, PathBuf};
+
+pub use crate::error::{OutputError, TableError};
+use crate::output::AtomicFile;
+
+#[cfg(feature = "arrow")]
+mod arrow;
+mod csv;
+#[cfg(feature = "parquet")]
+mod parquet;
+
+/// What the cells of a column are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Numbers of 64 bits.
+    Number,
+    /// Whole numbers.
+    Whole,
+    /// True or false.
+    Truth,
+    /// Text.
+    Text,
+}
+
+/// A column before it has rows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Field {
+    /// Its name, a unit at its end.
+    pub name: String,
+    /// What its cells are.
+    pub kind: Kind,
+}
+
+impl Field {
+    /// A field called `name`.
+    pub fn new(name: impl Into<String>, kind: Kind) -> Self {
+        Self { name: name.into(), kind }
+    }
+
+    /// A field of numbers called `name`.
+    pub fn number(name: impl Into<String>) -> Self {
+        Self::new(name, Kind::Number)
+    }
+
+    /// The unit that its name ends in.
+    #[must_use]
+    pub fn unit(&self) -> Option<&'static str> {
+        unit_in(&self.name)
+    }
+}
+
+/// The cells of a column; NaN and `None` are missing ones.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Column {
+    /// Numbers.
+    Number(Vec<f64>),
+    /// Whole numbers.
+    Whole(Vec<Option<i64>>),
+    /// True or false.
+    Truth(Vec<Option<bool>>),
+    /// Text.
+    Text(Vec<Option<Cow<'static, str>>>),
+}
+
+impl Column {
+    /// A column without cells.
+    #[must_use]
+    pub fn new(kind: Kind) -> Self {
+        match kind {
+            Kind::Number => Self::Number(Vec::new()),
+            Kind::Whole => Self::Whole(Vec::new()),
+            Kind::Truth => Self::Truth(Vec::new()),
+            Kind::Text => Self::Text(Vec::new()),
+        }
+    }
+
+    /// What the cells are.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Number(_) => Kind::Number,
+            Self::Whole(_) => Kind::Whole,
+            Self::Truth(_) => Kind::Truth,
+            Self::Text(_) => Kind::Text,
+        }
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Number(cells) => cells.len(),
+            Self::Whole(cells) => cells.len(),
+            Self::Truth(cells) => cells.len(),
+            Self::Text(cells) => cells.len(),
+        }
+    }
+
+    /// Whether there are no cells.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Removes all cells and keeps their memory.
+    pub fn clear(&mut self) {
+        match self {
+            Self::Number(cells) => cells.clear(),
+            Self::Whole(cells) => cells.clear(),
+            Self::Truth(cells) => cells.clear(),
+            Self::Text(cells) => cells.clear(),
+        }
+    }
+
+    /// Appends the cells of `other`, which is of the same kind, from row `from` to before row `to`.
+    #[cfg(feature = "parquet")]
+    fn extend(&mut self, other: &Self, from: usize, to: usize) {
+        match (self, other) {
+            (Self::Number(all), Self::Number(more)) => all.extend_from_slice(&more[from..to]),
+            (Self::Whole(all), Self::Whole(more)) => all.extend_from_slice(&more[from..to]),
+            (Self::Truth(all), Self::Truth(more)) => all.extend_from_slice(&more[from..to]),
+            (Self::Text(all), Self::Text(more)) => all.extend_from_slice(&more[from..to]),
+            _ => {}
+        }
+    }
+}
+
+/// Columns of one length with their names.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    /// Names, in the order of `columns`.
+    pub fields: Vec<String>,
+    /// Cells, one entry for each name.
+    pub columns: Vec<Column>,
+}
+
+impl Table {
+    /// The column called `name`.
+    #[must_use]
+    pub fn column(&self, name: &str) -> Option<&Column> {
+        let at = self.fields.iter().position(|field| field == name)?;
+        self.columns.get(at)
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Column::len)
+    }
+}
+
+/// Reads a whole table from a Parquet file.
+///
+/// Integers and truths keep their kind; all other numbers become [`Column::Number`].
+///
+/// # Errors
+/// [`TableError`] when the file cannot be read, is damaged, or has columns other than flat numbers, truths and text.
+pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
+    let path = path.as_ref();
+    #[cfg(feature = "parquet")]
+    return parquet::read(path);
+    #[cfg(not(feature = "parquet"))]
+    Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
+}
+
+/// What a file's ending says of its format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Text separated by commas, which is also taken for every ending that is none of the others.
+    Csv,
+    /// `.gz`.
+    CsvGzip,
+    /// `.zst`.
+    CsvZstd,
+    /// `.parquet` and `.pq`.
+    Parquet,
+    /// `.arrow`, `.feather` and `.ipc`.
+    Arrow,
+}
+
+impl Format {
+    /// The format for a file called `path`.
+    #[must_use]
+    pub fn of(path: &Path) -> Self {
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
+        match ending.as_str() {
+            "gz" | "gzip" => Self::CsvGzip,
+            "zst" | "zstd" => Self::CsvZstd,
+            "parquet" | "pq" => Self::Parquet,
+            "arrow" | "feather" | "ipc" => Self::Arrow,
+            _ => Self::Csv,
+        }
+    }
+}
+
+/// Writes a table piece by piece; the file appears when it is complete ([`TableWriter::commit`]), or not at all.
+///
+/// Memory is bounded: Parquet keeps at most 131,072 rows until they make a row group, the others one piece.
+pub struct TableWriter {
+    path: PathBuf,
+    fields: Vec<Field>,
+    sink: Sink,
+}
+
+enum Sink {
+    Csv(Box<csv::Writer>),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<parquet::Writer>),
+    #[cfg(feature = "arrow")]
+    Arrow(Box<arrow::Writer>),
+}
+
+impl TableWriter {
+    /// Begins the file `path`, whose ending chooses the format ([`Format::of`]); `-` is CSV to standard output.
+    ///
+    /// # Errors
+    /// [`OutputError`] when it cannot be made, or the format is not part of this build.
+    pub fn create(path: impl AsRef<Path>, fields: &[Field]) -> Result<Self, OutputError> {
+        let path = path.as_ref();
+        Self::with_format(path, Format::of(path), fields)
+    }
+
+    /// The same with a format that does not follow from the ending.
+    ///
+    /// # Errors
+    /// As for [`TableWriter::create`].
+    pub fn with_format(path: impl AsRef<Path>, format: Format, fields: &[Field]) -> Result<Self, OutputError> {
+        let path = path.as_ref();
+        let refused = |feature| OutputError::NoFeature { path: path.to_owned(), feature };
+        let failed = |source| OutputError::Write { path: path.to_owned(), source };
+        let sink = match format {
+            Format::Csv | Format::CsvGzip | Format::CsvZstd => {
+                if format == Format::CsvZstd && !cfg!(feature = "zstd") {
+                    return Err(refused("zstd"));
+                }
+                Sink::Csv(Box::new(csv::Writer::new(AtomicFile::create(path)?, format, fields).map_err(failed)?))
+            }
+            #[cfg(feature = "parquet")]
+            Format::Parquet => {
+                Sink::Parquet(Box::new(parquet::Writer::new(AtomicFile::create(path)?, fields).map_err(failed)?))
+            }
+            #[cfg(not(feature = "parquet"))]
+            Format::Parquet => return Err(refused("parquet")),
+            #[cfg(feature = "arrow")]
+            Format::Arrow => {
+                Sink::Arrow(Box::new(arrow::Writer::new(AtomicFile::create(path)?, fields).map_err(failed)?))
+            }
+            #[cfg(not(feature = "arrow"))]
+            Format::Arrow => return Err(refused("arrow")),
+        };
+        Ok(Self { path: path.to_owned(), fields: fields.to_vec(), sink })
+    }
+
+    /// Appends rows: one column for each field, of its kind and all of one length.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`], for example on a full disk, or when the columns are not those of the fields.
+    pub fn write(&mut self, columns: &[Column]) -> Result<(), OutputError> {
+        let outcome = self.check(columns).and_then(|()| match &mut self.sink {
+            Sink::Csv(writer) => writer.write(columns),
+            #[cfg(feature = "parquet")]
+            Sink::Parquet(writer) => writer.write(columns),
+            #[cfg(feature = "arrow")]
+            Sink::Arrow(writer) => writer.write(columns),
+        });
+        outcome.map_err(|source| OutputError::Write { path: self.path.clone(), source })
+    }
+
+    /// Completes the file and gives it its name.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`]; an earlier file of that name is then untouched.
+    pub fn commit(self) -> Result<(), OutputError> {
+        let file = match self.sink {
+            Sink::Csv(writer) => writer.finish(),
+            #[cfg(feature = "parquet")]
+            Sink::Parquet(writer) => writer.finish(),
+            #[cfg(feature = "arrow")]
+            Sink::Arrow(writer) => writer.finish(),
+        };
+        file.map_err(|source| OutputError::Write { path: self.path, source })?.commit()
+    }
+
+    fn check(&self, columns: &[Column]) -> io::Result<()> {
+        let rows = columns.first().map_or(0, Column::len);
+        let fits = columns.len() == self.fields.len()
+            && self.fields.iter().zip(columns).all(|(field, column)| field.kind == column.kind())
+            && columns.iter().all(|column| column.len() == rows);
+        match fits {
+            true => Ok(()),
+            false => Err(io::Error::new(io::ErrorKind::InvalidInput, "columns other than the table's fields")),
+        }
+    }
+}
+
+/// Endings of names and the units they stand for, longer ones first.
+const UNITS: [(&str, &str); 22] = [
+    ("_n_s_m", "N s/m"),
+    ("_mm_s2", "mm/s^2"),
+    ("_m_s2", "m/s^2"),
+    ("_um_s", "um/s"),
+    ("_mm_s", "mm/s"),
+    ("_n_m", "N/m"),
+    ("_m_s", "m/s"),
+    ("_n_s", "N/s"),
+    ("_1_s", "1/s"),
+    ("_um", "um"),
+    ("_mm", "mm"),
+    ("_ms", "ms"),
+    ("_us", "us"),
+    ("_ns", "ns"),
+    ("_mn", "mN"),
+    ("_mj", "mJ"),
+    ("_hz", "Hz"),
+    ("_kg", "kg"),
+    ("_m", "m"),
+    ("_s", "s"),
+    ("_n", "N"),
+    ("_j", "J"),
+];
+
+fn unit_in(name: &str) -> Option<&'static str> {
+    let lower = name.to_ascii_lowercase();
+    UNITS.iter().find(|(ending, _)| lower.ends_with(ending)).map(|(_, unit)| *unit)
+}

@@ -1,0 +1,119 @@
+//! Tables of results in every format they are written in.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use trocar::table::{Column, Field, Kind, TableWriter, read};
+
+/// Three pieces, so that row groups and batches begin and end inside and between them.
+const PIECES: usize = 3;
+
+/// Rows of a piece: more than half a row group.
+const ROWS: usize = 70_000;
+
+fn fields() -> Vec<Field> {
+    vec![
+        Field::number("force_n"),
+        Field::new("count", Kind::Whole),
+        Field::new("is_good", Kind::Truth),
+        Field::new("warnings", Kind::Text),
+    ]
+}
+
+fn piece(k: usize) -> Vec<Column> {
+    let rows = || k * ROWS..(k + 1) * ROWS;
+    let sometimes = |row: usize| row % 7 != 3;
+    vec![
+        Column::Number(rows().map(|row| if sometimes(row) { row as f64 / 3.0 } else { f64::NAN }).collect()),
+        Column::Whole(rows().map(|row| sometimes(row).then_some(row as i64 - (1 << 60))).collect()),
+        Column::Truth(rows().map(|row| sometimes(row).then_some(row % 2 == 0)).collect()),
+        Column::Text(rows().map(|row| sometimes(row).then(|| format!("a, \"b\" {row}").into())).collect()),
+    ]
+}
+
+fn written(folder: &Path, name: &str) -> PathBuf {
+    let path = folder.join(name);
+    let mut writer = TableWriter::create(&path, &fields()).unwrap();
+    (0..PIECES).for_each(|k| writer.write(&piece(k)).unwrap());
+    writer.commit().unwrap();
+    path
+}
+
+fn bits(column: &Column) -> Vec<u64> {
+    let Column::Number(cells) = column else { panic!("{:?}", column.kind()) };
+    cells.iter().map(|cell| cell.to_bits()).collect()
+}
+
+#[test]
+fn parquet_gives_back_every_cell_and_the_same_bytes_each_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), "a.parquet");
+    let table = read(&path).unwrap();
+    assert_eq!(table.fields, ["force_n", "count", "is_good", "warnings"]);
+    assert_eq!(table.rows(), PIECES * ROWS);
+    let all: Vec<Vec<Column>> = (0..PIECES).map(piece).collect();
+    let numbers: Vec<u64> = all.iter().flat_map(|piece| bits(&piece[0])).collect();
+    assert_eq!(bits(&table.columns[0]), numbers);
+    for k in 1..4 {
+        let expected: Vec<String> = all.iter().flat_map(|piece| cells(&piece[k])).collect();
+        assert_eq!(cells(&table.columns[k]), expected);
+    }
+    let again = written(folder.path(), "b.parquet");
+    assert_eq!(std::fs::read(path).unwrap(), std::fs::read(again).unwrap());
+}
+
+fn cells(column: &Column) -> Vec<String> {
+    match column {
+        Column::Number(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
+        Column::Whole(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
+        Column::Truth(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
+        Column::Text(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
+    }
+}
+
+#[test]
+fn compressed_text_is_the_plain_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = std::fs::read(written(folder.path(), "a.csv")).unwrap();
+    let head = b"force_n,count,is_good,warnings\n0.0,-1152921504606846976,true,\"a, \"\"b\"\" 0\"\n";
+    assert!(plain.starts_with(head));
+    assert_eq!(plain.split(|&byte| byte == b'\n').nth(4).unwrap(), b",,,");
+    let mut text = Vec::new();
+    let file = std::fs::File::open(written(folder.path(), "a.csv.gz")).unwrap();
+    flate2::read::GzDecoder::new(file).read_to_end(&mut text).unwrap();
+    assert!(text == plain);
+    let file = std::fs::File::open(written(folder.path(), "a.csv.zst")).unwrap();
+    assert!(zstd::decode_all(file).unwrap() == plain);
+}
+
+#[test]
+fn a_table_appears_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a.parquet", "a.arrow", "a.csv", "a.csv.gz", "a.csv.zst"] {
+        let mut writer = TableWriter::create(folder.path().join(name), &fields()).unwrap();
+        writer.write(&piece(0)).unwrap();
+        let mut uneven = piece(1);
+        uneven[2] = Column::Truth(Vec::new());
+        assert!(writer.write(&uneven).unwrap_err().to_string().contains("fields"));
+        drop(writer);
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn an_empty_table_has_its_columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.parquet");
+    TableWriter::create(&path, &fields()).unwrap().commit().unwrap();
+    let table = read(&path).unwrap();
+    assert_eq!((table.rows(), table.fields.len()), (0, 4));
+}
+
+#[test]
+fn what_is_no_table_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("no.parquet");
+    assert!(read(&path).unwrap_err().to_string().contains("cannot open"));
+    std::fs::write(&path, b"PAR1 and nothing more").unwrap();
+    assert!(read(&path).unwrap_err().to_string().contains("no complete Parquet file"));
+}
