@@ -314,6 +314,64 @@ pub enum RecordingError {
         /// Memory allowed, in MB.
         limit_mb: u64,
     },
+    /// The file contradicts its own format: cut off, or changed on the way.
+    #[error(
+        "{file}: damaged {format} file, {place}: {found}\n\nhint: was it cut off while it was written or copied? fetch or export it again"
+    )]
+    Damaged {
+        /// File as the caller named it.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// Where in the file, in the format's terms.
+        place: String,
+        /// What was found there, and what was expected.
+        found: String,
+    },
+    /// The format allows it, and it is not read.
+    #[error("{file}: {format} with {found}, which is not read\n\nhint: {hint}")]
+    Unsupported {
+        /// File as the caller named it.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// What is not read.
+        found: String,
+        /// The way out.
+        hint: &'static str,
+    },
+    /// A format that this build lacks.
+    #[error("{file}: a {format} file, and this build has no feature {feature}\n\nhint: build with --features {feature}, or export the recording as CSV")]
+    NoFeature {
+        /// File as the caller named it.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// Name of the cargo feature.
+        feature: &'static str,
+    },
+    /// A column that was asked for does not hold numbers.
+    #[error("{file}: column '{column}' of this {format} file holds no numbers that are read\n\nhint: trocar inspect lists the columns")]
+    NotNumeric {
+        /// File as the caller named it.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// Name of the column.
+        column: String,
+    },
+    /// A table or column that was asked for by name is not in the file.
+    #[error("{file}: no {what} called '{name}', found {found}")]
+    NoSuchColumn {
+        /// File as the caller named it.
+        file: String,
+        /// `table` or `column`.
+        what: String,
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        found: String,
+    },
     /// A moving mass that is not a mass.
     #[error("moving mass must be finite and not negative, got {found} kg")]
     MovingMass {

@@ -4,9 +4,12 @@
 //! a robot log one for each topic. Which columns are time, position, velocity and force is decided elsewhere
 //! ([`super::columns`]), by their names and units; here they are numbers as they stand in the file.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use super::RecordingError;
+use super::formats::{Source, mat5};
 use super::text::TextTable;
 
 /// Most rows handed on at a time: what bounds the memory of everything that streams.
@@ -70,6 +73,99 @@ pub(crate) fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
 }
 
 /// What the first bytes of a file say that it is, if it is one of the formats that are not text.
-pub(crate) fn open(_path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
-    Ok(None)
+///
+/// Only regular files are looked at: the bytes of a pipe are gone once they are read.
+pub(crate) fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
+    let name = path.display().to_string();
+    let refused = |source| RecordingError::Open { file: name.clone(), source };
+    if name == "-" || !std::fs::metadata(path).map_err(refused)?.is_file() {
+        return Ok(None);
+    }
+    let file = File::open(path).map_err(refused)?;
+    let length = file.metadata().map_err(refused)?.len();
+    let mut head = Vec::new();
+    (&file).take(HEAD as u64).read_to_end(&mut head).map_err(refused)?;
+    let Some(kind) = Kind::of(&head) else { return Ok(None) };
+    let source = Source { file: name, format: kind.name() };
+    kind.open(path, file, length, source).map(Some)
+}
+
+/// First bytes looked at: as far as the second place where the signature of HDF5 may stand.
+const HEAD: usize = 520;
+
+/// A format that is told by its first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Parquet,
+    Arrow,
+    ArrowStream,
+    Mat4,
+    Mat5,
+    Hdf5,
+    Mcap,
+    Rosbag,
+}
+
+impl Kind {
+    fn of(head: &[u8]) -> Option<Self> {
+        const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+        let version = head.get(124..128).unwrap_or_default();
+        Some(match head {
+            _ if head.starts_with(b"PAR1") || head.starts_with(b"PARE") => Self::Parquet,
+            _ if head.starts_with(b"ARROW1") => Self::Arrow,
+            _ if head.starts_with(b"\x89MCAP0\r\n") => Self::Mcap,
+            _ if head.starts_with(b"SQLite format 3\0") => Self::Rosbag,
+            _ if head.starts_with(HDF5) || head.get(512..).is_some_and(|head| head.starts_with(HDF5)) => Self::Hdf5,
+            _ if version == b"\x00\x01IM" || version == b"\x01\x00MI" => Self::Mat5,
+            _ if head.starts_with(&[0xff; 4]) && is_arrow_message(head) => Self::ArrowStream,
+            _ if mat5::is_version_4(head) => Self::Mat4,
+            _ => return None,
+        })
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Parquet => "Parquet",
+            Self::Arrow => "Arrow",
+            Self::ArrowStream => "Arrow stream",
+            Self::Mat4 => "MATLAB 4",
+            Self::Mat5 => "MATLAB 5",
+            Self::Hdf5 => "HDF5",
+            Self::Mcap => "MCAP",
+            Self::Rosbag => "SQLite",
+        }
+    }
+
+    /// Every format that is not compiled in ends at the last line.
+    fn open(self, path: &Path, file: File, length: u64, source: Source) -> Result<Box<dyn Container>, RecordingError> {
+        let feature = match self {
+            #[cfg(feature = "parquet")]
+            Self::Parquet => return Ok(Box::new(super::formats::parquet::Parquet::open(file, length, source)?)),
+            #[cfg(feature = "arrow")]
+            Self::Arrow => return Ok(Box::new(super::formats::arrow::Arrow::open(file, length, source)?)),
+            #[cfg(feature = "arrow")]
+            Self::ArrowStream => return Ok(Box::new(super::formats::arrow::Arrow::stream(file, length, source)?)),
+            #[cfg(feature = "hdf5")]
+            Self::Hdf5 => return Ok(Box::new(super::formats::hdf5::Hdf5::open(path, length, source)?)),
+            Self::Mat5 => return Ok(Box::new(mat5::Mat5::open(file, length, source)?)),
+            Self::Mat4 => return Err(source.unsupported("a file of MATLAB 4", mat5::SAVE_AGAIN)),
+            // Robot logs are opened here.
+            Self::Mcap => "mcap",
+            Self::Rosbag => "rosbag",
+            #[cfg(not(feature = "parquet"))]
+            Self::Parquet => "parquet",
+            #[cfg(not(feature = "arrow"))]
+            Self::Arrow | Self::ArrowStream => "arrow",
+            #[cfg(not(feature = "hdf5"))]
+            Self::Hdf5 => "hdf5",
+        };
+        let _unused_without_formats = (path, file, length);
+        Err(RecordingError::NoFeature { file: source.file, format: source.format, feature })
+    }
+}
+
+/// Whether what follows the mark of a message could be the length of a schema, which begins every stream.
+fn is_arrow_message(head: &[u8]) -> bool {
+    let length = head.get(4..8).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
+    (16..1 << 24).contains(&length) && length % 8 == 0
 }

@@ -24,6 +24,7 @@ pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
+pub use tables::{read_columns, tables};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 
 pub(crate) mod block;
@@ -31,7 +32,9 @@ mod choice;
 mod collect;
 pub(crate) mod columns;
 pub(crate) mod container;
+mod decompress;
 mod format;
+mod formats;
 pub(crate) mod line;
 mod motion;
 mod pieces;
@@ -40,6 +43,7 @@ mod quality;
 pub(crate) mod rows;
 mod screen;
 mod text;
+mod tables;
 
 /// Fewest samples that make a recording.
 pub const MIN_SAMPLES: usize = 8;

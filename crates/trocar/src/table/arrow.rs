@@ -1,13 +1,12 @@
 //! Tables as Arrow files (Feather version 2).
 
-use std::collections::HashMap;
 use std::io;
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray};
 use arrow_ipc::CompressionType;
 use arrow_ipc::writer::{DictionaryTracker, FileWriter, IpcDataGenerator, IpcWriteOptions};
-use arrow_schema::{ArrowError, DataType, Schema, SchemaRef};
+use arrow_schema::{ArrowError, DataType, Metadata, Schema, SchemaRef};
 
 use super::{Column, Field, Kind};
 use crate::output::AtomicFile;
@@ -49,7 +48,7 @@ pub(super) fn schema(fields: &[Field]) -> Schema {
             Kind::Text => DataType::Utf8,
         };
         let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
-        arrow_schema::Field::new(&field.name, kind, true).with_metadata(unit.into_iter().collect::<HashMap<_, _>>())
+        arrow_schema::Field::new(&field.name, kind, true).with_metadata(unit.into_iter().collect::<Metadata>())
     };
     Schema::new(fields.iter().map(field).collect::<Vec<_>>())
 }

@@ -1,0 +1,78 @@
+//! One module for each format that is not text: what a file holds, and its columns as numbers.
+//!
+//! All are given a [`Source`], which names the file in messages. None allocates what a header asks for without looking
+//! whether the file's length can justify it.
+
+use std::fmt::Display;
+use std::fs::File;
+use std::io;
+
+use super::RecordingError;
+
+#[cfg(feature = "arrow")]
+pub(super) mod arrow;
+#[cfg(feature = "hdf5")]
+pub(super) mod hdf5;
+pub(super) mod lengths;
+pub(super) mod mat5;
+#[cfg(feature = "parquet")]
+pub(super) mod parquet;
+#[cfg(any(feature = "parquet", feature = "arrow"))]
+mod scale;
+
+/// A file and what it was recognised as, for messages.
+#[derive(Debug, Clone)]
+pub(super) struct Source {
+    /// File as the caller named it.
+    pub(super) file: String,
+    /// Name of the format.
+    pub(super) format: &'static str,
+}
+
+impl Source {
+    /// What lies at `place` contradicts the format.
+    pub(super) fn damaged(&self, place: impl Display, found: impl Display) -> RecordingError {
+        let (file, format) = (self.file.clone(), self.format);
+        RecordingError::Damaged { file, format, place: place.to_string(), found: found.to_string() }
+    }
+
+    /// The format allows it, and it is not read; `hint` is the way out.
+    pub(super) fn unsupported(&self, found: impl Display, hint: &'static str) -> RecordingError {
+        let (file, format) = (self.file.clone(), self.format);
+        RecordingError::Unsupported { file, format, found: found.to_string(), hint }
+    }
+
+    /// A column that was asked for holds no numbers.
+    #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5"))]
+    pub(super) fn not_numeric(&self, column: &str) -> RecordingError {
+        RecordingError::NotNumeric { file: self.file.clone(), format: self.format, column: column.to_owned() }
+    }
+}
+
+/// Reads at a place of a file that several readers share.
+#[cfg(unix)]
+pub(super) fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<usize> {
+    std::os::unix::fs::FileExt::read_at(file, bytes, at)
+}
+
+/// Reads at a place of a file that several readers share.
+#[cfg(windows)]
+pub(super) fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<usize> {
+    std::os::windows::fs::FileExt::seek_read(file, bytes, at)
+}
+
+/// Fills `bytes` from a place of a file that several readers share.
+pub(super) fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match read_at(file, bytes, at) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(read) => {
+                bytes = &mut bytes[read..];
+                at += read as u64;
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}

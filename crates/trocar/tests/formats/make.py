@@ -1,0 +1,184 @@
+"""Writes the recordings that tests/formats.rs reads, with other people's libraries.
+
+One known signal in every file: 240 rows, 100 Hz,
+    time_s      k / 100
+    position_mm 30 (1 - cos(2 pi k / 200))
+    force_n     1.5 sin(2 pi k / 200) + 0.01 (k mod 7)
+Run from this folder with the packages of requirements.txt; the files are committed, so that tests need no Python.
+"""
+
+import pathlib
+
+import h5py
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pyarrow.feather as feather
+import pyarrow.ipc as ipc
+import pyarrow.parquet as pq
+import scipy.io
+import scipy.sparse
+
+HERE = pathlib.Path(__file__).parent
+ROWS = 240
+k = np.arange(ROWS)
+time_s = k / 100
+position_mm = 30 * (1 - np.cos(2 * np.pi * k / 200))
+force_n = 1.5 * np.sin(2 * np.pi * k / 200) + 0.01 * (k % 7)
+count = (k * k - 50).astype(np.int64)
+is_in = k % 3 == 0
+SIGNAL = {"time_s": time_s, "position_mm": position_mm, "force_n": force_n}
+# Columns of the files that are about packing and paging alone.
+FEW = ["time_s", "position", "force_n", "note", "gappy"]
+# Nanoseconds since 1970 that an f64 cannot tell apart: 10 ms steps with 1 ns more each.
+NANOSECONDS = 1_700_000_000_123_456_789 + k.astype(np.int64) * 10_000_001
+
+
+def arrow_table():
+    """Every kind of column, units beside the names."""
+    fields = [
+        pa.field("time_s", pa.float64()),
+        pa.field("position", pa.float64(), metadata={"unit": "mm"}),
+        pa.field("force_n", pa.float64(), metadata={"description": "sensor 3"}),
+        pa.field("force_f32", pa.float32()),
+        pa.field("count", pa.int64()),
+        pa.field("small", pa.int16()),
+        pa.field("unsigned", pa.uint64()),
+        pa.field("is_in", pa.bool_()),
+        pa.field("gappy", pa.float64()),
+        pa.field("stamp", pa.timestamp("ns", tz="UTC")),
+        pa.field("stamp_ms", pa.timestamp("ms")),
+        pa.field("elapsed", pa.duration("us")),
+        pa.field("note", pa.string()),
+        pa.field("kind", pa.dictionary(pa.int32(), pa.string())),
+        pa.field("last", pa.float64()),
+    ]
+    gappy = [None if row % 5 == 2 else float(row) for row in range(ROWS)]
+    note = [f"row {row}" if row % 4 else None for row in range(ROWS)]
+    columns = [
+        time_s,
+        position_mm,
+        force_n,
+        force_n.astype(np.float32),
+        count,
+        (k - 200).astype(np.int16),
+        k.astype(np.uint64) + np.uint64(1 << 63),
+        is_in,
+        gappy,
+        NANOSECONDS,
+        NANOSECONDS // 1_000_000,
+        k * 10_000,
+        note,
+        pa.array([["push", "pull"][row % 2] for row in range(ROWS)]).dictionary_encode(),
+        force_n * 2,
+    ]
+    arrays = [c if isinstance(c, pa.Array) else pa.array(c, type=f.type) for c, f in zip(columns, fields)]
+    return pa.table(arrays, schema=pa.schema(fields))
+
+
+def parquet():
+    pq.write_table(arrow_table(), HERE / "pyarrow_snappy.parquet", compression="snappy", row_group_size=150)
+    table = arrow_table().select(FEW)
+    for codec in ["none", "zstd", "gzip", "lz4"]:
+        pq.write_table(table, HERE / f"pyarrow_{codec}.parquet", compression=codec, row_group_size=150)
+    table = arrow_table()
+    options = {"compression": "snappy", "use_dictionary": False}
+    pq.write_table(table.select(FEW), HERE / "pyarrow_v2.parquet", data_page_version="2.0", data_page_size=512, **options)
+    split = ["time_s", "position", "force_n"]
+    pq.write_table(table.select(split), HERE / "pyarrow_split.parquet", use_byte_stream_split=split, **options)
+    delta = {"count": "DELTA_BINARY_PACKED"}
+    pq.write_table(table.select(["count"]), HERE / "pyarrow_delta.parquet", column_encoding=delta, **options)
+    pq.write_table(table.select(["stamp"]), HERE / "pyarrow_int96.parquet", use_deprecated_int96_timestamps=True)
+    pq.write_table(table.select(["time_s"]), HERE / "pyarrow_brotli.parquet", compression="brotli")
+    nested = pa.table({"pose": [{"x": float(row), "list": [1.0]} for row in range(ROWS)], "force_n": force_n})
+    pq.write_table(nested, HERE / "pyarrow_nested.parquet")
+    frame = pd.DataFrame({"position_mm": position_mm, "force_n": force_n}, index=pd.Index(time_s, name="time_s"))
+    frame.to_parquet(HERE / "pandas_index.parquet")
+    pl.DataFrame(SIGNAL).with_columns(note=pl.lit("word")).write_parquet(HERE / "polars.parquet", row_group_size=100)
+
+
+def arrow():
+    feather.write_feather(arrow_table(), HERE / "pyarrow_lz4.feather", compression="lz4", chunksize=150)
+    table = arrow_table().select(FEW)
+    for codec in ["uncompressed", "zstd"]:
+        feather.write_feather(table, HERE / f"pyarrow_{codec}.feather", compression=codec, chunksize=150)
+    with ipc.new_stream(HERE / "pyarrow.arrows", table.schema) as stream:
+        stream.write_table(table, max_chunksize=150)
+    frame = pl.DataFrame({"note": [f"a rather long note {row}" for row in range(ROWS)], **SIGNAL})
+    frame.write_ipc(HERE / "polars.arrow", compression="zstd")
+
+
+def matlab():
+    classes = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "single", "double"]
+    held = {f"as_{name}": k[:100].astype(np.dtype({"single": "f4", "double": "f8"}.get(name, name))) for name in classes}
+    run = {**SIGNAL, "fs_hz": 100.0, "inner": {"force_n": force_n[:50]}, "note": "a run"}
+    samples = np.zeros(5, dtype=[("speed", "O"), ("label", "O"), ("trace", "O")])
+    for row in range(5):
+        samples[row] = (float(row) / 4, f"label {row}", force_n[: 10 + row])
+    cell = np.empty((1, 2), dtype=object)
+    cell[0, 0], cell[0, 1] = force_n[:20], "text"
+    extra = {"wide": np.stack([time_s, position_mm, force_n]), "tall": np.stack([time_s, force_n], axis=1)}
+    odd = {"sparse": scipy.sparse.eye(4).tocsc(), "complex": force_n * 1j, "cube": np.zeros((2, 3, 4)), "name": "seal 7"}
+    everything = {**SIGNAL, **held, **extra, **odd, "run": run, "samples": samples, "cell": cell, "is_in": is_in, "gain": 2.5}
+    scipy.io.savemat(HERE / "scipy_plain.mat", everything)
+    scipy.io.savemat(HERE / "scipy_compressed.mat", everything, do_compression=True)
+    scipy.io.savemat(HERE / "scipy_column.mat", SIGNAL, oned_as="column", do_compression=True)
+    scipy.io.savemat(HERE / "scipy_v4.mat", SIGNAL, format="4")
+
+
+def fill(group):
+    """The signal with the ways that h5py stores arrays."""
+    plain = group.create_dataset("time_s", data=time_s)
+    plain.attrs["units"] = "s"
+    position = group.create_dataset("position", data=position_mm, chunks=(64,), compression="gzip", shuffle=True)
+    position.attrs["unit"] = np.bytes_("mm")
+    group.create_dataset("force_n", data=force_n, chunks=(100,), compression="lzf", fletcher32=True)
+    group.create_dataset("force_f32", data=force_n.astype(np.float32))
+    group.create_dataset("big_endian", data=count.astype(">i4"))
+    group.create_dataset("is_in", data=is_in)
+    group.create_dataset("tall", data=np.stack([time_s, force_n], axis=1), chunks=(64, 2), compression="gzip")
+    group.create_dataset("note", data=np.array([b"word"] * ROWS))
+    group.create_dataset("gain", data=2.5)
+    group.create_dataset("pairs", data=np.zeros(ROWS, dtype=[("a", "f8"), ("b", "i4")]))
+
+
+def hdf5():
+    with h5py.File(HERE / "h5py.h5", "w", libver=("earliest", "v110")) as file:
+        fill(file.create_group("runs/first"))
+        file.create_dataset("force_n", data=force_n[:30])
+    for libver in ["v110", "latest"]:
+        with h5py.File(HERE / f"h5py_{libver}.h5", "w", libver=libver) as file:
+            file.create_dataset("time_s", data=time_s, chunks=(50,), compression="gzip", shuffle=True)
+            file.create_dataset("force_n", data=force_n)
+
+
+def mat73():
+    """As MATLAB 7.3 writes it: 512 bytes of text in front, vectors transposed, classes as attributes, structs as groups."""
+    path = HERE / "mat73.mat"
+    with h5py.File(path, "w", userblock_size=512, libver=("earliest", "v108")) as file:
+        def put(group, name, values, kind="double"):
+            chunks = {"chunks": (1, 100), "compression": "gzip"} if values.size > 300 else {}
+            group.create_dataset(name, data=values, **chunks).attrs["MATLAB_class"] = np.bytes_(kind)
+
+        for name, values in SIGNAL.items():
+            put(file, name, values[None, :])
+        put(file, "tall", np.stack([time_s, force_n]))
+        put(file, "is_in", is_in.astype(np.uint8)[None, :], "logical")
+        put(file, "name", np.array([[ord(c)] for c in "seal 7"], dtype=np.uint16), "char")
+        run = file.create_group("run")
+        run.attrs["MATLAB_class"] = np.bytes_("struct")
+        put(run, "time_s", time_s[None, :])
+        put(run, "force_n", force_n[None, :])
+        put(run, "fs_hz", np.array([[100.0]]))
+        series = file.create_dataset("ts", data=np.zeros((1, 6), dtype=np.uint32))
+        series.attrs["MATLAB_class"] = np.bytes_("timeseries")
+        series.attrs["MATLAB_object_decode"] = np.int32(3)
+    text = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema 1.00 ."
+    head = text.ljust(116) + bytes(8) + b"\x00\x02IM"
+    with open(path, "r+b") as file:
+        file.write(head.ljust(512, b"\0"))
+
+
+for write in [parquet, arrow, matlab, hdf5, mat73]:
+    write()
