@@ -148,7 +148,7 @@ impl Kind {
             #[cfg(feature = "hdf5")]
             Self::Hdf5 => return Ok(Box::new(super::formats::hdf5::Hdf5::open(path, length, source)?)),
             Self::Mat5 => return Ok(Box::new(mat5::Mat5::open(file, length, source)?)),
-            Self::Mat4 => return Err(source.unsupported("a file of MATLAB 4", mat5::SAVE_AGAIN)),
+            Self::Mat4 => return Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN)),
             // Robot logs are opened here.
             Self::Mcap => "mcap",
             Self::Rosbag => "rosbag",

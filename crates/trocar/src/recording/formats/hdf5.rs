@@ -47,10 +47,13 @@ pub(in crate::recording) struct Hdf5 {
 
 impl Hdf5 {
     pub(in crate::recording) fn open(path: &Path, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let file = File::open_streaming(path).map_err(|error| refused(&source, "the superblock", &error))?;
-        let mut listing = Listing { source: &source, file: &file, length, groups: Vec::new(), listed: 0 };
-        listing.group("", 0)?;
-        let groups = listing.groups;
+        let (file, groups) = source.guard("its structure", || {
+            let file = File::open_streaming(path).map_err(|error| refused(&source, "the superblock", &error))?;
+            let mut listing = Listing { source: &source, file: &file, length, groups: Vec::new(), listed: 0 };
+            listing.group("", 0)?;
+            let groups = listing.groups;
+            Ok((file, groups))
+        })?;
         let (tables, places) = lengths::tables(groups);
         Ok(Self { source, file: Arc::new(file), tables, places })
     }
@@ -74,7 +77,7 @@ impl Container for Hdf5 {
             let known = arrays.iter().position(|array| array.path == place.path);
             let at = known.unwrap_or(arrays.len());
             if known.is_none() {
-                arrays.push(Array::open(&self.source, &self.file, place)?);
+                arrays.push(self.source.guard(&place.path, || Array::open(&self.source, &self.file, place))?);
             }
             sources.push((at, place.column));
         }
@@ -294,9 +297,11 @@ impl Batches for Rows {
             return Ok(false);
         }
         for array in self.arrays.iter_mut().filter(|array| array.whole.is_none()) {
-            let place = || format!("{}, rows from {}", array.path, self.row);
-            let window = numbers(&array.dataset, &array.kind, self.row, count);
-            array.window = window.map_err(|error| refused(&self.source, place(), &error))?;
+            let place = format!("{}, rows from {}", array.path, self.row);
+            array.window = self.source.guard(&place, || {
+                let window = numbers(&array.dataset, &array.kind, self.row, count);
+                window.map_err(|error| refused(&self.source, &place, &error))
+            })?;
         }
         for (&(at, k), column) in self.sources.iter().zip(columns) {
             let array = &self.arrays[at];

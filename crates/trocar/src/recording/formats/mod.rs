@@ -42,6 +42,17 @@ impl Source {
         RecordingError::Unsupported { file, format, found: found.to_string(), hint }
     }
 
+    /// The outcome of `read`, which calls somebody else's reader: should it panic on a damaged file, that is an error like others.
+    #[cfg(any(feature = "parquet", feature = "hdf5"))]
+    pub(super) fn guard<T>(
+        &self,
+        place: impl Display,
+        read: impl FnOnce() -> Result<T, RecordingError>,
+    ) -> Result<T, RecordingError> {
+        let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
+        outcome.unwrap_or_else(|_| Err(self.damaged(place, "nothing that its reader could make sense of")))
+    }
+
     /// A column that was asked for holds no numbers.
     #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5"))]
     pub(super) fn not_numeric(&self, column: &str) -> RecordingError {

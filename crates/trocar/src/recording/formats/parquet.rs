@@ -11,7 +11,7 @@ use std::sync::Arc;
 use arrow_schema::{DataType, Schema};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use parquet::basic::{ConvertedType, LogicalType, TimeUnit as Parts, Type as Physical};
+use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit as Parts, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::errors::{ParquetError, Result as Decoded};
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
@@ -29,6 +29,8 @@ use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table}
 /// Numbers decoded ahead of what is handed on, over all columns: 64 MB. Several row groups at once keep all cores busy
 /// where there are fewer columns than cores, or one more.
 const AHEAD: usize = 1 << 23;
+
+const WRITE_AGAIN: &str = "write it again with snappy, gzip, zstd or no compression";
 
 /// Key of the schema that Arrow's writers add.
 const ARROW_SCHEMA: &str = "ARROW:schema";
@@ -91,8 +93,11 @@ pub(in crate::recording) struct Parquet {
 impl Parquet {
     pub(in crate::recording) fn open(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
         let input = Arc::new(Input { file: Arc::new(file), length });
-        let metadata = ParquetMetaDataReader::new().parse_and_finish(&*input);
-        let metadata = Arc::new(metadata.map_err(|error| refused(&source, "the footer", error))?);
+        let metadata = source.guard("the footer", || {
+            let metadata = ParquetMetaDataReader::new().parse_and_finish(&*input);
+            metadata.map_err(|error| refused(&source, "the footer", error))
+        })?;
+        let metadata = Arc::new(metadata);
         let arrow = arrow_schema(&metadata);
         let schema = metadata.file_metadata().schema_descr();
         let mut scales = Vec::with_capacity(schema.num_columns());
@@ -131,6 +136,17 @@ impl Parquet {
         Ok(scale)
     }
 
+    fn check_packing(&self, column: usize) -> Result<(), RecordingError> {
+        let chunks = self.metadata.row_groups().iter().filter_map(|group| group.columns().get(column));
+        let mut unread = chunks.map(|chunk| chunk.compression()).filter(|packing| {
+            matches!(packing, Compression::BROTLI(_) | Compression::LZO)
+        });
+        match unread.next() {
+            Some(packing) => Err(self.source.unsupported(format!("{packing} compression"), WRITE_AGAIN)),
+            None => Ok(()),
+        }
+    }
+
     fn cursor(&self, group: usize, column: usize) -> Decoded<Cursor> {
         cursor(&self.input, &self.metadata, group, column)
     }
@@ -146,7 +162,11 @@ impl Container for Parquet {
     }
 
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let scale = |&column: &usize| Ok((column, self.anchored(column)?));
+        let scale = |&column: &usize| {
+            let name = &self.tables[0].columns[column].name;
+            self.check_packing(column)?;
+            Ok((column, self.source.guard(format!("column {name}"), || self.anchored(column))?))
+        };
         Ok(Box::new(Groups {
             source: self.source.clone(),
             input: self.input.clone(),
@@ -224,7 +244,7 @@ fn scale(column: &ColumnDescriptor, arrow: Option<&DataType>) -> Option<Scale> {
 
 fn refused(source: &Source, place: impl std::fmt::Display, error: ParquetError) -> RecordingError {
     match error {
-        ParquetError::NYI(found) => source.unsupported(found, "write it again with snappy, gzip, zstd or no compression"),
+        ParquetError::NYI(found) => source.unsupported(found, WRITE_AGAIN),
         ParquetError::General(found) | ParquetError::EOF(found) => source.damaged(place, found),
         other => source.damaged(place, other),
     }
@@ -472,7 +492,9 @@ fn pieces(cursor: &mut Cursor, scale: Scale, ahead: usize) -> Pieces {
     let mut rows = 0;
     while cursor.left > 0 && rows < ahead {
         let batch = cursor.left.min(BATCH_ROWS);
-        match cursor.read(batch, scale) {
+        // The decoders meant for sound files may panic on others.
+        let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| cursor.read(batch, scale)));
+        match read.unwrap_or_else(|_| Err(ParquetError::General("a page that its decoder could not make sense of".into()))) {
             Ok(numbers) => batches.push(numbers),
             Err(error) => {
                 cursor.left = 0;
