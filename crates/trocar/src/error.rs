@@ -341,7 +341,9 @@ pub enum RecordingError {
         hint: &'static str,
     },
     /// A format that this build lacks.
-    #[error("{file}: a {format} file, and this build has no feature {feature}\n\nhint: build with --features {feature}, or export the recording as CSV")]
+    #[error(
+        "{file}: a {format} file, and this build has no feature {feature}\n\nhint: build with --features {feature}, or export the recording as CSV"
+    )]
     NoFeature {
         /// File as the caller named it.
         file: String,
@@ -351,7 +353,9 @@ pub enum RecordingError {
         feature: &'static str,
     },
     /// A column that was asked for does not hold numbers.
-    #[error("{file}: column '{column}' of this {format} file holds no numbers that are read\n\nhint: trocar inspect lists the columns")]
+    #[error(
+        "{file}: column '{column}' of this {format} file holds no numbers that are read\n\nhint: trocar inspect lists the columns"
+    )]
     NotNumeric {
         /// File as the caller named it.
         file: String,

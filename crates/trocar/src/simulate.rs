@@ -268,7 +268,7 @@ impl<'a> Positions<'a> {
     /// # Errors
     /// As for [`Positions::open`].
     pub fn from_text(file: &str, input: impl Read + Send + 'a, choice: &Choice) -> Result<Self, RecordingError> {
-        let rows = Rows::from_text(file, Box::new(input), None, choice, &NEEDED, false)?;
+        let rows = Rows::from_text(file, Box::new(input), false, choice, &NEEDED, false)?;
         Ok(Self::new(file.to_owned(), rows))
     }
 

@@ -153,7 +153,8 @@ fn matlab_5_of_scipy() {
         compare(file, "samples(3)", "trace", 12, SINES, force);
         compare(file, "cell", "{1}", 20, SINES, force);
         let refused: Vec<String> = all_tables(file).into_iter().map(|table| table.kind).collect();
-        for reason in ["sparse (sparse; save full(x))", "complex (complex; save", "cube (of more than two dimensions)"] {
+        for reason in ["sparse (sparse; save full(x))", "complex (complex; save", "cube (of more than two dimensions)"]
+        {
             assert!(refused.iter().any(|kind| kind.contains(reason)), "{reason}: {refused:?}");
         }
         let text = all_tables(file).into_iter().flat_map(|table| table.columns).find(|column| column.name == "name");

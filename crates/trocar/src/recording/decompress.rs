@@ -1,6 +1,12 @@
 //! Streams that may be compressed: gzip and zstd are told by their first bytes and taken off.
 
+use std::fs::File;
 use std::io::{self, Cursor, Read};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::RecordingError;
 
 use flate2::bufread::MultiGzDecoder;
 
@@ -11,11 +17,52 @@ const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Bytes read at a time.
 const PIECE: usize = 1 << 16;
 
+/// The text in a file or of standard input.
+pub(super) struct TextInput {
+    pub(super) text: Box<dyn Read + Send>,
+    /// Size of the file, packed or not, and how much of it has been read; `None` for a stream.
+    pub(super) file: Option<(u64, Arc<AtomicU64>)>,
+}
+
+impl TextInput {
+    /// Opens the file at `path`, or standard input for `-`.
+    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
+        let name = path.display().to_string();
+        let failed = |source| RecordingError::Open { file: name.clone(), source };
+        if name == "-" {
+            return Ok(Self { text: decompressed(Box::new(io::stdin())).map_err(failed)?, file: None });
+        }
+        let file = File::open(path).map_err(failed)?;
+        let metadata = file.metadata().map_err(failed)?;
+        if metadata.is_dir() {
+            return Err(failed(io::ErrorKind::IsADirectory.into()));
+        }
+        let read = Arc::new(AtomicU64::new(0));
+        let counted = Counted { inner: file, read: read.clone() };
+        let text = decompressed(Box::new(counted)).map_err(failed)?;
+        Ok(Self { text, file: metadata.is_file().then_some((metadata.len(), read)) })
+    }
+}
+
+/// Counts the bytes that go through.
+struct Counted<R> {
+    inner: R,
+    read: Arc<AtomicU64>,
+}
+
+impl<R: Read> Read for Counted<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(bytes)?;
+        self.read.fetch_add(read as u64, Ordering::Relaxed);
+        Ok(read)
+    }
+}
+
 /// The text of a stream that is compressed, or is not; several gzip members or zstd frames behind each other are one text.
 ///
 /// # Errors
 /// What the operating system said about the first bytes, or that the stream is zstd and this build lacks it.
-pub(crate) fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
+fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
     let mut head = Vec::with_capacity(ZSTD.len());
     (&mut input).take(ZSTD.len() as u64).read_to_end(&mut head)?;
     let is = |magic: &[u8]| head.starts_with(magic);
@@ -68,7 +115,9 @@ impl<R> Told<R> {
         let (format, bytes) = (self.format, self.bytes);
         let text = match error.kind() {
             io::ErrorKind::UnexpectedEof => {
-                format!("the {format} stream ends early, after {bytes} bytes of text; was it cut off while it was copied?")
+                format!(
+                    "the {format} stream ends early, after {bytes} bytes of text; was it cut off while it was copied?"
+                )
             }
             _ => format!("the {format} stream is damaged after {bytes} bytes of text ({error})"),
         };

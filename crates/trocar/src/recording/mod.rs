@@ -4,8 +4,7 @@
 //! are positive on insertion. What a file lacks is reported in [`Quality`], never repaired on reading.
 
 use std::fmt;
-use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 
@@ -24,8 +23,8 @@ pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
-pub use tables::{read_columns, tables};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
+pub use tables::{read_columns, tables};
 
 pub(crate) mod block;
 mod choice;
@@ -42,8 +41,8 @@ mod position;
 mod quality;
 pub(crate) mod rows;
 mod screen;
-mod text;
 mod tables;
+mod text;
 
 /// Fewest samples that make a recording.
 pub const MIN_SAMPLES: usize = 8;
@@ -273,21 +272,6 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
 pub fn columns_of(path: &Path, choice: &Choice) -> Result<Vec<String>, RecordingError> {
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     Ok(Rows::open(path, choice, &needed, false)?.layout().words())
-}
-
-/// The bytes of the file at `path` as a stream, with the file's size; `-` is standard input.
-fn open_text(path: &Path) -> Result<(Box<dyn Read + Send>, Option<u64>), RecordingError> {
-    let file = path.display().to_string();
-    if file == "-" {
-        return Ok((Box::new(std::io::stdin()), None));
-    }
-    let failed = |source| RecordingError::Open { file: file.clone(), source };
-    let input = File::open(path).map_err(failed)?;
-    let metadata = input.metadata().map_err(failed)?;
-    if metadata.is_dir() {
-        return Err(failed(std::io::ErrorKind::IsADirectory.into()));
-    }
-    Ok((Box::new(input), metadata.is_file().then_some(metadata.len())))
 }
 
 fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {

@@ -3,6 +3,8 @@
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 use sha2::{Digest, Sha256};
@@ -11,9 +13,10 @@ use super::block::{Block, Row};
 use super::choice::{Choice, Picked, pick, read_slots};
 use super::columns::{Layout, Quantity, Slot};
 use super::container::{self, Batches};
+use super::decompress::TextInput;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
-use super::{Place, RecordingError, open_text};
+use super::{Place, RecordingError};
 
 /// Bytes hashed at a time.
 const HASHED: usize = 1 << 20;
@@ -21,8 +24,8 @@ const HASHED: usize = 1 << 20;
 /// Reads rows of some file or stream.
 pub(crate) struct Rows<'a> {
     source: Source<'a>,
-    /// Bytes of the file, where it is one.
-    size: Option<u64>,
+    /// Size of a text's file, and how much of it has been read; packed or not.
+    text_file: Option<(u64, Arc<AtomicU64>)>,
     crop: Crop,
     block: Block,
     /// Next row of the block.
@@ -42,35 +45,36 @@ impl Rows<'static> {
             && let Some(container) = container::open(path)?
         {
             let picked = pick(&file, container.as_ref(), choice, needed)?;
-            let size = std::fs::metadata(path).ok().map(|data| data.len());
             let rows = container.tables()[picked.table].rows;
             let batches = container.open(picked.table, &picked.columns)?;
             let source = Source::Table(TableRows::new(batches, picked, rows, hash.then(|| hash_of(path))));
-            return Ok(Self::new(source, size, choice));
+            return Ok(Self::new(source, None, choice));
         }
-        let (input, size) = open_text(path)?;
-        Self::from_text(&file, input, size, choice, needed, hash)
+        let input = TextInput::open(path)?;
+        let mut rows = Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;
+        rows.text_file = input.file;
+        Ok(rows)
     }
 }
 
 impl<'a> Rows<'a> {
-    /// Rows of a text stream; `file` names it in messages, `size` is that of the file, if it is one.
+    /// Rows of a text stream; `file` names it in messages; `is_file` where nobody waits for an answer to each row.
     pub(crate) fn from_text(
         file: &str,
         input: Box<dyn Read + Send + 'a>,
-        size: Option<u64>,
+        is_file: bool,
         choice: &Choice,
         needed: &[Quantity],
         hash: bool,
     ) -> Result<Self, RecordingError> {
         let wanted = Wanted::Quantities(choice.columns.as_deref(), needed);
-        let reader = TextReader::open(file, input, wanted, size.is_some(), hash)?;
-        Ok(Self::new(Source::Text(reader), size, choice))
+        let reader = TextReader::open(file, input, wanted, is_file, hash)?;
+        Ok(Self::new(Source::Text(reader), None, choice))
     }
 
-    fn new(source: Source<'a>, size: Option<u64>, choice: &Choice) -> Self {
+    fn new(source: Source<'a>, text_file: Option<(u64, Arc<AtomicU64>)>, choice: &Choice) -> Self {
         let crop = Crop { from: choice.from, to: choice.to, first: None };
-        let mut rows = Self { source, size, crop, block: Block::new(Quantity::ALL.len()), next: 0 };
+        let mut rows = Self { source, text_file, crop, block: Block::new(Quantity::ALL.len()), next: 0 };
         if choice.flip_force {
             rows.layout_mut().flip_force();
         }
@@ -107,7 +111,10 @@ impl<'a> Rows<'a> {
     /// How many rows there will be, where that can be told beforehand; roughly.
     pub(crate) fn expected(&self) -> Option<u64> {
         match &self.source {
-            Source::Text(reader) => self.size.map(|size| (size as f64 / reader.bytes_per_line()) as u64),
+            Source::Text(reader) => self.text_file.as_ref().map(|(size, read)| {
+                let unpacked = reader.bytes_read() as f64 / read.load(Ordering::Relaxed).max(1) as f64;
+                (*size as f64 * unpacked / reader.bytes_per_line()) as u64
+            }),
             Source::Table(table) => table.rows,
         }
     }
@@ -115,7 +122,10 @@ impl<'a> Rows<'a> {
     /// Part of the rows read so far, 0 to 1; 0 where nobody knows how many there are.
     pub(crate) fn part(&self) -> f64 {
         let (done, all) = match &self.source {
-            Source::Text(reader) => (reader.bytes_read(), self.size),
+            Source::Text(_) => {
+                let file = self.text_file.as_ref();
+                file.map_or((0, None), |(size, read)| (read.load(Ordering::Relaxed), Some(*size)))
+            }
             Source::Table(table) => (table.read, table.rows),
         };
         all.filter(|all| *all > 0).map_or(0.0, |all| done as f64 / all as f64)

@@ -13,8 +13,9 @@ use sha2::{Digest, Sha256};
 use super::block::Block;
 use super::columns::{Given, Layout, Quantity, Slot, example_mapping, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
+use super::decompress::TextInput;
 use super::format::{Format, Separator, whitespace_cells};
-use super::{RecordingError, columns, open_text};
+use super::{RecordingError, columns};
 
 /// Bytes read at a time from a file, and from what somebody may be waiting for; the second is also the longest line accepted.
 const CHUNK: usize = 4 << 20;
@@ -101,7 +102,7 @@ impl<R: Read> TextReader<R> {
         &mut self.layout
     }
 
-    /// SHA-256 of all bytes read, in hexadecimal; meaningful after the last row.
+    /// SHA-256 of all bytes of the text, unpacked, in hexadecimal; meaningful after the last row.
     pub(crate) fn digest(&mut self) -> String {
         self.take_hash();
         self.hash.take().map(|hash| hex(&hash.finalize())).unwrap_or_default()
@@ -407,7 +408,7 @@ pub(super) struct TextTable {
 
 impl TextTable {
     pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
-        let (input, _) = open_text(path)?;
+        let input = TextInput::open(path)?.text;
         let reader = TextReader::open(&path.display().to_string(), input, Wanted::All, false, false)?;
         let described = reader.layout.names.iter().zip(&reader.layout.slots);
         let columns = described
@@ -434,9 +435,9 @@ impl Container for TextTable {
     }
 
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let (input, size) = open_text(&self.path)?;
+        let input = TextInput::open(&self.path)?;
         let file = self.path.display().to_string();
-        let mut reader = TextReader::open(&file, input, Wanted::All, size.is_some(), false)?;
+        let mut reader = TextReader::open(&file, input.text, Wanted::All, input.file.is_some(), false)?;
         for (k, slot) in reader.layout.slots.iter_mut().enumerate() {
             let place = columns.iter().position(|column| *column == k);
             *slot = place.map(|output| Slot { output, per_si: 1.0 });

@@ -126,7 +126,9 @@ impl Arrow {
                 return Err(source.damaged("the footer", "a record batch of negative size"));
             };
             if at.checked_add(message).and_then(|end| end.checked_add(body)).is_none_or(|end| end > length - MARK) {
-                return Err(source.damaged("the footer", format!("a record batch at byte {at} beyond the end of the file")));
+                return Err(
+                    source.damaged("the footer", format!("a record batch at byte {at} beyond the end of the file"))
+                );
             }
             blocks.push(Block { at, message, body });
         }
@@ -304,7 +306,9 @@ fn extent(kind: &DataType) -> Extent {
         DataType::Null => own(0),
         DataType::Utf8 | DataType::LargeUtf8 | DataType::Binary | DataType::LargeBinary => own(3),
         DataType::Utf8View | DataType::BinaryView => Extent::new(1, 2, 1),
-        DataType::List(item) | DataType::LargeList(item) | DataType::Map(item, _) => own(2).and(extent(item.data_type())),
+        DataType::List(item) | DataType::LargeList(item) | DataType::Map(item, _) => {
+            own(2).and(extent(item.data_type()))
+        }
         DataType::ListView(item) | DataType::LargeListView(item) => own(3).and(extent(item.data_type())),
         DataType::FixedSizeList(item, _) => own(1).and(extent(item.data_type())),
         DataType::Struct(fields) => own(1).and(all(&mut fields.iter().map(|field| field.data_type()))),
@@ -312,7 +316,9 @@ fn extent(kind: &DataType) -> Extent {
             let kinds = if *mode == UnionMode::Dense { 2 } else { 1 };
             own(kinds).and(all(&mut fields.iter().map(|(_, field)| field.data_type())))
         }
-        DataType::RunEndEncoded(ends, values) => own(0).and(all(&mut [ends.data_type(), values.data_type()].into_iter())),
+        DataType::RunEndEncoded(ends, values) => {
+            own(0).and(all(&mut [ends.data_type(), values.data_type()].into_iter()))
+        }
         _ => own(2),
     }
 }
@@ -400,7 +406,8 @@ fn numbers(file: &File, block: Block, batch: &RecordBatch<'_>, wanted: &mut Want
         return Err(format!("{} bytes, {rows} rows need {}", bytes.len(), wanted.width.bytes(rows)));
     }
     if let (Scale::Since { per_second, .. }, false) = (wanted.scale, wanted.anchored)
-        && let Some((_, first)) = bytes.as_chunks::<8>().0.iter().enumerate().find(|&(row, _)| row < rows && is_valid(row))
+        && let Some((_, first)) =
+            bytes.as_chunks::<8>().0.iter().enumerate().find(|&(row, _)| row < rows && is_valid(row))
     {
         wanted.scale = Scale::Since { origin: i64::from_le_bytes(*first), per_second };
         wanted.anchored = true;

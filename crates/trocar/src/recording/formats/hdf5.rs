@@ -145,13 +145,7 @@ impl Listing<'_> {
         }
     }
 
-    fn dataset(
-        &self,
-        group: &mut Group<Place>,
-        name: &str,
-        path: String,
-        described: Described,
-    ) {
+    fn dataset(&self, group: &mut Group<Place>, name: &str, path: String, described: Described) {
         let Described { shape, unit, is_numeric, size, packed, reason } = described;
         if let Some(reason) = reason {
             group.refused.push(format!("{name} ({reason})"));
@@ -307,7 +301,9 @@ impl Batches for Rows {
             let array = &self.arrays[at];
             let (from, width) = (self.row as usize, array.width as usize);
             match &array.whole {
-                Some(all) => column.extend(all.iter().skip(k as usize * self.rows as usize + from).take(count as usize)),
+                Some(all) => {
+                    column.extend(all.iter().skip(k as usize * self.rows as usize + from).take(count as usize))
+                }
                 None => column.extend(array.window.iter().skip(k as usize).step_by(width)),
             }
             if column.len() as u64 != count {

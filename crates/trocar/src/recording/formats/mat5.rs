@@ -524,7 +524,13 @@ impl Listing<'_> {
     }
 
     /// An array of structs: fields that are one number in each are columns, others are groups of each struct.
-    fn struct_array(&mut self, walk: &mut Walk, names: &[String], count: u64, position: &Position<'_>) -> io::Result<()> {
+    fn struct_array(
+        &mut self,
+        walk: &mut Walk,
+        names: &[String],
+        count: u64,
+        position: &Position<'_>,
+    ) -> io::Result<()> {
         let group = self.inner(position)?;
         let mut held: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
         for k in 1..=count {

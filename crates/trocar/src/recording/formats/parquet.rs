@@ -106,7 +106,8 @@ impl Parquet {
             let name = column.path().string();
             let field = arrow.get(&name);
             let scale = scale(column, field.map(|(kind, _)| kind));
-            let is_time = matches!(scale, Some(Scale::Since { .. })) || is_duration(column, field.map(|(kind, _)| kind));
+            let is_time =
+                matches!(scale, Some(Scale::Since { .. })) || is_duration(column, field.map(|(kind, _)| kind));
             let unit = field.and_then(|(_, unit)| unit.clone());
             columns.push(Column {
                 name,
@@ -138,9 +139,9 @@ impl Parquet {
 
     fn check_packing(&self, column: usize) -> Result<(), RecordingError> {
         let chunks = self.metadata.row_groups().iter().filter_map(|group| group.columns().get(column));
-        let mut unread = chunks.map(|chunk| chunk.compression()).filter(|packing| {
-            matches!(packing, Compression::BROTLI(_) | Compression::LZO)
-        });
+        let mut unread = chunks
+            .map(|chunk| chunk.compression())
+            .filter(|packing| matches!(packing, Compression::BROTLI(_) | Compression::LZO));
         match unread.next() {
             Some(packing) => Err(self.source.unsupported(format!("{packing} compression"), WRITE_AGAIN)),
             None => Ok(()),
@@ -262,7 +263,8 @@ struct Cursor {
 
 fn cursor(input: &Arc<Input>, metadata: &ParquetMetaData, group: usize, column: usize) -> Decoded<Cursor> {
     let group = metadata.row_group(group);
-    let rows = usize::try_from(group.num_rows()).map_err(|_| ParquetError::General("a negative number of rows".into()))?;
+    let rows =
+        usize::try_from(group.num_rows()).map_err(|_| ParquetError::General("a negative number of rows".into()))?;
     let chunk = group.columns().get(column).ok_or_else(|| ParquetError::General("a missing column chunk".into()))?;
     let descriptor = metadata.file_metadata().schema_descr().column(column);
     let present = descriptor.max_def_level();
@@ -290,9 +292,13 @@ impl Cursor {
             ColumnReader::Int64ColumnReader(reader) => {
                 fill(reader, rows, present, levels, each(|value| scale.number(value)))?
             }
-            ColumnReader::Int96ColumnReader(reader) => {
-                fill(reader, rows, present, levels, each(|value: parquet::data_type::Int96| scale.number(value.to_nanos())))?
-            }
+            ColumnReader::Int96ColumnReader(reader) => fill(
+                reader,
+                rows,
+                present,
+                levels,
+                each(|value: parquet::data_type::Int96| scale.number(value.to_nanos())),
+            )?,
             _ => return Err(ParquetError::General("bytes where numbers should be".into())),
         };
         if numbers.len() < rows && present > 0 {
@@ -494,7 +500,9 @@ fn pieces(cursor: &mut Cursor, scale: Scale, ahead: usize) -> Pieces {
         let batch = cursor.left.min(BATCH_ROWS);
         // The decoders meant for sound files may panic on others.
         let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| cursor.read(batch, scale)));
-        match read.unwrap_or_else(|_| Err(ParquetError::General("a page that its decoder could not make sense of".into()))) {
+        match read
+            .unwrap_or_else(|_| Err(ParquetError::General("a page that its decoder could not make sense of".into())))
+        {
             Ok(numbers) => batches.push(numbers),
             Err(error) => {
                 cursor.left = 0;
