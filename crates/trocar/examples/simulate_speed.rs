@@ -7,10 +7,10 @@ use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::Instant;
 
-use trocar::output::AtomicFile;
 use trocar::recording::{Choice, ReadOptions, read};
 
-use trocar::simulate::{Drive, Positions, simulate};
+use trocar::simulate::{Drive, Positions, fields, simulate};
+use trocar::table::TableWriter;
 use trocar_model::{Deformation, Element, ElementParams, Mode, Parallel};
 
 const ROWS: u32 = 2_000_000;
@@ -88,7 +88,7 @@ fn whole_recording(text: &str) -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn replay(text: &str, drive: &mut impl Drive) -> Result<(), Box<dyn std::error::Error>> {
-    let mut output = AtomicFile::create("/dev/null")?;
+    let mut output = TableWriter::create("/dev/null", &fields(drive))?;
     simulate(Positions::from_text("made", text.as_bytes(), &Choice::default())?, drive, &mut output, |_, _| ())?;
     Ok(())
 }

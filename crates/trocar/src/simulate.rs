@@ -5,22 +5,17 @@
 //! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model without a deformation of
 //! its own. The force is the seal's alone, positive on insertion.
 
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::Path;
 
 use trocar_model::{Deformation, Friction, GuardState, Mode, Parallel, PlayGuard};
 
 use crate::error::{OutputError, RecordingError};
-use crate::output::AtomicFile;
 use crate::recording::block::Row;
 use crate::recording::columns::Quantity;
-use crate::recording::line::Line;
 use crate::recording::rows::Rows;
 use crate::recording::{Choice, LONGEST_STROKE};
-
-/// Names of the columns written, with and without a deformation.
-const HEADER: &[u8] = b"time_s,position_m,force_n,deflection_m,mode\n";
-const HEADER_OF_FORCE: &[u8] = b"time_s,position_m,force_n\n";
+use crate::table::{Cell, Field, Kind, TableWriter};
 
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
@@ -171,26 +166,31 @@ pub fn simulate_file(
     output: &Path,
     progress: impl FnMut(f64, u64),
 ) -> Result<u64, SimulateError> {
-    let mut result = AtomicFile::create(output)?;
+    let mut result = TableWriter::create(output, &fields(drive))?;
     let rows = simulate(Positions::open(motion, choice)?, drive, &mut result, progress)?;
     result.commit()?;
     Ok(rows)
 }
 
-/// The same into an [`AtomicFile`], which stays uncommitted.
+/// The columns of a replay: time, position and force, and the deformation where `drive` knows one.
+pub fn fields(drive: &impl Drive) -> Vec<Field> {
+    let mut fields: Vec<Field> = ["time_s", "position_m", "force_n"].map(Field::number).into();
+    if drive.deformation().is_some() {
+        fields.extend([Field::number("deflection_m"), Field::new("mode", Kind::Text)]);
+    }
+    fields
+}
+
+/// The same into a table of these [`fields`], which stays uncommitted.
 ///
 /// # Errors
 /// As for [`simulate_file`].
 pub fn simulate(
     mut rows: Positions,
     drive: &mut impl Drive,
-    output: &mut AtomicFile,
+    output: &mut TableWriter,
     mut progress: impl FnMut(f64, u64),
 ) -> Result<u64, SimulateError> {
-    let mut line = Line::default();
-    let header = if drive.deformation().is_some() { HEADER } else { HEADER_OF_FORCE };
-    let outcome = output.write_all(header);
-    outcome.map_err(|source| output.write_error(source))?;
     let mut count = 0;
     while let Some(step) = rows.advance()? {
         if count == 0 {
@@ -200,19 +200,19 @@ pub fn simulate(
             true => drive.step_to(step.position, step.displacement, step.duration),
             false => drive.force(),
         };
-        line.number(step.time).number(step.position).number(force);
-        if let Some(Deformation { deflection, mode }) = drive.deformation() {
-            line.number(deflection).word(word(mode));
+        let numbers = [step.time, step.position, force].map(Cell::Number);
+        match drive.deformation() {
+            Some(Deformation { deflection, mode }) => {
+                let [time, position, force] = numbers;
+                output.row(&[time, position, force, Cell::Number(deflection), Cell::Word(word(mode))])?;
+            }
+            None => output.row(&numbers)?,
         }
-        let outcome = line.finish(output);
-        outcome.map_err(|source| output.write_error(source))?;
         count += 1;
         if count % REPORT_EVERY == 0 {
             progress(rows.rows.part(), count);
         }
     }
-    let outcome = line.flush(output);
-    outcome.map_err(|source| output.write_error(source))?;
     Ok(count)
 }
 

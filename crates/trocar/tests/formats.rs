@@ -203,13 +203,13 @@ fn matlab_7_3() {
 }
 
 #[test]
-fn text_and_unknown_bytes_are_left_to_others() {
+fn the_bytes_decide_and_never_the_ending() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording.parquet");
-    for text in ["", "time_s,force_n\n0,1\n", "\u{1}\u{2}"] {
-        std::fs::write(&path, text).unwrap();
-        assert_eq!(tables(&path).unwrap(), []);
-    }
+    std::fs::write(&path, "time_s,force_n\n0,1\n0.1,2\n").unwrap();
+    assert_eq!(read_columns(&path, "", &["force_n"]).unwrap(), [[1.0, 2.0]]);
+    std::fs::copy(fixture("polars.parquet"), folder.path().join("recording.csv")).unwrap();
+    assert_eq!(read_columns(folder.path().join("recording.csv"), "", &["time_s"]).unwrap()[0][7], 0.07);
 }
 
 /// A generator of our own, so that the same bytes are damaged everywhere (xorshift, key XORSHIFT).

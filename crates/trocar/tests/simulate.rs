@@ -8,7 +8,8 @@ use trocar::output::{AtomicFile, StagedFolder, remove_unfinished};
 use trocar::recording::{ReadOptions, read};
 
 use trocar::recording::Choice;
-use trocar::simulate::{Drive, Positions, Single, simulate, simulate_file};
+use trocar::simulate::{Drive, Positions, Single, fields, simulate, simulate_file};
+use trocar::table::TableWriter;
 use trocar_model::{Deformation, Mode, SlidingFriction, StaticFriction};
 
 /// A spring of 1 kN/m that sticks: force and deflection follow the position, so a row can be checked by hand.
@@ -191,7 +192,7 @@ fn resident() -> u64 {
 fn memory_does_not_grow_with_the_motion() {
     const ROWS: u64 = 2_000_000;
     let input = Rows { next: 0, count: ROWS, pending: Vec::new() };
-    let mut output = AtomicFile::create("/dev/null").unwrap();
+    let mut output = TableWriter::create("/dev/null", &fields(&Spring::default())).unwrap();
     let before = resident();
     let (mut peak, mut reached) = (before, 0);
     let progress = |_, rows| {

@@ -1,20 +1,20 @@
 //! `trocar bench`
 
-use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use trocar::bench::config::DEFAULT_TOML;
 use trocar::bench::{self, BenchConfig, BenchRun, Protocol};
 use trocar::model_file::ModelFile;
-use trocar::output::AtomicFile;
-use trocar::recording;
+use trocar::table::{Column, Field, TableWriter};
 use trocar_model::Element;
 
 use crate::Done;
 use crate::console::{self, Console};
 use crate::progress::Progress;
+
+/// Rows written at a time.
+const PIECE: usize = 1 << 16;
 
 /// Record an experiment on the virtual test bench
 ///
@@ -26,7 +26,7 @@ pub(crate) struct Args {
     /// strokes), step (one reversal), surgeon (hand-like motion)
     #[arg(required_unless_present = "print_config")]
     protocol: Option<Protocol>,
-    /// Recording to write, '-' for standard output
+    /// Recording to write, '-' for standard output; .parquet, .arrow, .csv.gz and .csv.zst are written as such
     #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
     out: Option<PathBuf>,
     /// Rig and protocol, TOML; keys left out keep their defaults (see --print-config)
@@ -38,7 +38,7 @@ pub(crate) struct Args {
     /// Seed of noise, fluctuation and hand-like motion
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Also write what only a simulation knows (true motion, forces and deflections), CSV
+    /// Also write what only a simulation knows (true motion, forces and deflections)
     #[arg(long, value_name = "FILE")]
     truth_out: Option<PathBuf>,
     /// Print the rig and protocol as a documented TOML file and stop
@@ -82,21 +82,17 @@ fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> 
 }
 
 pub(crate) fn write_recording(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
-    let mut file = AtomicFile::create(path)?;
-    let outcome = recording::write(&mut file, &run.time, &run.position, Some(&run.velocity), &run.force);
-    outcome.map_err(|source| file.write_error(source))?;
-    Ok(file.commit()?)
+    let columns = [
+        ("time_s", &run.time),
+        ("position_m", &run.position),
+        ("velocity_m_s", &run.velocity),
+        ("force_n", &run.force),
+    ];
+    write_columns(path, columns.into_iter().map(|(name, column)| (name.to_owned(), column)))
 }
 
+/// Writes the truth; several elements have a deflection each.
 fn write_truth(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
-    let mut file = AtomicFile::create(path)?;
-    let outcome = file.write_all(truth_text(run).as_bytes());
-    outcome.map_err(|source| file.write_error(source))?;
-    Ok(file.commit()?)
-}
-
-/// The truth as CSV; several elements have a deflection each.
-fn truth_text(run: &BenchRun) -> String {
     let truth = &run.truth;
     let columns = [
         ("time_s", &run.time),
@@ -111,19 +107,21 @@ fn truth_text(run: &BenchRun) -> String {
     ];
     let deflections =
         truth.deflections.iter().enumerate().map(|(i, column)| (format!("deflection_{}_m", i + 1), column));
-    let columns: Vec<(String, &Vec<f64>)> =
-        columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections).collect();
-    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
-    let mut text = names.join(",");
-    text.push('\n');
-    for row in 0..run.time.len() {
-        for (k, (_, column)) in columns.iter().enumerate() {
-            let separator = if k == 0 { "" } else { "," };
-            let _ = write!(text, "{separator}{}", column[row]);
-        }
-        text.push('\n');
+    write_columns(path, columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections))
+}
+
+/// Writes columns of one length in the format that the ending says.
+fn write_columns<'a>(path: &Path, columns: impl Iterator<Item = (String, &'a Vec<f64>)>) -> anyhow::Result<()> {
+    let (names, columns): (Vec<String>, Vec<&Vec<f64>>) = columns.unzip();
+    let fields: Vec<Field> = names.into_iter().map(Field::number).collect();
+    let mut writer = TableWriter::create(path, &fields)?;
+    let rows = columns.first().map_or(0, |column| column.len());
+    for from in (0..rows).step_by(PIECE) {
+        let to = rows.min(from + PIECE);
+        let piece: Vec<Column> = columns.iter().map(|column| Column::Number(column[from..to].to_vec())).collect();
+        writer.write(&piece)?;
     }
-    text
+    Ok(writer.commit()?)
 }
 
 /// Tells an experimenter what went wrong on the rig; true when the recording lost data.

@@ -1,19 +1,14 @@
 //! A recording, or a live stream, through the observer: row by row and in constant memory.
 
-use std::io::Write;
 use std::path::Path;
 
 use super::{Compensator, Drift, Fault};
 use crate::error::RecordingError;
-use crate::output::AtomicFile;
 use crate::recording::columns::Quantity;
-use crate::recording::line::Line;
 use crate::recording::rows::Rows;
 use crate::recording::{Choice, Place};
 use crate::simulate::SimulateError;
-
-/// Names of the columns written.
-const HEADER: &[u8] = b"time_s,position_m,force_n,trocar_force_n,tissue_force_n,tissue_force_std_n,adapting\n";
+use crate::table::{Cell, Field, Kind, TableWriter};
 
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
@@ -68,11 +63,9 @@ pub fn compensate_file(
     mut on_fault: impl FnMut(Fault, u64),
 ) -> Result<Compensation, SimulateError> {
     let file = &path.display().to_string();
-    let mut result = AtomicFile::create(output)?;
+    let mut result = TableWriter::create(output, &fields())?.with_missing("nan");
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let mut rows = Rows::open(path, options.choice, &needed, false)?;
-    let mut out = Output { output: &mut result, line: Line::default(), live: options.live };
-    out.head()?;
     let mut count = Counter::default();
     let mut before = None;
     while let Some(row) = rows.next_row()? {
@@ -88,15 +81,16 @@ pub fn compensate_file(
             on_fault(fault, row.line);
         }
         count.take(row.line, &estimate);
-        out.row(
-            [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std],
-            estimate.adapting,
-        )?;
+        let numbers = [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std];
+        let [a, b, c, d, e, f] = numbers.map(|number| Cell::Number(if number.is_finite() { number } else { f64::NAN }));
+        result.row(&[a, b, c, d, e, f, Cell::Whole(i64::from(estimate.adapting))])?;
+        if options.live {
+            result.flush()?;
+        }
         if count.rows % REPORT_EVERY == 0 {
             progress(rows.part(), count.rows);
         }
     }
-    out.end()?;
     result.commit()?;
     Ok(count.summary(observer.drift()))
 }
@@ -115,38 +109,11 @@ fn duration(file: &str, place: Place, before: Option<f64>, time: f64) -> Result<
     }
 }
 
-/// Rows on their way out.
-struct Output<'a> {
-    output: &'a mut AtomicFile,
-    line: Line,
-    live: bool,
-}
-
-impl Output<'_> {
-    fn head(&mut self) -> Result<(), SimulateError> {
-        let outcome = self.output.write_all(HEADER);
-        Ok(outcome.map_err(|source| self.output.write_error(source))?)
-    }
-
-    fn row(&mut self, numbers: [f64; 6], adapting: bool) -> Result<(), SimulateError> {
-        for number in numbers {
-            match number.is_finite() {
-                true => self.line.number(number),
-                false => self.line.word("nan"),
-            };
-        }
-        self.line.word(if adapting { "1" } else { "0" });
-        let mut outcome = self.line.finish(self.output);
-        if self.live {
-            outcome = outcome.and_then(|()| self.line.flush(self.output)).and_then(|()| self.output.flush());
-        }
-        Ok(outcome.map_err(|source| self.output.write_error(source))?)
-    }
-
-    fn end(&mut self) -> Result<(), SimulateError> {
-        let outcome = self.line.flush(self.output);
-        Ok(outcome.map_err(|source| self.output.write_error(source))?)
-    }
+/// The columns written.
+fn fields() -> Vec<Field> {
+    let numbers = ["time_s", "position_m", "force_n", "trocar_force_n", "tissue_force_n", "tissue_force_std_n"];
+    let adapting = Field::new("adapting", Kind::Whole);
+    numbers.into_iter().map(Field::number).chain([adapting]).collect()
 }
 
 #[derive(Default)]

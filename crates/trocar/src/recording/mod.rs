@@ -76,7 +76,8 @@ impl fmt::Display for Place {
 pub struct Recording {
     /// File name without its folder.
     pub name: String,
-    /// SHA-256 of the file's bytes, or of the columns when there is no file; lower-case hexadecimal.
+    /// SHA-256 of the file's bytes (of the text in it, where that is packed by gzip or zstd), or of the columns when there is no file;
+    /// lower-case hexadecimal.
     pub sha256: String,
     /// Time in s.
     pub time: Vec<f64>,

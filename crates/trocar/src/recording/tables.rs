@@ -1,19 +1,19 @@
-//! Columns of files that are not text, by name, as they stand in the file.
+//! Columns of files of any format, by name, as they stand in the file.
 
 use std::path::Path;
 
 use super::RecordingError;
 use super::container::{self, Container, Table};
 
-/// What a file holds: its tables and their columns. Empty for text, whose one table is its lines.
+/// What a file holds: its tables and their columns.
 ///
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened, is damaged, or is of a format that is not read.
 pub fn tables(path: impl AsRef<Path>) -> Result<Vec<Table>, RecordingError> {
-    Ok(container::open(path.as_ref())?.map_or_else(Vec::new, |container| container.tables().to_vec()))
+    Ok(container::any(path.as_ref())?.tables().to_vec())
 }
 
-/// Columns of the table called `table` of a file that is not text, in the order asked for; NaN where a cell is missing.
+/// Columns of the table called `table` of a file, in the order asked for; NaN where a cell is missing.
 ///
 /// The numbers are as in the file, in its units, but for moments and durations, which are seconds: moments since the column's
 /// first.
@@ -22,10 +22,7 @@ pub fn tables(path: impl AsRef<Path>) -> Result<Vec<Table>, RecordingError> {
 /// As for [`tables`], and when the table or a column is missing or holds no numbers.
 pub fn read_columns(path: impl AsRef<Path>, table: &str, columns: &[&str]) -> Result<Vec<Vec<f64>>, RecordingError> {
     let path = path.as_ref();
-    let Some(container) = container::open(path)? else {
-        let (file, what) = (path.display().to_string(), "table".to_owned());
-        return Err(RecordingError::NoSuchColumn { file, what, name: table.to_owned(), found: "lines of text".into() });
-    };
+    let container = container::any(path)?;
     let (table, places) = find(path, container.as_ref(), table, columns)?;
     let rows = container.tables()[table].rows.unwrap_or(0);
     let mut batches = container.open(table, &places)?;

@@ -19,6 +19,8 @@ const ZSTD_LEVEL: i32 = 3;
 pub(super) struct Writer {
     sink: Sink,
     line: Line,
+    /// What stands for a missing number.
+    pub(super) missing: &'static str,
 }
 
 enum Sink {
@@ -56,7 +58,7 @@ impl Writer {
             Format::CsvZstd => Sink::Zstd(zstd::Encoder::new(file, ZSTD_LEVEL)?),
             _ => Sink::Plain(file),
         };
-        let mut writer = Self { sink, line: Line::default() };
+        let mut writer = Self { sink, line: Line::default(), missing: "" };
         for field in fields {
             writer.line.word(&quoted(&field.name));
         }
@@ -67,10 +69,14 @@ impl Writer {
 
     pub(super) fn write(&mut self, columns: &[Column]) -> io::Result<()> {
         for row in 0..columns.first().map_or(0, Column::len) {
-            columns.iter().for_each(|column| cell(&mut self.line, column, row));
+            columns.iter().for_each(|column| cell(&mut self.line, column, row, self.missing));
             self.line.finish(&mut self.sink)?;
         }
         self.line.flush(&mut self.sink)
+    }
+
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        self.sink.flush()
     }
 
     pub(super) fn finish(self) -> io::Result<AtomicFile> {
@@ -83,9 +89,9 @@ impl Writer {
     }
 }
 
-fn cell(line: &mut Line, column: &Column, row: usize) {
+fn cell(line: &mut Line, column: &Column, row: usize, missing: &str) {
     match column {
-        Column::Number(cells) if cells[row].is_nan() => line.word(""),
+        Column::Number(cells) if cells[row].is_nan() => line.word(missing),
         Column::Number(cells) => line.number(cells[row]),
         Column::Whole(cells) => line.word(&cells[row].map(|cell| cell.to_string()).unwrap_or_default()),
         Column::Truth(cells) => line.word(cells[row].map_or("", |cell| if cell { "true" } else { "false" })),

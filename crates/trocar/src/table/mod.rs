@@ -209,6 +209,22 @@ pub struct TableWriter {
     path: PathBuf,
     fields: Vec<Field>,
     sink: Sink,
+    /// Rows that were given one by one.
+    waiting: Vec<Column>,
+}
+
+/// Rows given one by one that make a piece.
+const PIECE: usize = 1 << 12;
+
+/// One cell of a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cell {
+    /// A number; NaN where it is missing.
+    Number(f64),
+    /// A whole number.
+    Whole(i64),
+    /// Text.
+    Word(&'static str),
 }
 
 enum Sink {
@@ -257,7 +273,62 @@ impl TableWriter {
             #[cfg(not(feature = "arrow"))]
             Format::Arrow => return Err(refused("arrow")),
         };
-        Ok(Self { path: path.to_owned(), fields: fields.to_vec(), sink })
+        let waiting = fields.iter().map(|field| Column::new(field.kind)).collect();
+        Ok(Self { path: path.to_owned(), fields: fields.to_vec(), sink, waiting })
+    }
+
+    /// The same with `text` in place of missing numbers where the format is CSV, instead of empty cells.
+    #[must_use]
+    pub fn with_missing(mut self, text: &'static str) -> Self {
+        if let Sink::Csv(writer) = &mut self.sink {
+            writer.missing = text;
+        }
+        self
+    }
+
+    /// Appends one row: a cell for each field, of its kind. It is written with others, or by [`TableWriter::flush`].
+    ///
+    /// # Errors
+    /// As for [`TableWriter::write`].
+    pub fn row(&mut self, cells: &[Cell]) -> Result<(), OutputError> {
+        for (column, cell) in self.waiting.iter_mut().zip(cells) {
+            match (column, *cell) {
+                (Column::Number(cells), Cell::Number(number)) => cells.push(number),
+                (Column::Whole(cells), Cell::Whole(number)) => cells.push(Some(number)),
+                (Column::Text(cells), Cell::Word(word)) => cells.push(Some(word.into())),
+                // Columns of uneven length are refused when they are written.
+                _ => {}
+            }
+        }
+        match self.waiting.iter().any(|column| column.len() >= PIECE) {
+            true => self.write_waiting(),
+            false => Ok(()),
+        }
+    }
+
+    /// Writes the rows given one by one; to a pipe they are gone then, unless the format keeps rows for a group.
+    ///
+    /// # Errors
+    /// As for [`TableWriter::write`].
+    pub fn flush(&mut self) -> Result<(), OutputError> {
+        self.write_waiting()?;
+        let outcome = match &mut self.sink {
+            Sink::Csv(writer) => writer.flush(),
+            #[cfg(feature = "arrow")]
+            _ => Ok(()),
+        };
+        outcome.map_err(|source| OutputError::Write { path: self.path.clone(), source })
+    }
+
+    fn write_waiting(&mut self) -> Result<(), OutputError> {
+        if self.waiting.iter().all(Column::is_empty) {
+            return Ok(());
+        }
+        let mut waiting = std::mem::take(&mut self.waiting);
+        let outcome = self.write_columns(&waiting);
+        waiting.iter_mut().for_each(Column::clear);
+        self.waiting = waiting;
+        outcome
     }
 
     /// Appends rows: one column for each field, of its kind and all of one length.
@@ -265,6 +336,11 @@ impl TableWriter {
     /// # Errors
     /// [`OutputError::Write`], for example on a full disk, or when the columns are not those of the fields.
     pub fn write(&mut self, columns: &[Column]) -> Result<(), OutputError> {
+        self.write_waiting()?;
+        self.write_columns(columns)
+    }
+
+    fn write_columns(&mut self, columns: &[Column]) -> Result<(), OutputError> {
         let outcome = self.check(columns).and_then(|()| match &mut self.sink {
             Sink::Csv(writer) => writer.write(columns),
             #[cfg(feature = "parquet")]
@@ -279,7 +355,8 @@ impl TableWriter {
     ///
     /// # Errors
     /// [`OutputError::Write`]; an earlier file of that name is then untouched.
-    pub fn commit(self) -> Result<(), OutputError> {
+    pub fn commit(mut self) -> Result<(), OutputError> {
+        self.write_waiting()?;
         let file = match self.sink {
             Sink::Csv(writer) => writer.finish(),
             #[cfg(feature = "parquet")]
