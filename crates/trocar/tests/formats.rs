@@ -212,7 +212,7 @@ fn the_bytes_decide_and_never_the_ending() {
     assert_eq!(read_columns(folder.path().join("recording.csv"), "", &["time_s"]).unwrap()[0][7], 0.07);
 }
 
-/// A generator of our own, so that the same bytes are damaged everywhere (xorshift, key XORSHIFT).
+/// A generator of our own, so that the same bytes are damaged everywhere (xorshift).
 struct Random(u64);
 
 impl Random {

@@ -117,3 +117,58 @@ fn what_is_no_table_is_refused() {
     std::fs::write(&path, b"PAR1 and nothing more").unwrap();
     assert!(read(&path).unwrap_err().to_string().contains("no complete Parquet file"));
 }
+
+#[test]
+fn pyarrow_reads_what_we_write() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a.parquet", "a.arrow", "a.csv", "a.csv.gz", "a.csv.zst"] {
+        written(folder.path(), name);
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats/read_back.py");
+    let python = match pyarrow() {
+        Ok(python) => python,
+        Err(reason) => {
+            assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "no pyarrow: {reason}");
+            println!("skipped: no pyarrow: {reason}");
+            return;
+        }
+    };
+    run(python.to_str().unwrap(), &[script.to_str().unwrap(), folder.path().to_str().unwrap()]).unwrap();
+}
+
+/// A Python with pyarrow, in a folder of its own under `target`.
+fn pyarrow() -> Result<PathBuf, String> {
+    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("pyarrow-venv");
+    let python = place.join("bin/python");
+    let has = |python: &Path| run(python.to_str().unwrap_or_default(), &["-c", "import pyarrow"]);
+    if has(&python).is_ok() {
+        return Ok(python);
+    }
+    run("python3", &["-m", "venv", "--clear", &place.to_string_lossy()])?;
+    run(&python.to_string_lossy(), &["-m", "pip", "install", "--quiet", "pyarrow==26.0.1"])?;
+    has(&python).map(|()| python)
+}
+
+fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
+    let output = std::process::Command::new(program).args(arguments).output();
+    let output = output.map_err(|error| format!("{program}: {error}"))?;
+    match output.status.success() {
+        true => Ok(()),
+        false => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
+    }
+}
+
+#[test]
+fn arrow_and_parquet_are_read_back_as_recordings_with_units() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a.parquet", "a.arrow", "a.csv", "a.csv.gz", "a.csv.zst"] {
+        let path = written(folder.path(), name);
+        let read = trocar::recording::read_columns(&path, "", &["force_n"]).unwrap();
+        let expected: Vec<u64> = (0..PIECES).flat_map(|k| bits(&piece(k)[0])).collect();
+        assert_eq!(read[0].iter().map(|cell| cell.to_bits()).collect::<Vec<_>>(), expected, "{name}");
+        if !name.contains("csv") {
+            let tables = trocar::recording::tables(&path).unwrap();
+            assert_eq!(tables[0].columns[0].unit.as_deref(), Some("N"));
+        }
+    }
+}

@@ -24,7 +24,8 @@ pub(crate) struct Args {
     model: PathBuf,
     /// Recording: CSV with time, position and force columns, '-' for standard input
     recording: PathBuf,
-    /// Result: a CSV file, '-' for standard output
+    /// Result: CSV, or Parquet, Arrow or packed CSV by its ending (.parquet, .arrow, .csv.gz, .csv.zst); '-' for CSV to
+    /// standard output
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Reading of the sensor without any force, in N [default: that of the model file]

@@ -28,7 +28,8 @@ pub(crate) struct Args {
     model: PathBuf,
     /// Motion: CSV with time and position columns, '-' for standard input
     motion: PathBuf,
-    /// Result: a CSV file, '-' for standard output
+    /// Result: CSV, or Parquet, Arrow or packed CSV by its ending (.parquet, .arrow, .csv.gz, .csv.zst); '-' for CSV to
+    /// standard output
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Deflection of the seal before the first row, in mm, positive on insertion [default: from the first force

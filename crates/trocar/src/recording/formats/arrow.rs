@@ -1,5 +1,5 @@
 //! Arrow files (Feather version 2) and streams, one table each: numbers are taken out of record batches as they stand,
-//! LZ4 and zstd unpacked.
+//! LZ4 and zstd unpacked (key ARROWIPC in SOURCES.md).
 //!
 //! Only the columns asked for are read and unpacked. Moments (timestamps) become seconds since the column's first,
 //! durations and times of day seconds, nulls NaN. Memory: the buffers of one record batch, no more than its rows justify.
