@@ -376,6 +376,14 @@ pub enum RecordingError {
         /// The names there are.
         found: String,
     },
+    /// A robot log that cannot be read.
+    #[error("{file}: {problem}")]
+    Log {
+        /// File as the caller named it.
+        file: String,
+        /// What is wrong with it, and the way out.
+        problem: String,
+    },
     /// A moving mass that is not a mass.
     #[error("moving mass must be finite and not negative, got {found} kg")]
     MovingMass {

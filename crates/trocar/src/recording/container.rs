@@ -47,6 +47,21 @@ pub(crate) trait Container {
     /// What it holds.
     fn tables(&self) -> &[Table];
 
+    /// What is to be known about it, such as the time that its stamps count from.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
+
+    /// What is damaged or cannot be read in it.
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
+
+    /// Which clock a column of times follows: the times of two columns may be compared only if this is the same.
+    fn clock(&self, _table: usize, _column: usize) -> usize {
+        0
+    }
+
     /// Starts to read some columns of one table, by their places, from the first row on.
     ///
     /// # Errors
@@ -62,6 +77,16 @@ pub(crate) trait Batches: Send {
     /// # Errors
     /// [`RecordingError`], with the row where the file is damaged; everything in front of it has been handed on before.
     fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError>;
+
+    /// How the rows were made, where that is more than reading; complete at the end.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// What was lost on the way so far; complete at the end.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// A file of any format; text is one table.
@@ -74,11 +99,18 @@ pub(crate) fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
 
 /// What the first bytes of a file say that it is, if it is one of the formats that are not text.
 ///
-/// Only regular files are looked at: the bytes of a pipe are gone once they are read.
+/// Only regular files are looked at, as the bytes of a pipe are gone once they are read, and folders that are ROS 2 bags.
 pub(crate) fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
     let name = path.display().to_string();
     let refused = |source| RecordingError::Open { file: name.clone(), source };
-    if name == "-" || !std::fs::metadata(path).map_err(refused)?.is_file() {
+    if name == "-" {
+        return Ok(None);
+    }
+    let metadata = std::fs::metadata(path).map_err(refused)?;
+    if metadata.is_dir() {
+        return open_folder(path, name);
+    }
+    if !metadata.is_file() {
         return Ok(None);
     }
     let file = File::open(path).map_err(refused)?;
@@ -88,6 +120,20 @@ pub(crate) fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingE
     let Some(kind) = Kind::of(&head) else { return Ok(None) };
     let source = Source { file: name, format: kind.name() };
     kind.open(path, file, length, source).map(Some)
+}
+
+/// The bag that a folder is, if it has the mark of one.
+fn open_folder(path: &Path, file: String) -> Result<Option<Box<dyn Container>>, RecordingError> {
+    if !path.join("metadata.yaml").is_file() {
+        return Ok(None);
+    }
+    if cfg!(not(feature = "rosbag")) {
+        return Err(RecordingError::NoFeature { file, format: "ROS 2 bag", feature: "rosbag" });
+    }
+    #[cfg(feature = "rosbag")]
+    return super::formats::rosbag::open(path).map(Some);
+    #[cfg(not(feature = "rosbag"))]
+    Ok(None)
 }
 
 /// First bytes looked at: as far as the second place where the signature of HDF5 may stand.
@@ -149,8 +195,13 @@ impl Kind {
             Self::Hdf5 => return Ok(Box::new(super::formats::hdf5::Hdf5::open(path, length, source)?)),
             Self::Mat5 => return Ok(Box::new(mat5::Mat5::open(file, length, source)?)),
             Self::Mat4 => return Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN)),
-            // Robot logs are opened here.
+            #[cfg(feature = "mcap")]
+            Self::Mcap => return super::formats::mcap::open(path),
+            #[cfg(feature = "rosbag")]
+            Self::Rosbag => return super::formats::rosbag::open(path),
+            #[cfg(not(feature = "mcap"))]
             Self::Mcap => "mcap",
+            #[cfg(not(feature = "rosbag"))]
             Self::Rosbag => "rosbag",
             #[cfg(not(feature = "parquet"))]
             Self::Parquet => "parquet",

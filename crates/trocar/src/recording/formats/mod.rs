@@ -11,14 +11,32 @@ use super::RecordingError;
 
 #[cfg(feature = "arrow")]
 pub(super) mod arrow;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod cdr;
 #[cfg(feature = "hdf5")]
 pub(super) mod hdf5;
 pub(super) mod lengths;
 pub(super) mod mat5;
+#[cfg(feature = "mcap")]
+pub(super) mod mcap;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod message;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod ordered;
 #[cfg(feature = "parquet")]
 pub(super) mod parquet;
+#[cfg(feature = "rosbag")]
+pub(super) mod rosbag;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod rosmsg;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod scale;
+
+/// Columns of a robot log's own times, and of the times that its messages carry.
+pub(super) const LOG_TIME: &str = "log_time_s";
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+const PUBLISH_TIME: &str = "publish_time_s";
+pub(super) const HEADER_STAMP: &str = "header.stamp_s";
 
 /// A file and what it was recognised as, for messages.
 #[derive(Debug, Clone)]
@@ -87,3 +105,6 @@ pub(super) fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> i
     }
     Ok(())
 }
+
+#[cfg(all(test, feature = "mcap", feature = "rosbag"))]
+mod log_tests;
