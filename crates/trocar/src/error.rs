@@ -132,6 +132,20 @@ pub enum RecordingError {
         /// A `--columns` value with the right number of entries.
         example: Box<str>,
     },
+    /// No topic of a robot log is clearly a quantity.
+    #[error(
+        "{file}: no topic is clearly the {quantity}: {found}\n\nhint: say which, for example --columns '{example}'; `trocar inspect` shows all"
+    )]
+    UnclearTopic {
+        /// File as the caller named it.
+        file: String,
+        /// The quantity needed.
+        quantity: &'static str,
+        /// What there is.
+        found: String,
+        /// An entry of `--columns`.
+        example: String,
+    },
     /// Several tables of a file hold what is needed.
     #[error(
         "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example --topic NAME; `trocar inspect` shows them"

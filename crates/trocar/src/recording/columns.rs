@@ -46,7 +46,7 @@ impl Quantity {
     }
 
     /// A name that is understood, for messages.
-    fn example(self) -> &'static str {
+    pub(crate) fn example(self) -> &'static str {
         match self {
             Self::Time => "time_s",
             Self::Position => "position_mm",
@@ -345,6 +345,11 @@ impl Given {
         }
     }
 
+    /// With the unit of the entry, else with that of `name`.
+    pub(crate) fn slot_for(&self, name: &str) -> Result<Slot, RecordingError> {
+        self.slot(recognise(name))
+    }
+
     fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
         let declared = own.filter(|own| own.quantity == self.quantity).and_then(|own| own.per_si);
         let per_si = self.per_si.or(declared).ok_or_else(|| {
@@ -455,6 +460,12 @@ impl Header<'_> {
             example: example_mapping(self.names.len()).into(),
         }
     }
+}
+
+/// The quantity that a name with an SI unit speaks of, and the unit.
+pub(crate) fn si_quantity(name: &str) -> Option<(Quantity, &'static str)> {
+    let reading = recognise(name).filter(|reading| reading.per_si == Some(1.0))?;
+    Some((reading.quantity, reading.quantity.units()[0].0))
 }
 
 /// The unit at the end of a name that speaks of one of our quantities.

@@ -182,36 +182,38 @@ impl Kind {
         }
     }
 
-    /// Every format that is not compiled in ends at the last line.
+    /// Opens the file, or says which feature this build lacks for it.
+    #[cfg_attr(not(feature = "all-formats"), allow(unused_variables, reason = "every format takes its own"))]
     fn open(self, path: &Path, file: File, length: u64, source: Source) -> Result<Box<dyn Container>, RecordingError> {
-        let feature = match self {
+        #[cfg(not(feature = "all-formats"))]
+        let lacks =
+            |feature| Err(RecordingError::NoFeature { file: source.file.clone(), format: source.format, feature });
+        match self {
             #[cfg(feature = "parquet")]
-            Self::Parquet => return Ok(Box::new(super::formats::parquet::Parquet::open(file, length, source)?)),
+            Self::Parquet => Ok(Box::new(super::formats::parquet::Parquet::open(file, length, source)?)),
             #[cfg(feature = "arrow")]
-            Self::Arrow => return Ok(Box::new(super::formats::arrow::Arrow::open(file, length, source)?)),
+            Self::Arrow => Ok(Box::new(super::formats::arrow::Arrow::open(file, length, source)?)),
             #[cfg(feature = "arrow")]
-            Self::ArrowStream => return Ok(Box::new(super::formats::arrow::Arrow::stream(file, length, source)?)),
+            Self::ArrowStream => Ok(Box::new(super::formats::arrow::Arrow::stream(file, length, source)?)),
             #[cfg(feature = "hdf5")]
-            Self::Hdf5 => return Ok(Box::new(super::formats::hdf5::Hdf5::open(path, length, source)?)),
-            Self::Mat5 => return Ok(Box::new(mat5::Mat5::open(file, length, source)?)),
-            Self::Mat4 => return Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN)),
+            Self::Hdf5 => Ok(Box::new(super::formats::hdf5::Hdf5::open(path, length, source)?)),
+            Self::Mat5 => Ok(Box::new(mat5::Mat5::open(file, length, source)?)),
+            Self::Mat4 => Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN)),
             #[cfg(feature = "mcap")]
-            Self::Mcap => return super::formats::mcap::open(path),
+            Self::Mcap => super::formats::mcap::open(path),
             #[cfg(feature = "rosbag")]
-            Self::Rosbag => return super::formats::rosbag::open(path),
+            Self::Rosbag => super::formats::rosbag::open(path),
             #[cfg(not(feature = "mcap"))]
-            Self::Mcap => "mcap",
+            Self::Mcap => lacks("mcap"),
             #[cfg(not(feature = "rosbag"))]
-            Self::Rosbag => "rosbag",
+            Self::Rosbag => lacks("rosbag"),
             #[cfg(not(feature = "parquet"))]
-            Self::Parquet => "parquet",
+            Self::Parquet => lacks("parquet"),
             #[cfg(not(feature = "arrow"))]
-            Self::Arrow | Self::ArrowStream => "arrow",
+            Self::Arrow | Self::ArrowStream => lacks("arrow"),
             #[cfg(not(feature = "hdf5"))]
-            Self::Hdf5 => "hdf5",
-        };
-        let _unused_without_formats = (path, file, length);
-        Err(RecordingError::NoFeature { file: source.file, format: source.format, feature })
+            Self::Hdf5 => lacks("hdf5"),
+        }
     }
 }
 

@@ -37,6 +37,7 @@ mod format;
 pub(crate) mod formats;
 pub(crate) mod join;
 pub(crate) mod line;
+mod log;
 mod motion;
 mod pieces;
 mod position;
@@ -248,7 +249,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
     }
     let name = path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
     let mut recording = collector.finish(&file, name, reader.digest()?, options.sensor_limit)?;
-    recording.quality.notes.extend_from_slice(&reader.layout().notes);
+    recording.quality.notes.extend(reader.notes());
+    let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
+    recording.quality.warnings.extend(reader.warnings().into_iter().map(of_the_file));
     Ok(recording)
 }
 

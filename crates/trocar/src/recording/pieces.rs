@@ -68,7 +68,7 @@ impl Pieces {
         }
         let mut piece = collector.finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)?;
         if first {
-            piece.quality.notes.extend_from_slice(&self.rows.layout().notes);
+            piece.quality.notes.extend(self.rows.notes());
         }
         Ok(Some(piece))
     }

@@ -95,6 +95,8 @@ pub enum WarningKind {
     Stroke,
     /// The force opposes the motion.
     ForceSign,
+    /// The file itself is damaged, or its topics contradict each other.
+    Source,
 }
 
 /// One loss or doubt, for people to read.

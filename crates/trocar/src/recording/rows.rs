@@ -12,11 +12,11 @@ use sha2::{Digest, Sha256};
 use super::block::{Block, Row};
 use super::choice::{Choice, Picked, pick, read_slots};
 use super::columns::{Layout, Quantity, Slot};
-use super::container::{self, Batches};
+use super::container::{self, Batches, Container};
 use super::decompress::TextInput;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
-use super::{Place, RecordingError};
+use super::{Place, RecordingError, log};
 
 /// Bytes hashed at a time.
 const HASHED: usize = 1 << 20;
@@ -44,11 +44,9 @@ impl Rows<'static> {
         if file != "-"
             && let Some(container) = container::open(path)?
         {
-            let picked = pick(&file, container.as_ref(), choice, needed)?;
-            let rows = container.tables()[picked.table].rows;
-            let batches = container.open(picked.table, &picked.columns)?;
-            let source = Source::Table(TableRows::new(batches, picked, rows, hash.then(|| hash_of(path))));
-            return Ok(Self::new(source, None, choice));
+            let mut table = TableRows::open(&file, container.as_ref(), choice, needed)?;
+            table.hash = hash.then(|| hash_of(path));
+            return Ok(Self::new(Source::Table(table), None, choice));
         }
         let input = TextInput::open(path)?;
         let mut rows = Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;
@@ -142,6 +140,23 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// How columns were chosen and rows made; complete after the last row.
+    pub(crate) fn notes(&self) -> Vec<String> {
+        let mut notes = self.layout().notes.clone();
+        if let Source::Table(table) = &self.source {
+            notes.extend(table.batches.notes());
+        }
+        notes
+    }
+
+    /// What is lost or doubtful about the file itself; complete after the last row.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        match &self.source {
+            Source::Text(_) => Vec::new(),
+            Source::Table(table) => table.warnings.iter().cloned().chain(table.batches.warnings()).collect(),
+        }
+    }
+
     /// The next rows, or `None` at the end.
     pub(crate) fn next_block(&mut self) -> Result<Option<&Block>, RecordingError> {
         loop {
@@ -178,18 +193,30 @@ struct TableRows {
     raw: Vec<Vec<f64>>,
     rows: Option<u64>,
     read: u64,
+    warnings: Vec<String>,
     hash: Option<JoinHandle<Result<String, RecordingError>>>,
 }
 
 impl TableRows {
-    fn new(
-        batches: Box<dyn Batches>,
-        picked: Picked,
-        rows: Option<u64>,
-        hash: Option<JoinHandle<Result<String, RecordingError>>>,
-    ) -> Self {
-        let raw = vec![Vec::new(); picked.columns.len()];
-        Self { batches, slots: Vec::new(), layout: picked.layout, raw, rows, read: 0, hash }
+    fn open(
+        file: &str,
+        container: &dyn Container,
+        choice: &Choice,
+        needed: &[Quantity],
+    ) -> Result<Self, RecordingError> {
+        let mut warnings = container.warnings().to_vec();
+        let (layout, batches, rows) = if log::is_log(container.tables()) {
+            let chosen = log::choose(file, container, choice, needed)?;
+            warnings.extend(chosen.warnings);
+            (chosen.layout, chosen.batches, None)
+        } else {
+            let Picked { table, columns, layout } = pick(file, container, choice, needed)?;
+            (layout, container.open(table, &columns)?, container.tables()[table].rows)
+        };
+        let raw = vec![Vec::new(); read_slots(&layout).len()];
+        let mut own = Self { batches, slots: Vec::new(), layout, raw, rows, read: 0, warnings, hash: None };
+        own.layout.notes.extend_from_slice(container.notes());
+        Ok(own)
     }
 
     fn fill(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
