@@ -425,6 +425,19 @@ impl DeformationForce {
         }
     }
 
+    /// The stretch of [`Self::stretch`] and the deflections [from, to) for which it is the one.
+    pub(crate) fn stretch_around(&self, z: f64) -> (&Stretch, f64, f64) {
+        let [below, between, above] = &self.stretches;
+        let [first, last] = self.joins;
+        if z < first {
+            (below, f64::NEG_INFINITY, first)
+        } else if z < last {
+            (between, first, last)
+        } else {
+            (above, last, f64::INFINITY)
+        }
+    }
+
     /// The interval outside which both branches rise, EMS (15): from the first to the last deflection in [-c, c] where
     /// dF_u/dz <= 0 or dF_d/dz <= 0. `None` when both rise everywhere.
     pub fn softening_interval(&self) -> Option<(f64, f64)> {

@@ -73,6 +73,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod batch;
 pub mod classical;
 pub mod constants;
 pub mod creep;

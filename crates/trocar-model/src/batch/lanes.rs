@@ -1,0 +1,316 @@
+//! [`LANES`] elements side by side: the exact step of a confined element ([`Element::step`]) without branches by lane.
+//!
+//! Every lane computes what the scalar step computes, operation by operation and in the same order, so the bits are the same.
+//! What a lane cannot do without a branch (to come back from a slide within a step, a number beyond all bounds) it leaves
+//! untouched and reports; the scalar step does it.
+
+use crate::ems::{Element, Mode, State};
+use crate::exponential::decay;
+use crate::relaxation::MAX_ARMS;
+
+/// Elements that one [`Lanes`] holds.
+pub const LANES: usize = 16;
+
+/// One number for each lane.
+pub(crate) type Lane = [f64; LANES];
+
+const COUNT: usize = crate::elastic::COUNT;
+
+/// Parameters and states of [`LANES`] elements, number by number: 4.6 kB. The caller owns a slice of these.
+#[derive(Clone, Copy, Debug)]
+pub struct Lanes {
+    half_width: Lane,
+    yield_stiffness: Lane,
+    /// M at -c and +c, N.
+    end_force: [Lane; 2],
+    /// Beyond an end, [withdrawal, insertion]: slope (N/m), K/β (1/s), β/K (s).
+    end_stiffness: [Lane; 2],
+    rate: [Lane; 2],
+    lag: [Lane; 2],
+    /// The stretch between two joins where the lane was last: [from, to), m, and M and h there.
+    from: Lane,
+    to: Lane,
+    mid: Lane,
+    inverse_half: Lane,
+    mid_force: [Lane; COUNT],
+    gap_force: [Lane; COUNT],
+    deflection: Lane,
+    yield_force: Lane,
+    pub(crate) force: Lane,
+    /// v_sl, m/s. In a lane that the scalar step runs: 1 while it slides, 0 while it bends.
+    pub(crate) slip: Lane,
+    /// Some lane has viscous damping, or is beyond an end: the exponential is needed.
+    viscous: bool,
+    /// Lanes with an element; the others repeat one of them.
+    pub(crate) fast: LaneSet,
+}
+
+/// What is the same for all lanes of one step.
+#[derive(Clone, Copy)]
+pub(crate) struct Stride {
+    pub(crate) velocity: f64,
+    pub(crate) time: f64,
+}
+
+/// Lanes by bit.
+pub(crate) type LaneSet = u32;
+
+/// What the lanes are about to do in a step.
+#[derive(Clone, Copy)]
+struct Survey {
+    /// Some lane bends and leaves the stretch that it holds.
+    stale: bool,
+    some_bend: bool,
+    some_slide: bool,
+}
+
+impl Lanes {
+    /// No element.
+    pub const EMPTY: Self = Self {
+        half_width: [0.0; LANES],
+        yield_stiffness: [0.0; LANES],
+        end_force: [[0.0; LANES]; 2],
+        end_stiffness: [[0.0; LANES]; 2],
+        rate: [[0.0; LANES]; 2],
+        lag: [[0.0; LANES]; 2],
+        from: [0.0; LANES],
+        to: [0.0; LANES],
+        mid: [0.0; LANES],
+        inverse_half: [0.0; LANES],
+        mid_force: [[0.0; LANES]; COUNT],
+        gap_force: [[0.0; LANES]; COUNT],
+        deflection: [0.0; LANES],
+        yield_force: [0.0; LANES],
+        force: [0.0; LANES],
+        slip: [0.0; LANES],
+        viscous: false,
+        fast: 0,
+    };
+
+    /// Forces after the last step, N. Places past the last model mean nothing.
+    #[inline(always)]
+    pub fn forces(&self) -> &[f64; LANES] {
+        &self.force
+    }
+
+    /// 1 for a model that slides, 0 for one that bends, NaN for one that does not tell.
+    #[inline(always)]
+    pub fn sliding(&self) -> [f64; LANES] {
+        self.slip.map(|slip| if slip.is_nan() { slip } else { f64::from(u8::from(slip != 0.0)) })
+    }
+
+    /// The force of a model that the lanes do not run.
+    pub(crate) fn show(&mut self, lane: usize, force: f64, slides: Option<bool>) {
+        self.force[lane % LANES] = force;
+        self.slip[lane % LANES] = slides.map_or(f64::NAN, |slides| f64::from(u8::from(slides)));
+    }
+
+    /// Whether a lane can run `element` from `state`.
+    pub(crate) fn can_run(element: &Element, state: &State) -> bool {
+        let own = State::stuck(state.deflection, state.yield_force, state.force, [0.0; MAX_ARMS]);
+        let own = State { slip_velocity: state.slip_velocity, mode: state.mode, ..own };
+        element.confined && *state == own && (state.slip_velocity != 0.0) == (state.mode == Mode::Sliding)
+    }
+
+    /// Puts `element` in `state` into `lane`.
+    pub(crate) fn load(&mut self, lane: usize, element: &Element, state: &State) {
+        let lane = lane % LANES;
+        let deformation = &element.params.deformation;
+        self.half_width[lane] = deformation.half_width();
+        self.yield_stiffness[lane] = deformation.yield_stiffness();
+        for (k, contact) in [&element.withdrawal, &element.insertion].into_iter().enumerate() {
+            self.end_force[k][lane] = contact.end_force;
+            self.end_stiffness[k][lane] = contact.end_stiffness;
+            self.rate[k][lane] = contact.rate;
+            self.lag[k][lane] = contact.lag;
+            self.viscous |= contact.lag > 0.0;
+        }
+        self.store(lane, state);
+        self.bring(lane, element, state.deflection);
+    }
+
+    pub(crate) fn store(&mut self, lane: usize, state: &State) {
+        let lane = lane % LANES;
+        self.deflection[lane] = state.deflection;
+        self.yield_force[lane] = state.yield_force;
+        self.force[lane] = state.force;
+        self.slip[lane] = state.slip_velocity;
+        self.viscous |= state.deflection.abs() > self.half_width[lane];
+    }
+
+    pub(crate) fn state(&self, lane: usize) -> State {
+        let lane = lane % LANES;
+        let state = State::stuck(self.deflection[lane], self.yield_force[lane], self.force[lane], [0.0; MAX_ARMS]);
+        let slip_velocity = self.slip[lane];
+        let mode = if slip_velocity == 0.0 { Mode::Deforming } else { Mode::Sliding };
+        State { slip_velocity, mode, ..state }
+    }
+
+    /// Takes over the state of another lane.
+    pub(crate) fn copy_state(&mut self, to: usize, from: usize) {
+        let state = self.state(from);
+        self.store(to, &state);
+    }
+
+    /// Brings the stretch around `z` into `lane`.
+    pub(crate) fn bring(&mut self, lane: usize, element: &Element, z: f64) {
+        let lane = lane % LANES;
+        let (stretch, from, to) = element.params.deformation.stretch_around(z);
+        self.from[lane] = from;
+        self.to[lane] = to;
+        self.mid[lane] = stretch.mid;
+        self.inverse_half[lane] = stretch.inverse_half;
+        for (k, [mid, gap]) in stretch.force.iter().enumerate() {
+            self.mid_force[k][lane] = *mid;
+            self.gap_force[k][lane] = *gap;
+        }
+    }
+
+    /// Advances all lanes; `bring` is called for those that need another stretch. Returns the lanes it left untouched.
+    #[inline(always)]
+    pub(crate) fn advance(&mut self, stride: Stride, bring: impl FnOnce(&mut Self, LaneSet)) -> LaneSet {
+        let survey = self.survey(stride);
+        if survey.stale {
+            let stale = self.stale(stride);
+            bring(self, stale);
+        }
+        match (self.viscous, survey.some_bend, survey.some_slide) {
+            (_, true, false) => self.pass::<false, true, false>(stride),
+            (false, true, true) => self.pass::<false, true, true>(stride),
+            (false, false, _) => self.pass::<false, false, true>(stride),
+            (true, true, true) => self.pass::<true, true, true>(stride),
+            (true, false, _) => self.pass::<true, false, true>(stride),
+        }
+    }
+
+    #[inline(always)]
+    fn survey(&self, stride: Stride) -> Survey {
+        let (mut stale, mut bend, mut slide) = (0, 0, 0);
+        for i in 0..LANES {
+            let slides = u64::from(self.slides(i, stride));
+            stale |= (1 - slides) & u64::from(self.is_stale(i, stride));
+            bend |= 1 - slides;
+            slide |= slides;
+        }
+        Survey { stale: stale != 0, some_bend: bend != 0, some_slide: slide != 0 }
+    }
+
+    #[cold]
+    fn stale(&self, stride: Stride) -> LaneSet {
+        let wanted = |i: &usize| !self.slides(*i, stride) && self.is_stale(*i, stride);
+        (0..LANES).filter(wanted).fold(0, |set, i| set | 1 << i)
+    }
+
+    /// Where the lane goes if it bends.
+    #[inline(always)]
+    pub(crate) fn target(&self, i: usize, stride: Stride) -> f64 {
+        self.deflection[i] + stride.velocity * stride.time
+    }
+
+    /// Beyond an end, now or at the end of the step.
+    #[inline(always)]
+    fn slides(&self, i: usize, stride: Stride) -> bool {
+        let (c, z, target) = (self.half_width[i], self.deflection[i], self.target(i, stride));
+        (z > c) | (z < -c) | (target > c) | (target < -c)
+    }
+
+    #[inline(always)]
+    fn is_stale(&self, i: usize, stride: Stride) -> bool {
+        let target = self.target(i, stride);
+        (target < self.from[i]) | (target >= self.to[i])
+    }
+
+    #[inline(always)]
+    fn pass<const VISCOUS: bool, const BEND: bool, const SLIDE: bool>(&mut self, stride: Stride) -> LaneSet {
+        let mut done = [0_u64; LANES];
+        let mut all = 1;
+        for i in 0..LANES {
+            let bent = if BEND { self.bent(i, stride) } else { Next::NONE };
+            let slid = if SLIDE { self.slid::<VISCOUS>(i, stride) } else { Next::NONE };
+            let next = if SLIDE && (!BEND || self.slides(i, stride)) { slid } else { bent };
+            let sound = next.sound & (next.force.abs() <= f64::MAX) & (next.deflection.abs() <= f64::MAX);
+            self.deflection[i] = if sound { next.deflection } else { self.deflection[i] };
+            self.yield_force[i] = if sound { next.yield_force } else { self.yield_force[i] };
+            self.force[i] = if sound { next.force } else { self.force[i] };
+            self.slip[i] = if sound { next.slip } else { self.slip[i] };
+            done[i] = u64::from(sound);
+            all &= done[i];
+        }
+        if all == 1 { 0 } else { undone(&done) }
+    }
+
+    /// [`Element::step`] without slip, in the same operations.
+    #[inline(always)]
+    fn bent(&self, i: usize, stride: Stride) -> Next {
+        let target = self.target(i, stride);
+        let t = (target - self.mid[i]) * self.inverse_half[i];
+        let mid = estrin(&self.mid_force, i, t);
+        let gap = estrin(&self.gap_force, i, t).max(0.0);
+        let trial = self.yield_force[i] + self.yield_stiffness[i] * (target - self.deflection[i]);
+        let below = if trial < -gap { -gap } else { trial };
+        let yield_force = if trial > gap { gap } else { below };
+        Next { deflection: target, yield_force, force: mid + yield_force, slip: 0.0, sound: true }
+    }
+
+    /// The slide on an end, from beyond it or from where the lane reaches it.
+    #[inline(always)]
+    fn slid<const VISCOUS: bool>(&self, i: usize, stride: Stride) -> Next {
+        let Stride { velocity, time } = stride;
+        let (c, z) = (self.half_width[i], self.deflection[i]);
+        if !VISCOUS {
+            let (side, s) = if velocity > 0.0 { (1, 1.0) } else { (0, -1.0) };
+            let force = s * self.end_force[side][i];
+            return Next { deflection: s * c, yield_force: 0.0, force, slip: velocity, sound: true };
+        }
+        let target = self.target(i, stride);
+        let beyond = (z > c) | (z < -c);
+        let upper = if beyond { z > c } else { target > c };
+        let s = if upper { 1.0 } else { -1.0 };
+        let of = |pair: &[Lane; 2]| if upper { pair[1][i] } else { pair[0][i] };
+        let (lag, rate) = (of(&self.lag), of(&self.rate));
+        let excess = if beyond { if upper { z - c } else { -z - c } } else { 0.0 };
+        let over = if upper { target - c } else { target + c };
+        let time = if beyond { time } else { over / velocity };
+        let settled = lag * s * velocity;
+        let end = settled + (excess - settled) * decay(rate * time);
+        let returns = (end < 0.0) | ((end <= 0.0) & (s * velocity < 0.0));
+        let end = end.max(0.0);
+        Next {
+            deflection: s * (c + end),
+            yield_force: 0.0,
+            force: s * (of(&self.end_force) + of(&self.end_stiffness) * end),
+            slip: if lag > 0.0 { s * rate * end } else { velocity },
+            sound: !(beyond & returns),
+        }
+    }
+}
+
+/// A lane after a step.
+#[derive(Clone, Copy)]
+struct Next {
+    deflection: f64,
+    yield_force: f64,
+    force: f64,
+    slip: f64,
+    /// Not what only the scalar step can do.
+    sound: bool,
+}
+
+impl Next {
+    const NONE: Self = Self { deflection: 0.0, yield_force: 0.0, force: 0.0, slip: 0.0, sound: false };
+}
+
+#[cold]
+fn undone(done: &[u64; LANES]) -> LaneSet {
+    done.iter().enumerate().filter(|(_, done)| **done == 0).fold(0, |set, (i, _)| set | 1 << i)
+}
+
+/// As for one element, `elastic.rs`.
+#[inline(always)]
+fn estrin(a: &[Lane; COUNT], i: usize, t: f64) -> f64 {
+    let t2 = t * t;
+    let t4 = t2 * t2;
+    let low = (a[0][i] + a[1][i] * t) + (a[2][i] + a[3][i] * t) * t2;
+    let high = (a[4][i] + a[5][i] * t) + (a[6][i] + a[7][i] * t) * t2;
+    low + high * t4
+}
