@@ -5,8 +5,8 @@ mod common;
 use proptest::prelude::*;
 use trocar_model::batch::{Batch, Forces, LANES, Lanes, Many, Squares, blocks};
 use trocar_model::{
-    Classical, Element, ElementParams, LuGre, LuGreParams, Relaxation, Seal, SealDamping, SlidingFriction,
-    Stages, StribeckCurve,
+    Classical, Element, ElementParams, LuGre, LuGreParams, Relaxation, Seal, SealDamping, SlidingFriction, Stages,
+    StribeckCurve,
 };
 
 /// Displacement (m) and duration (s) of a step: creeping, tremor, strides over the whole seal, jumps, holds, no time, and what

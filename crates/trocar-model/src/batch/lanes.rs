@@ -185,14 +185,13 @@ impl Lanes {
 
     #[inline(always)]
     fn survey(&self, stride: Stride) -> Survey {
-        let (mut stale, mut bend, mut slide) = (0, 0, 0);
+        let (mut stale, mut slide) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            let slides = u64::from(self.slides(i, stride));
-            stale |= (1 - slides) & u64::from(self.is_stale(i, stride));
-            bend |= 1 - slides;
-            slide |= slides;
+            slide[i] = if self.slides(i, stride) { 1.0 } else { 0.0 };
+            stale[i] = if self.is_stale(i, stride) { 1.0 - slide[i] } else { 0.0 };
         }
-        Survey { stale: stale != 0, some_bend: bend != 0, some_slide: slide != 0 }
+        let sliding = sum(slide);
+        Survey { stale: sum(stale) > 0.0, some_bend: sliding < LANES as f64, some_slide: sliding > 0.0 }
     }
 
     #[cold]
@@ -222,21 +221,41 @@ impl Lanes {
 
     #[inline(always)]
     fn pass<const VISCOUS: bool, const BEND: bool, const SLIDE: bool>(&mut self, stride: Stride) -> LaneSet {
-        let mut done = [0_u64; LANES];
-        let mut all = 1;
+        // Apart from what is read, so that the compiler sees lanes that do not hang together.
+        let mut new = [[0.0; LANES]; 4];
+        let mut size = [0.0; LANES];
         for i in 0..LANES {
             let bent = if BEND { self.bent(i, stride) } else { Next::NONE };
             let slid = if SLIDE { self.slid::<VISCOUS>(i, stride) } else { Next::NONE };
             let next = if SLIDE && (!BEND || self.slides(i, stride)) { slid } else { bent };
-            let sound = next.sound & (next.force.abs() <= f64::MAX) & (next.deflection.abs() <= f64::MAX);
-            self.deflection[i] = if sound { next.deflection } else { self.deflection[i] };
-            self.yield_force[i] = if sound { next.yield_force } else { self.yield_force[i] };
-            self.force[i] = if sound { next.force } else { self.force[i] };
-            self.slip[i] = if sound { next.slip } else { self.slip[i] };
-            done[i] = u64::from(sound);
-            all &= done[i];
+            new[0][i] = next.deflection;
+            new[1][i] = next.yield_force;
+            new[2][i] = next.force;
+            new[3][i] = next.slip;
+            size[i] = next.force.abs() + next.deflection.abs() + next.unsound;
         }
-        if all == 1 { 0 } else { undone(&done) }
+        if sum(size) <= f64::MAX {
+            [self.deflection, self.yield_force, self.force, self.slip] = new;
+            return 0;
+        }
+        self.take_sound(&new, &size)
+    }
+
+    /// Takes over the lanes of finite size; returns the others.
+    #[cold]
+    fn take_sound(&mut self, new: &[Lane; 4], size: &Lane) -> LaneSet {
+        let mut untouched = 0;
+        for (i, size) in size.iter().enumerate() {
+            if *size <= f64::MAX {
+                self.deflection[i] = new[0][i];
+                self.yield_force[i] = new[1][i];
+                self.force[i] = new[2][i];
+                self.slip[i] = new[3][i];
+            } else {
+                untouched |= 1 << i;
+            }
+        }
+        untouched
     }
 
     /// [`Element::step`] without slip, in the same operations.
@@ -249,7 +268,7 @@ impl Lanes {
         let trial = self.yield_force[i] + self.yield_stiffness[i] * (target - self.deflection[i]);
         let below = if trial < -gap { -gap } else { trial };
         let yield_force = if trial > gap { gap } else { below };
-        Next { deflection: target, yield_force, force: mid + yield_force, slip: 0.0, sound: true }
+        Next { deflection: target, yield_force, force: mid + yield_force, slip: 0.0, unsound: 0.0 }
     }
 
     /// The slide on an end, from beyond it or from where the lane reaches it.
@@ -260,13 +279,17 @@ impl Lanes {
         if !VISCOUS {
             let (side, s) = if velocity > 0.0 { (1, 1.0) } else { (0, -1.0) };
             let force = s * self.end_force[side][i];
-            return Next { deflection: s * c, yield_force: 0.0, force, slip: velocity, sound: true };
+            return Next { deflection: s * c, yield_force: 0.0, force, slip: velocity, unsound: 0.0 };
         }
         let target = self.target(i, stride);
         let beyond = (z > c) | (z < -c);
         let upper = if beyond { z > c } else { target > c };
         let s = if upper { 1.0 } else { -1.0 };
-        let of = |pair: &[Lane; 2]| if upper { pair[1][i] } else { pair[0][i] };
+        // Both are read: a choice of address would not be a vector.
+        let of = |pair: &[Lane; 2]| {
+            let [lower_end, upper_end] = [pair[0][i], pair[1][i]];
+            if upper { upper_end } else { lower_end }
+        };
         let (lag, rate) = (of(&self.lag), of(&self.rate));
         let excess = if beyond { if upper { z - c } else { -z - c } } else { 0.0 };
         let over = if upper { target - c } else { target + c };
@@ -280,7 +303,7 @@ impl Lanes {
             yield_force: 0.0,
             force: s * (of(&self.end_force) + of(&self.end_stiffness) * end),
             slip: if lag > 0.0 { s * rate * end } else { velocity },
-            sound: !(beyond & returns),
+            unsound: if beyond & returns { f64::INFINITY } else { 0.0 },
         }
     }
 }
@@ -292,17 +315,24 @@ struct Next {
     yield_force: f64,
     force: f64,
     slip: f64,
-    /// Not what only the scalar step can do.
-    sound: bool,
+    /// 0; infinite for what only the scalar step can do.
+    unsound: f64,
 }
 
 impl Next {
-    const NONE: Self = Self { deflection: 0.0, yield_force: 0.0, force: 0.0, slip: 0.0, sound: false };
+    const NONE: Self = Self { deflection: 0.0, yield_force: 0.0, force: 0.0, slip: 0.0, unsound: 0.0 };
 }
 
-#[cold]
-fn undone(done: &[u64; LANES]) -> LaneSet {
-    done.iter().enumerate().filter(|(_, done)| **done == 0).fold(0, |set, (i, _)| set | 1 << i)
+/// Sum of all lanes, by halves.
+#[inline(always)]
+fn sum(lane: Lane) -> f64 {
+    let mut sums = lane;
+    for width in [LANES / 2, LANES / 4, LANES / 8, LANES / 16] {
+        for i in 0..width {
+            sums[i] += sums[i + width];
+        }
+    }
+    sums[0]
 }
 
 /// As for one element, `elastic.rs`.
