@@ -9,6 +9,7 @@ pub mod error;
 pub mod export;
 pub mod identify;
 pub mod inspect;
+pub mod many;
 pub mod model_file;
 pub mod output;
 pub mod recording;

@@ -1,0 +1,138 @@
+//! Many models under one motion, with the widest vectors of the processor and on all its cores.
+//!
+//! [`trocar_model::batch`] does the work; this module chooses at run time among machine codes for the vectors that processors
+//! have (on x86-64: SSE2, AVX2). All give the same bits, and so does any number of threads.
+
+use pulp::NullaryFnOnce;
+use rayon::prelude::*;
+use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, Squares, blocks};
+
+/// Models that one task of a thread takes at least: several blocks, so that a task is worth its start.
+const TASK: usize = 4 * LANES;
+
+/// [`Batch::run`] on the present thread.
+pub fn run<M: Many>(batch: &mut Batch<'_, M>, motion: &[(f64, f64)], observer: &mut impl Observe) {
+    pulp::Arch::new().dispatch(Run { batch, motion, observer });
+}
+
+/// What is compiled once for each kind of processor.
+struct Run<'r, 'a, M: Many, O> {
+    batch: &'r mut Batch<'a, M>,
+    motion: &'r [(f64, f64)],
+    observer: &'r mut O,
+}
+
+impl<M: Many, O: Observe> NullaryFnOnce for Run<'_, '_, M, O> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.batch.run(self.motion.iter().copied(), self.observer);
+    }
+}
+
+/// Σ(measured - F)², N², of each model along `motion` (displacement in m and duration in s of each sample) against `measured`
+/// (N, after each sample), on all threads.
+pub fn squares<M>(models: &[M], states: &[M::State], motion: &[(f64, f64)], measured: &[f64]) -> Vec<f64>
+where
+    M: Many + Sync,
+    M::State: Send + Sync,
+{
+    let mut sums = vec![0.0; models.len().min(states.len())];
+    let tasks = models.par_chunks(TASK).zip(states.par_chunks(TASK)).zip(sums.par_chunks_mut(TASK));
+    tasks.for_each(|((models, states), sums)| alone(models, states, motion, &mut Squares::new(measured, sums)));
+    sums
+}
+
+/// The force of each model after each sample, N: model i after sample k at `i * motion.len() + k`; on all threads.
+pub fn forces<M>(models: &[M], states: &[M::State], motion: &[(f64, f64)]) -> Vec<f64>
+where
+    M: Many + Sync,
+    M::State: Send + Sync,
+{
+    let samples = motion.len();
+    let mut forces = vec![0.0; models.len().min(states.len()) * samples];
+    if samples > 0 {
+        let tasks = models.par_chunks(TASK).zip(states.par_chunks(TASK)).zip(forces.par_chunks_mut(TASK * samples));
+        tasks.for_each(|((models, states), forces)| {
+            alone(models, states, motion, &mut Traces { forces, samples, first: 0, count: 0 });
+        });
+    }
+    forces
+}
+
+/// A batch of `models` from copies of `states`, along the whole motion.
+pub(crate) fn alone<M: Many>(
+    models: &[M],
+    states: &[M::State],
+    motion: &[(f64, f64)],
+    observer: &mut impl Observe,
+) {
+    let mut states = states.to_vec();
+    let mut places = vec![Lanes::EMPTY; blocks(models.len())];
+    if let Some(mut batch) = Batch::new(models, &mut states, &mut places) {
+        run(&mut batch, motion, observer);
+        batch.finish();
+    }
+}
+
+/// Writes the forces model by model.
+struct Traces<'a> {
+    forces: &'a mut [f64],
+    samples: usize,
+    first: usize,
+    count: usize,
+}
+
+impl Observe for Traces<'_> {
+    fn begin(&mut self, first: usize, count: usize) {
+        (self.first, self.count) = (first, count);
+    }
+
+    #[inline(always)]
+    fn see(&mut self, sample: usize, lanes: &Lanes) {
+        let own = self.forces.chunks_exact_mut(self.samples).skip(self.first).take(self.count);
+        for (trace, force) in own.zip(lanes.forces()) {
+            trace[sample] = *force;
+        }
+    }
+
+    fn end(&mut self, _: usize, _: usize) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trocar_model::{Element, ElementParams, SlidingFriction};
+
+    /// Dry and viscous, and a few that no lane can run.
+    fn elements() -> Vec<Element> {
+        let plausible = ElementParams::plausible_10_5_mm().expect("made for it");
+        let element = |k: u32| {
+            let viscous_damping = if k.is_multiple_of(3) { 0.0 } else { 0.2 * f64::from(k) };
+            let insertion = SlidingFriction { viscous_damping, ..plausible.insertion };
+            let creep_velocity = if k.is_multiple_of(17) { 1e-4 } else { 0.0 };
+            Element::new(ElementParams { insertion, creep_velocity, ..plausible }).expect("in range")
+        };
+        (0..150).map(element).collect()
+    }
+
+    #[test]
+    fn wide_vectors_and_threads_give_the_bits_of_the_scalar_step() {
+        let elements = elements();
+        let states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
+        let motion: Vec<_> = (0..3000).map(|k| (4e-4 * f64::sin(f64::from(k) * 0.013), 1e-3)).collect();
+        let forces = forces(&elements, &states, &motion);
+        let measured: Vec<f64> = (0..3000).map(|k| f64::from(k % 7)).collect();
+        let sums = squares(&elements, &states, &motion, &measured);
+        for (i, (element, start)) in elements.iter().zip(&states).enumerate() {
+            let (mut state, mut sum) = (*start, 0.0);
+            for (k, (displacement, duration)) in motion.iter().enumerate() {
+                let force = element.step(&mut state, *displacement, *duration);
+                assert_eq!(forces[i * motion.len() + k].to_bits(), force.to_bits(), "model {i}, sample {k}");
+                sum += (measured[k] - force) * (measured[k] - force);
+            }
+            assert_eq!(sums[i].to_bits(), f64::to_bits(sum), "model {i}");
+        }
+    }
+}
