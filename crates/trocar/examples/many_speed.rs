@@ -1,91 +1,177 @@
+//! Cost of many seals under one motion, per seal and sample (`docs/sweep.md`):
+//! `cargo run --release -p trocar --example many_speed [REPETITIONS]`.
+//!
+//! All numbers are medians of repetitions within one run, in which the kinds take turns.
+
 use std::hint::black_box;
 use std::time::Instant;
-use trocar_model::batch::{Batch, Forces, Lanes, Squares, blocks};
-use trocar_model::{Element, ElementParams, SlidingFriction};
 
-fn elements(count: usize, viscous: f64) -> Vec<Element> {
-    let base = ElementParams::plausible_10_5_mm().unwrap();
-    (0..count)
-        .map(|k| {
-            let x = k as f64 / count as f64;
-            let s = |f: SlidingFriction| SlidingFriction { viscous_damping: viscous * (1.0 + x), ..f };
-            let e =
-                Element::new(ElementParams { insertion: s(base.insertion), withdrawal: s(base.withdrawal), ..base })
-                    .unwrap();
-            let seal: trocar_model::Seal = e.into();
-            let half = base.deformation.half_width() * (0.7 + 0.6 * x);
-            let trocar_model::Seal::Ems(st) = seal.tuned(&[half]).unwrap() else { unreachable!() };
-            *st.first()
-        })
-        .collect()
-}
-fn motion(samples: usize) -> Vec<(f64, f64)> {
-    let p = |k: usize| {
-        let t = k as f64 * 1e-3;
-        let phase = (t / 4.0).fract();
-        let stroke = if phase < 0.4 {
-            0.04 * phase / 0.4
-        } else if phase < 0.5 {
-            0.04
-        } else if phase < 0.9 {
-            0.04 * (0.9 - phase) / 0.4
-        } else {
-            0.0
-        };
-        stroke + if t > samples as f64 * 5e-4 { 5e-3 * (1.0 - (5.0 * t).cos()) + 2e-4 * (56.5 * t).sin() } else { 0.0 }
-    };
-    (1..=samples).map(|k| (p(k) - p(k - 1), 1e-3)).collect()
-}
-fn median(mut f: impl FnMut() -> f64) -> f64 {
-    let mut v: Vec<f64> = (0..15).map(|_| f()).collect();
-    v.sort_by(f64::total_cmp);
-    v[7]
-}
-fn main() {
-    for viscous in [0.0, 5.0] {
-        for count in [1, 4, 8, 16, 64, 1024] {
-            let samples = if count > 64 { 4000 } else { 40_000 };
-            let e = elements(count, viscous);
-            let m = motion(samples);
-            let measured = vec![0.5; samples];
-            let mut states: Vec<_> = e.iter().map(|e| e.rest_state(0.0)).collect();
-            let mut places = vec![Lanes::EMPTY; blocks(count)];
-            let mut sums = vec![0.0; count];
-            let mut out = vec![0.0; count * samples];
-            let work = (count * samples) as f64;
-            let sq = median(|| {
-                let mut b = Batch::new(&e, &mut states, &mut places).unwrap();
-                let t = Instant::now();
-                b.run(m.iter().copied(), &mut Squares::new(&measured, &mut sums));
-                black_box(&sums);
-                t.elapsed().as_secs_f64() * 1e9 / work
-            });
-            let fo = median(|| {
-                let mut b = Batch::new(&e, &mut states, &mut places).unwrap();
-                let t = Instant::now();
-                b.run(m.iter().copied(), &mut Forces::new(count, &mut out));
-                black_box(&out);
-                t.elapsed().as_secs_f64() * 1e9 / work
-            });
-            let st = median(|| {
-                let mut b = Batch::new(&e, &mut states, &mut places).unwrap();
-                let t = Instant::now();
-                for (d, p) in &m {
-                    b.step(*d, *p);
-                    black_box(b.force(0));
-                }
-                t.elapsed().as_secs_f64() * 1e9 / work
-            });
-            let sc = median(|| {
-                let t = Instant::now();
-                for (e, s) in e.iter().zip(&mut states) {
-                    for (d, p) in &m {
-                        black_box(e.step(s, *d, *p));
-                    }
-                }
-                t.elapsed().as_secs_f64() * 1e9 / work
-            });
-            println!("beta {viscous} seals {count:5}: squares {sq:6.2} forces {fo:6.2} step {st:6.2} scalar {sc:6.2}");
+use trocar::many;
+use trocar_model::batch::{Batch, Forces, Lanes, Observe, Squares, blocks};
+use trocar_model::{Element, ElementParams, ParamError, Seal, SlidingFriction};
+
+const SEALS: [usize; 4] = [1, 8, 64, 1024];
+
+/// Seal-samples of one repetition.
+const WORK: usize = 8 << 20;
+
+/// Bytes of each side of a copy that no cache holds.
+const BEYOND_CACHES: usize = 256 << 20;
+
+/// Bytes of the state of one element: deflection, yield force, force and slip speed.
+const STATE: usize = 32;
+
+const PERIOD: f64 = 1e-3;
+
+/// Seals of 70 to 130 % of the plausible width, with viscous damping about `viscous`, N·s/m.
+fn elements(count: usize, viscous: f64) -> Result<Vec<Element>, ParamError> {
+    let plausible = ElementParams::plausible_10_5_mm()?;
+    let element = |k: usize| {
+        let part = (k as f64 + 0.5) / count as f64;
+        let sliding = |old| SlidingFriction { viscous_damping: viscous * (0.5 + part), ..old };
+        let (insertion, withdrawal) = (sliding(plausible.insertion), sliding(plausible.withdrawal));
+        let seal = Seal::from(Element::new(ElementParams { insertion, withdrawal, ..plausible })?);
+        let width = plausible.deformation.half_width() * (0.7 + 0.6 * part);
+        match seal.tuned(&[width])? {
+            Seal::Ems(stages) => Ok(*stages.first()),
+            Seal::Classical(_) => unreachable!("an element stays one"),
         }
+    };
+    (0..count).map(element).collect()
+}
+
+/// The motion of `cargo bench -p trocar-model`: 40 mm strokes with holds, then 10 mm sub-movements with a tremor.
+fn motion(samples: usize) -> Vec<(f64, f64)> {
+    let position = |k: usize| {
+        let t = k as f64 * PERIOD;
+        let phase = (t / 4.0).fract();
+        let stroke = 0.04 * (phase / 0.4).min(1.0).min((0.9 - phase) / 0.4).max(0.0);
+        let moving = 2 * k > samples;
+        let sub_movement = if moving { 5e-3 * (1.0 - (5.0 * t).cos()) } else { 0.0 };
+        let tremor = if moving { 2e-4 * (56.5 * t).sin() } else { 0.0 };
+        stroke + sub_movement + tremor
+    };
+    (1..=samples).map(|k| (position(k) - position(k - 1), PERIOD)).collect()
+}
+
+/// Nanoseconds that `work` takes, each of `count` things.
+fn nanoseconds(count: usize, work: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    work();
+    start.elapsed().as_secs_f64() * 1e9 / count as f64
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Medians of several kinds that take turns.
+fn medians<const N: usize>(repetitions: usize, mut kinds: [&mut dyn FnMut() -> f64; N]) -> [f64; N] {
+    let mut times = [const { Vec::new() }; N];
+    for _ in 0..repetitions {
+        kinds.iter_mut().zip(&mut times).for_each(|(kind, times)| times.push(kind()));
     }
+    times.map(|mut times| median(&mut times))
+}
+
+/// One thread, from rest, without the time to set up.
+fn along(elements: &[Element], motion: &[(f64, f64)], wide: bool, observer: &mut impl Observe) -> f64 {
+    let mut states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
+    let mut places = vec![Lanes::EMPTY; blocks(elements.len())];
+    let mut batch = Batch::new(elements, &mut states, &mut places).expect("numbers match");
+    nanoseconds(elements.len() * motion.len(), || match wide {
+        true => many::run(&mut batch, motion, observer),
+        false => batch.run(motion.iter().copied(), observer),
+    })
+}
+
+fn one_by_one(elements: &[Element], motion: &[(f64, f64)]) -> f64 {
+    nanoseconds(elements.len() * motion.len(), || {
+        for element in elements {
+            let mut state = element.rest_state(0.0);
+            for (displacement, duration) in motion {
+                black_box(element.step(&mut state, *displacement, *duration));
+            }
+        }
+    })
+}
+
+/// Prints one row for each number of seals; returns the time of the last with squares.
+fn table(viscous: f64, repetitions: usize) -> Result<f64, ParamError> {
+    let mut last = 0.0;
+    for count in SEALS {
+        let (elements, motion) = (elements(count, viscous)?, motion((WORK / count).min(40_000)));
+        let measured = vec![0.5; motion.len()];
+        let (mut sums, mut more) = (vec![0.0; count], vec![0.0; count]);
+        let mut forces = vec![0.0; count * motion.len()];
+        let [alone, narrow, squares, all] = medians(
+            repetitions,
+            [
+                &mut || one_by_one(&elements, &motion),
+                &mut || along(&elements, &motion, false, &mut Squares::new(&measured, &mut more)),
+                &mut || along(&elements, &motion, true, &mut Squares::new(&measured, &mut sums)),
+                &mut || along(&elements, &motion, true, &mut Forces::new(count, &mut forces)),
+            ],
+        );
+        black_box((&sums, &more, &forces));
+        println!("{count:6} {alone:12.2} {narrow:12.2} {squares:12.2} {all:12.2}");
+        last = squares;
+    }
+    Ok(last)
+}
+
+/// A copy of what the step keeps of each seal, where no cache holds it, and where the second does; ns a seal.
+fn copies(repetitions: usize) -> [f64; 2] {
+    let numbers = BEYOND_CACHES / 8;
+    let (from, mut to) = (vec![1.0_f64; numbers], vec![0.0_f64; numbers]);
+    let near = 1024 * STATE / 8;
+    let (small, mut other) = (vec![1.0_f64; near], vec![0.0_f64; near]);
+    medians(
+        repetitions,
+        [
+            &mut || {
+                nanoseconds(BEYOND_CACHES / STATE, || {
+                    to.copy_from_slice(black_box(&from));
+                    black_box(&to);
+                })
+            },
+            &mut || {
+                nanoseconds(1024 * 4096, || {
+                    for _ in 0..4096 {
+                        other.copy_from_slice(black_box(&small));
+                        black_box(&other);
+                    }
+                })
+            },
+        ],
+    )
+}
+
+/// Time on one thread over that on two, 4096 seals.
+fn scaling(repetitions: usize) -> Result<f64, Box<dyn std::error::Error>> {
+    let (elements, motion) = (elements(4096, 0.0)?, motion(8192));
+    let states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
+    let measured = vec![0.5; motion.len()];
+    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let (one, two) = (pool(1)?, pool(2)?);
+    let time = |pool: &rayon::ThreadPool| {
+        nanoseconds(1, || drop(black_box(pool.install(|| many::squares(&elements, &states, &motion, &measured)))))
+    };
+    let [alone, together] = medians(repetitions, [&mut || time(&one), &mut || time(&two)]);
+    Ok(alone / together)
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let repetitions = std::env::args().nth(1).map_or(Ok(9), |text| text.parse())?;
+    let head = "seals    one by one  sums, SSE2  sums of squares   all forces";
+    println!("constant friction without viscous damping, ns per seal and sample on one core\n{head}");
+    let squares = table(0.0, repetitions)?;
+    println!("constant friction with viscous damping\n{head}");
+    table(5.0, repetitions)?;
+    let [far, near] = copies(repetitions);
+    println!("copy of the state of a seal (4 numbers), ns: {far:.2} beyond the caches, {near:.2} within");
+    println!("sums of squares of 1024 seals over the copy beyond the caches: {:.2}", squares / far);
+    println!("two threads over one, 4096 seals: {:.2}", scaling(repetitions)?);
+    Ok(())
 }

@@ -20,6 +20,7 @@ pub mod segment;
 pub mod simulate;
 pub mod summary;
 pub mod survey;
+pub mod sweep;
 pub mod table;
 pub mod travel;
 pub mod validate;

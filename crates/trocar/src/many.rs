@@ -62,12 +62,7 @@ where
 }
 
 /// A batch of `models` from copies of `states`, along the whole motion.
-pub(crate) fn alone<M: Many>(
-    models: &[M],
-    states: &[M::State],
-    motion: &[(f64, f64)],
-    observer: &mut impl Observe,
-) {
+pub(crate) fn alone<M: Many>(models: &[M], states: &[M::State], motion: &[(f64, f64)], observer: &mut impl Observe) {
     let mut states = states.to_vec();
     let mut places = vec![Lanes::EMPTY; blocks(models.len())];
     if let Some(mut batch) = Batch::new(models, &mut states, &mut places) {

@@ -11,4 +11,5 @@ pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;
 pub(crate) mod simulate;
+pub(crate) mod sweep;
 pub(crate) mod validate;

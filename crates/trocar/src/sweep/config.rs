@@ -1,0 +1,238 @@
+//! A sweep as a TOML document. `data/sweep.toml` is an example that describes every key.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use super::SweepError;
+use crate::bench::Protocol;
+
+/// The shipped example with every key and what it means.
+pub const EXAMPLE_TOML: &str = include_str!("../../../../data/sweep.toml");
+
+/// Most rows of a table.
+pub const MAX_ROWS: u64 = 1_000_000_000;
+
+/// What to vary, and along which motion.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SweepConfig {
+    /// Runs for each point of the grid, at least 1.
+    #[serde(default = "one")]
+    pub runs: u64,
+    /// Seed of all draws.
+    #[serde(default = "one")]
+    pub seed: u64,
+    /// File of the model to vary; none for the plausible trocar.
+    #[serde(default)]
+    pub model: Option<PathBuf>,
+    /// The motion.
+    pub motion: Motion,
+    /// Parameters of the seal by name.
+    #[serde(default)]
+    pub seal: BTreeMap<String, Choice>,
+    /// Keys of the bench's document.
+    #[serde(default)]
+    pub rig: BTreeMap<String, Choice>,
+}
+
+fn one() -> u64 {
+    1
+}
+
+/// The motion of a sweep: an experiment of the bench, or a file.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motion {
+    /// Experiment of the virtual bench.
+    #[serde(default)]
+    pub protocol: Option<String>,
+    /// Document of the rig; none for the usual one.
+    #[serde(default)]
+    pub rig: Option<PathBuf>,
+    /// File with time and position.
+    #[serde(default)]
+    pub file: Option<PathBuf>,
+}
+
+/// Where the values of a parameter come from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// The form.
+    pub law: Law,
+    /// Multiples of the value that the model has.
+    pub relative: bool,
+}
+
+/// Forms of a parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Law {
+    /// Always the same.
+    Fixed(f64),
+    /// Between two numbers, each as likely.
+    Uniform([f64; 2]),
+    /// Mean and standard deviation.
+    Normal([f64; 2]),
+    /// Median, and standard deviation of the logarithm.
+    Lognormal([f64; 2]),
+    /// Least, most likely, greatest.
+    Triangular([f64; 3]),
+    /// One of these, each as likely.
+    List(Vec<f64>),
+    /// Every one of these.
+    Grid(Vec<f64>),
+}
+
+/// A table in the document.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Form {
+    uniform: Option<[f64; 2]>,
+    normal: Option<[f64; 2]>,
+    lognormal: Option<[f64; 2]>,
+    triangular: Option<[f64; 3]>,
+    list: Option<Vec<f64>>,
+    grid: Option<Vec<f64>>,
+    #[serde(default)]
+    relative: bool,
+}
+
+impl Form {
+    fn choice(self) -> Result<Choice, &'static str> {
+        let laws = [
+            self.uniform.map(Law::Uniform),
+            self.normal.map(Law::Normal),
+            self.lognormal.map(Law::Lognormal),
+            self.triangular.map(Law::Triangular),
+            self.list.map(Law::List),
+            self.grid.map(Law::Grid),
+        ];
+        let mut given = laws.into_iter().flatten();
+        match (given.next(), given.next()) {
+            (Some(law), None) => Ok(Choice { law, relative: self.relative }),
+            _ => Err("expected one of uniform, normal, lognormal, triangular, list, grid"),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Choice {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ChoiceVisitor)
+    }
+}
+
+struct ChoiceVisitor;
+
+impl<'de> Visitor<'de> for ChoiceVisitor {
+    type Value = Choice;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number or a form such as { uniform = [1.0, 2.0] }")
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Choice, E> {
+        Ok(Choice { law: Law::Fixed(value), relative: false })
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Choice, E> {
+        Ok(Choice { law: Law::Fixed(value as f64), relative: false })
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Choice, A::Error> {
+        Form::deserialize(MapAccessDeserializer::new(map))?.choice().map_err(serde::de::Error::custom)
+    }
+}
+
+impl Law {
+    /// What is wrong with its numbers.
+    fn fault(&self) -> Option<&'static str> {
+        let (numbers, good, wanted): (&[f64], bool, _) = match self {
+            Self::Fixed(_) => (&[], true, ""),
+            Self::Uniform(range) => (range, range[0] <= range[1], "the lower number first"),
+            Self::Normal(pair) => (pair, pair[1] >= 0.0, "a standard deviation of 0 or more"),
+            Self::Lognormal(pair) => {
+                (pair, pair[0] > 0.0 && pair[1] >= 0.0, "a median above 0 and a standard deviation of 0 or more")
+            }
+            Self::Triangular(three) => {
+                let [least, likely, greatest] = *three;
+                (three, least <= likely && likely <= greatest, "least, most likely and greatest in this order")
+            }
+            Self::List(values) | Self::Grid(values) => (values, !values.is_empty(), "one number or more"),
+        };
+        match (numbers.iter().all(|number| number.is_finite()), good) {
+            (false, _) => Some("finite numbers"),
+            (_, false) => Some(wanted),
+            _ => None,
+        }
+    }
+
+    /// The values of a grid.
+    pub(crate) fn grid(&self) -> Option<&[f64]> {
+        match self {
+            Self::Grid(values) => Some(values),
+            _ => None,
+        }
+    }
+}
+
+impl SweepConfig {
+    /// Reads a document.
+    ///
+    /// # Errors
+    /// [`SweepError`] with the place: no TOML, an unknown key, a form or a number that makes no sense.
+    pub fn from_toml(text: &str) -> Result<Self, SweepError> {
+        let config: Self = toml::from_str(text).map_err(|error| SweepError::Syntax(error.to_string()))?;
+        for (name, choice) in config.seal.iter().chain(&config.rig) {
+            if let Some(wanted) = choice.law.fault() {
+                return Err(SweepError::Form { line: line_of(text, name), key: name.clone(), wanted });
+            }
+        }
+        if config.runs == 0 {
+            return Err(SweepError::NoRuns { line: line_of(text, "runs") });
+        }
+        config.check_motion()?;
+        match config.rows() {
+            Some(_) => Ok(config),
+            None => Err(SweepError::TooMany { limit: MAX_ROWS }),
+        }
+    }
+
+    fn check_motion(&self) -> Result<(), SweepError> {
+        let Motion { protocol, rig, file } = &self.motion;
+        let refuse = |why| Err(SweepError::Motion { why });
+        match (protocol, file) {
+            (None, None) => refuse("neither protocol nor file is given"),
+            (Some(_), Some(_)) => refuse("protocol and file exclude each other"),
+            (None, Some(_)) if rig.is_some() || !self.rig.is_empty() => refuse("a rig moves a protocol, not a file"),
+            (Some(name), None) => name
+                .parse::<Protocol>()
+                .map(drop)
+                .map_err(|unknown| SweepError::Protocol { unknown: unknown.to_string() }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Points of the grid.
+    pub(crate) fn points(&self) -> Option<u64> {
+        let grids = self.seal.values().chain(self.rig.values()).filter_map(|choice| choice.law.grid());
+        grids.map(|values| values.len() as u64).try_fold(1_u64, u64::checked_mul)
+    }
+
+    /// Rows of the table; `None` above [`MAX_ROWS`].
+    pub fn rows(&self) -> Option<u64> {
+        self.points()?.checked_mul(self.runs).filter(|rows| *rows <= MAX_ROWS)
+    }
+}
+
+/// Line of `key`, from 1; 0 where it is not found.
+pub(crate) fn line_of(text: &str, key: &str) -> usize {
+    let names = |line: &str| {
+        let name = line.split('=').next().unwrap_or_default().trim().trim_matches(['"', '\'']);
+        name == key && line.contains('=')
+    };
+    text.lines().position(names).map_or(0, |line| line + 1)
+}

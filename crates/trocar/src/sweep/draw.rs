@@ -1,0 +1,72 @@
+//! Values of the parameters of one run.
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::config::{Law, SweepConfig};
+
+/// The values of one run, in the order of the names.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Drawn {
+    /// Of the seal.
+    pub(crate) seal: Vec<f64>,
+    /// Of the rig.
+    pub(crate) rig: Vec<f64>,
+    /// Seed of the rig's noise.
+    pub(crate) seed: u64,
+}
+
+impl Drawn {
+    /// Run `row` of `config`: the grid's last name changes first, the runs at one point follow one another. Stream `row` of the
+    /// generator gives the noise's seed, then every drawn number in the order of the names, the seal's before the rig's.
+    pub(crate) fn new(config: &SweepConfig, row: u64) -> Self {
+        let mut generator = ChaCha8Rng::seed_from_u64(config.seed);
+        generator.set_stream(row);
+        // Below 2^53: whole in every table.
+        let seed = generator.next_u64() >> 11;
+        let mut point = row / config.runs;
+        let laws: Vec<&Law> = config.seal.values().chain(config.rig.values()).map(|choice| &choice.law).collect();
+        let mut values: Vec<f64> = laws.iter().map(|law| draw(law, &mut generator)).collect();
+        for (value, law) in values.iter_mut().zip(&laws).rev() {
+            if let Some(grid) = law.grid() {
+                let count = grid.len() as u64;
+                *value = grid[(point % count) as usize];
+                point /= count;
+            }
+        }
+        let rig = values.split_off(config.seal.len());
+        Self { seal: values, rig, seed }
+    }
+}
+
+fn draw(law: &Law, generator: &mut ChaCha8Rng) -> f64 {
+    match law {
+        Law::Fixed(value) => *value,
+        Law::Uniform([low, high]) => low + (high - low) * unit(generator),
+        Law::Normal([mean, deviation]) => mean + deviation * normal(generator),
+        Law::Lognormal([median, deviation]) => median * libm::exp(deviation * normal(generator)),
+        Law::Triangular([least, likely, greatest]) => {
+            let (part, width) = (unit(generator), greatest - least);
+            // The distribution function, turned round.
+            let below = likely - least;
+            if part * width < below {
+                least + libm::sqrt(part * width * below)
+            } else {
+                greatest - libm::sqrt((1.0 - part) * width * (greatest - likely))
+            }
+        }
+        Law::List(values) => values[(unit(generator) * values.len() as f64) as usize % values.len()],
+        Law::Grid(_) => 0.0,
+    }
+}
+
+/// Uniform in [0, 1), every result exact.
+fn unit(generator: &mut ChaCha8Rng) -> f64 {
+    (generator.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
+}
+
+/// Standard normal, by the method of Box and Muller.
+fn normal(generator: &mut ChaCha8Rng) -> f64 {
+    let (radius, angle) = (1.0 - unit(generator), std::f64::consts::TAU * unit(generator));
+    libm::sqrt(-2.0 * libm::log(radius)) * libm::cos(angle)
+}

@@ -1,0 +1,527 @@
+//! Sweeps: one model many times, with parameters of seal, rig and motion drawn at random or taken from a grid.
+//!
+//! Every run is a row of a table: its number, its seed, its parameters, and what came out ([`Outcome`]). A row depends on the
+//! document and on its number alone: any number of threads gives the same table. A run whose parameters make no model is a row
+//! with its reason; it stops nothing.
+//!
+//! - **Seals only**: all runs share one motion, and the seals are stepped side by side ([`crate::many`]).
+//! - **Rigs and experiments**: each run moves a virtual bench of its own, and its seal is then stepped along the true motion.
+//!
+//! The seal starts as the bench's homing leaves it, bent backwards to its end; along a file it starts undeformed.
+//!
+//! Memory: [`WINDOW`] rows for each thread at a time, with traces also their forces, and the table's writer
+//! ([`crate::table::TableWriter`]).
+
+pub mod config;
+mod draw;
+mod tally;
+
+use std::path::{Path as FilePath, PathBuf};
+
+use rayon::prelude::*;
+use thiserror::Error;
+use trocar_model::batch::Many;
+use trocar_model::{Element, Friction, ParamError, Seal};
+
+use crate::bench::{self, BenchConfig, Protocol};
+use crate::cancel;
+use crate::error::{OutputError, RecordingError};
+use crate::many;
+use crate::model_file::{Model, ModelFile, ModelFileError};
+use crate::recording::Choice as Columns;
+use crate::simulate::Positions;
+use crate::table::{Column, Field, Kind, TableWriter};
+
+pub use config::SweepConfig;
+use config::line_of;
+use draw::Drawn;
+pub use tally::Outcome;
+use tally::{Path, RESULTS, Tally};
+
+/// Rows that one thread works on at a time.
+pub const WINDOW: u64 = 256;
+
+/// Rows of one task.
+const TASK: u64 = 64;
+
+/// Force that bends every seal backwards to its end, N.
+const BACKWARDS: f64 = -1e6;
+
+/// Why a sweep cannot be made.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SweepError {
+    /// The document is no TOML, or has other keys or kinds of values.
+    #[error("{0}\nhint: `trocar sweep --print-config` prints an example with every key")]
+    Syntax(String),
+    /// A form whose numbers make no sense.
+    #[error("line {line}: {key}: expected {wanted}")]
+    Form {
+        /// Line of the document.
+        line: usize,
+        /// Name of the parameter.
+        key: String,
+        /// What was expected.
+        wanted: &'static str,
+    },
+    /// No run at all.
+    #[error("line {line}: runs must be 1 or more")]
+    NoRuns {
+        /// Line of the document.
+        line: usize,
+    },
+    /// More rows than a table may have.
+    #[error(
+        "runs times the points of the grid make more than {limit} rows\n\nhint: fewer runs, or fewer values in `grid`"
+    )]
+    TooMany {
+        /// Most rows.
+        limit: u64,
+    },
+    /// A motion that is none, or two.
+    #[error("[motion]: {why}\n\nhint: give protocol = \"validation\", or file = \"motion.csv\"")]
+    Motion {
+        /// What is wrong.
+        why: &'static str,
+    },
+    /// No such protocol.
+    #[error("[motion]: {unknown}")]
+    Protocol {
+        /// What was found and what there is.
+        unknown: String,
+    },
+    /// A parameter that the model does not have.
+    #[error("line {line}: [seal] has no {key:?} for this model\n\nhint: it has {known}")]
+    UnknownParameter {
+        /// Line of the document.
+        line: usize,
+        /// What was found.
+        key: String,
+        /// What there is.
+        known: String,
+    },
+    /// A key that the rig does not have, or that is no number there.
+    #[error(
+        "line {line}: [rig] has no number {key:?}\n\nhint: `trocar bench --print-config` prints them; write \"rod.mass_kg\""
+    )]
+    UnknownRigKey {
+        /// Line of the document.
+        line: usize,
+        /// What was found.
+        key: String,
+    },
+    /// A rig with a model that the bench does not hold.
+    #[error("[rig]: the virtual bench holds EMS elements, not a {kind} model\n\nhint: leave [rig] empty")]
+    RigNeedsElements {
+        /// Kind of the model.
+        kind: &'static str,
+    },
+    /// The rig's document cannot be read.
+    #[error("{}: cannot read the rig: {source}", path.display())]
+    ReadRig {
+        /// Its file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The rig's document is wrong.
+    #[error("{}: {source}", path.display())]
+    Rig {
+        /// Its file.
+        path: PathBuf,
+        /// What is wrong.
+        source: bench::ConfigError,
+    },
+    /// The experiment that gives the motion does not end.
+    #[error(transparent)]
+    Bench(#[from] bench::BenchError),
+    /// The model's file.
+    #[error(transparent)]
+    Model(#[from] ModelFileError),
+    /// Parameters that make no model.
+    #[error(transparent)]
+    Parameter(#[from] ParamError),
+    /// The motion's file.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The motion has a single row, or none.
+    #[error("{}: a motion needs two rows or more", path.display())]
+    TooShort {
+        /// Its file.
+        path: PathBuf,
+    },
+    /// The table or a trace.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// A sweep, ready to run.
+pub struct Sweep {
+    config: SweepConfig,
+    model: ModelFile,
+    seal: Seal,
+    protocol: Option<Protocol>,
+    rig: toml::Table,
+    /// The motion that all runs share; none where each moves its own rig.
+    shared: Option<Path>,
+    /// For each parameter of the seal the numbers of [`Seal::tunables`] that it sets.
+    places: Vec<Vec<usize>>,
+    /// Present values of the parameters, the seal's before the rig's.
+    present: Vec<f64>,
+}
+
+/// How a sweep went.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Summary {
+    /// Rows of the table.
+    pub rows: u64,
+    /// Rows without a result.
+    pub failed: u64,
+    /// Reason of the first of these.
+    pub first_failure: Option<String>,
+}
+
+/// One row before it is written.
+struct Row {
+    drawn: Drawn,
+    outcome: Result<Outcome, String>,
+}
+
+impl Sweep {
+    /// Reads what the document `text` names; `folder` is where its files are sought.
+    ///
+    /// # Errors
+    /// [`SweepError`] with the place: the document, a name that model or rig does not have, a file.
+    pub fn new(text: &str, folder: &FilePath) -> Result<Self, SweepError> {
+        let config = SweepConfig::from_toml(text)?;
+        let model = match &config.model {
+            Some(path) => ModelFile::read(&folder.join(path))?,
+            None => ModelFile::plausible_10_5_mm()?,
+        };
+        let seal = *model.trocar()?.seal();
+        let mut present = Vec::new();
+        let mut places = Vec::new();
+        for name in config.seal.keys() {
+            let (own, value) = places_of(&seal, name).ok_or_else(|| unknown_parameter(text, &seal, name))?;
+            places.push(own);
+            present.push(value);
+        }
+        let rig = read_rig(config.motion.rig.as_deref().map(|path| folder.join(path)))?;
+        for key in config.rig.keys() {
+            let unknown = || SweepError::UnknownRigKey { line: line_of(text, key), key: key.clone() };
+            present.push(number_at(&rig, key).ok_or_else(unknown)?);
+        }
+        let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
+        let mut sweep = Self { config, model, seal, protocol, rig, shared: None, places, present };
+        sweep.shared = sweep.shared_path(folder)?;
+        Ok(sweep)
+    }
+
+    fn shared_path(&self, folder: &FilePath) -> Result<Option<Path>, SweepError> {
+        let own_rigs = !self.config.rig.is_empty();
+        match (&self.model.model, self.protocol, &self.config.motion.file) {
+            (Model::Classical(model), Some(_), _) if own_rigs => {
+                Err(SweepError::RigNeedsElements { kind: model.kind() })
+            }
+            (_, Some(_), _) if own_rigs => Ok(None),
+            (Model::Ems(elements), Some(protocol), _) => {
+                Ok(Some(self.path_of_rig(&self.rig, protocol, elements, self.config.seed)?.without_readings()))
+            }
+            (Model::Classical(_), Some(protocol), _) => {
+                let stand_in = ModelFile::plausible_10_5_mm()?;
+                let elements = stand_in.elements()?;
+                Ok(Some(self.path_of_rig(&self.rig, protocol, elements, self.config.seed)?.without_readings()))
+            }
+            (_, None, Some(file)) => read_path(&folder.join(file)).map(Some),
+            (_, None, None) => Ok(None),
+        }
+    }
+
+    /// Rows of the table.
+    pub fn rows(&self) -> u64 {
+        self.config.rows().unwrap_or(config::MAX_ROWS)
+    }
+
+    /// Samples of each run; 0 where each has its own number.
+    pub fn samples(&self) -> usize {
+        self.shared.as_ref().map_or(0, |path| path.position.len())
+    }
+
+    /// Runs everything on all threads and writes the table `out`, and into the folder `traces` one file for each run.
+    /// `report` gets the number of rows done.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`]; the table then does not appear.
+    pub fn run(
+        &self,
+        out: &FilePath,
+        traces: Option<&FilePath>,
+        mut report: impl FnMut(u64),
+    ) -> Result<Summary, SweepError> {
+        let mut table = TableWriter::create(out, &self.fields())?;
+        let mut summary = Summary { rows: self.rows(), ..Summary::default() };
+        let window = WINDOW * rayon::current_num_threads() as u64;
+        for from in (0..self.rows()).step_by(window as usize) {
+            let to = (from + window).min(self.rows());
+            let tasks: Vec<u64> = (from..to).step_by(TASK as usize).collect();
+            let part = |first: &u64| self.part(*first, (first + TASK).min(to), traces);
+            let parts: Result<Vec<Vec<Row>>, SweepError> = tasks.par_iter().map(part).collect();
+            let rows: Vec<Row> = parts?.into_iter().flatten().collect();
+            summary.see(&rows);
+            table.write(&self.columns(from, &rows))?;
+            report(to);
+        }
+        table.commit()?;
+        Ok(summary)
+    }
+
+    fn fields(&self) -> Vec<Field> {
+        let whole = ["run", "seed"].map(|name| Field::new(name, Kind::Whole));
+        let parameters = self.config.seal.keys().chain(self.config.rig.keys()).map(Field::number);
+        let results = RESULTS.map(Field::number);
+        let failure = Field::new("failure", Kind::Text);
+        whole.into_iter().chain(parameters).chain(results).chain([failure]).collect()
+    }
+
+    fn columns(&self, first: u64, rows: &[Row]) -> Vec<Column> {
+        let numbers = (first..).take(rows.len()).map(|row| i64::try_from(row).ok()).collect();
+        let seeds = rows.iter().map(|row| i64::try_from(row.drawn.seed).ok()).collect();
+        let mut columns = vec![Column::Whole(numbers), Column::Whole(seeds)];
+        for k in 0..self.config.seal.len() {
+            columns.push(Column::Number(rows.iter().map(|row| row.drawn.seal[k]).collect()));
+        }
+        for k in 0..self.config.rig.len() {
+            columns.push(Column::Number(rows.iter().map(|row| row.drawn.rig[k]).collect()));
+        }
+        for k in 0..RESULTS.len() {
+            let result = |row: &Row| row.outcome.as_ref().unwrap_or(&Outcome::NONE).numbers()[k];
+            columns.push(Column::Number(rows.iter().map(result).collect()));
+        }
+        let failures = rows.iter().map(|row| row.outcome.as_ref().err().map(|why| why.clone().into()));
+        columns.push(Column::Text(failures.collect()));
+        columns
+    }
+
+    /// Rows `from` to before `to`.
+    fn part(&self, from: u64, to: u64, traces: Option<&FilePath>) -> Result<Vec<Row>, SweepError> {
+        cancel::check();
+        let drawn: Vec<Drawn> = (from..to).map(|row| self.draw(row)).collect();
+        let seals: Vec<Result<Seal, String>> = drawn.iter().map(|drawn| self.tuned(drawn)).collect();
+        let outcomes = match &self.shared {
+            Some(path) => self.along(path, &seals, from, traces)?,
+            None => {
+                let mut outcomes = Vec::with_capacity(seals.len());
+                for (k, (seal, drawn)) in seals.iter().zip(&drawn).enumerate() {
+                    outcomes.push(self.on_rig(seal, drawn, from + k as u64, traces)?);
+                }
+                outcomes
+            }
+        };
+        Ok(drawn.into_iter().zip(outcomes).map(|(drawn, outcome)| Row { drawn, outcome }).collect())
+    }
+
+    /// The parameters of a run, as absolute numbers.
+    fn draw(&self, row: u64) -> Drawn {
+        let mut drawn = Drawn::new(&self.config, row);
+        let choices = self.config.seal.values().chain(self.config.rig.values());
+        for ((value, choice), present) in drawn.seal.iter_mut().chain(&mut drawn.rig).zip(choices).zip(&self.present) {
+            if choice.relative {
+                *value *= present;
+            }
+        }
+        drawn
+    }
+
+    fn tuned(&self, drawn: &Drawn) -> Result<Seal, String> {
+        let mut values: Vec<f64> = self.seal.tunables().map(|tunable| tunable.value).collect();
+        for (places, value) in self.places.iter().zip(&drawn.seal) {
+            places.iter().for_each(|place| values[*place] = *value);
+        }
+        self.seal.tuned(&values).map_err(|error| error.to_string())
+    }
+
+    /// All `seals` along one path, side by side.
+    fn along(
+        &self,
+        path: &Path,
+        seals: &[Result<Seal, String>],
+        first: u64,
+        traces: Option<&FilePath>,
+    ) -> Result<Vec<Result<Outcome, String>>, SweepError> {
+        let sound: Vec<Seal> = seals.iter().flatten().copied().collect();
+        let singles: Option<Vec<Element>> = sound.iter().map(single).collect();
+        let mut forces = vec![0.0; if traces.is_some() { sound.len() * path.position.len() } else { 0 }];
+        let mut outcomes = match singles {
+            // A quarter of the memory of seals that might have four elements.
+            Some(elements) => {
+                let states: Vec<_> = elements.iter().map(|element| self.start(element)).collect();
+                self.tally(path, &elements, &states, &mut forces)
+            }
+            None => {
+                let states: Vec<_> = sound.iter().map(|seal| self.start(seal)).collect();
+                self.tally(path, &sound, &states, &mut forces)
+            }
+        }
+        .into_iter();
+        if let Some(folder) = traces {
+            let rows = (first..).zip(seals).filter(|(_, seal)| seal.is_ok()).map(|(row, _)| row);
+            for (row, forces) in rows.zip(forces.chunks_exact(path.position.len())) {
+                write_trace(folder, row, path, forces)?;
+            }
+        }
+        let outcome = |seal: &Result<Seal, String>| match seal {
+            Ok(_) => Ok(outcomes.next().unwrap_or(Outcome::NONE)),
+            Err(why) => Err(why.clone()),
+        };
+        Ok(seals.iter().map(outcome).collect())
+    }
+
+    fn start<M: Friction>(&self, model: &M) -> M::State {
+        model.rest_at_force(if self.protocol.is_some() { BACKWARDS } else { 0.0 })
+    }
+
+    fn tally<M: Many>(&self, path: &Path, models: &[M], states: &[M::State], forces: &mut [f64]) -> Vec<Outcome> {
+        let travel = self.model.travel.as_ref().map(|travel| travel.view());
+        let at_start = |state: &M::State| {
+            let own = M::force(state);
+            travel.map_or(own, |travel| travel.apply(path.start(), own))
+        };
+        let at_start: Vec<f64> = states.iter().map(at_start).collect();
+        let mut tally = Tally::new(path, travel, &at_start, forces);
+        many::alone(models, states, &path.steps, &mut tally);
+        tally.outcomes()
+    }
+
+    /// One run on its own rig.
+    fn on_rig(
+        &self,
+        seal: &Result<Seal, String>,
+        drawn: &Drawn,
+        row: u64,
+        traces: Option<&FilePath>,
+    ) -> Result<Result<Outcome, String>, SweepError> {
+        let path = seal.as_ref().map_err(String::clone).and_then(|seal| self.path_of_run(seal, drawn));
+        match path {
+            Ok(path) => Ok(self.along(&path, std::slice::from_ref(seal), row, traces)?.remove(0)),
+            Err(why) => Ok(Err(why)),
+        }
+    }
+
+    fn path_of_run(&self, seal: &Seal, drawn: &Drawn) -> Result<Path, String> {
+        let (Seal::Ems(stages), Some(protocol)) = (seal, self.protocol) else { return Err("no motion".into()) };
+        let mut rig = self.rig.clone();
+        for (key, value) in self.config.rig.keys().zip(&drawn.rig) {
+            set_number(&mut rig, key, *value)?;
+        }
+        self.path_of_rig(&rig, protocol, stages.elements(), drawn.seed).map_err(|error| error.to_string())
+    }
+
+    /// The true motion of a rig, with the readings of its sensor.
+    fn path_of_rig(
+        &self,
+        rig: &toml::Table,
+        protocol: Protocol,
+        elements: &[Element],
+        seed: u64,
+    ) -> Result<Path, bench::BenchError> {
+        let text = toml::to_string(rig).expect("a table has a TOML form");
+        let run = bench::run(&BenchConfig::from_toml(&text)?, protocol, elements, seed)?;
+        Ok(Path::new(run.time, run.truth.position, run.force))
+    }
+}
+
+impl Summary {
+    fn see(&mut self, rows: &[Row]) {
+        for why in rows.iter().filter_map(|row| row.outcome.as_ref().err()) {
+            self.failed += 1;
+            self.first_failure.get_or_insert_with(|| why.clone());
+        }
+    }
+}
+
+/// The element of a seal with one.
+fn single(seal: &Seal) -> Option<Element> {
+    match seal {
+        Seal::Ems(stages) => <[Element; 1]>::try_from(stages.elements()).ok().map(|[element]| element),
+        Seal::Classical(_) => None,
+    }
+}
+
+/// The numbers of [`Seal::tunables`] called `name`, and the value of the first; `name@2` is that of the second element.
+fn places_of(seal: &Seal, name: &str) -> Option<(Vec<usize>, f64)> {
+    let (name, element) = match name.split_once('@') {
+        Some((name, number)) => (name, Some(number.parse::<usize>().ok()?.checked_sub(1)?)),
+        None => (name, None),
+    };
+    let fits = |own: &trocar_model::Tunable| own.name == name && (element.is_none() || own.element == element);
+    let found: Vec<_> = seal.tunables().enumerate().filter(|(_, tunable)| fits(tunable)).collect();
+    let value = found.first()?.1.value;
+    Some((found.iter().map(|(place, _)| *place).collect(), value))
+}
+
+fn unknown_parameter(text: &str, seal: &Seal, key: &str) -> SweepError {
+    let mut known: Vec<&str> = Vec::new();
+    for tunable in seal.tunables() {
+        if !known.contains(&tunable.name) {
+            known.push(tunable.name);
+        }
+    }
+    SweepError::UnknownParameter { line: line_of(text, key), key: key.to_owned(), known: known.join(", ") }
+}
+
+/// The rig's document, complete.
+fn read_rig(path: Option<PathBuf>) -> Result<toml::Table, SweepError> {
+    let config = match path {
+        None => BenchConfig::default(),
+        Some(path) => {
+            let read = std::fs::read_to_string(&path);
+            let text = read.map_err(|source| SweepError::ReadRig { path: path.clone(), source })?;
+            BenchConfig::from_toml(&text).map_err(|source| SweepError::Rig { path, source })?
+        }
+    };
+    Ok(toml::Table::try_from(config).expect("numbers and words always have a TOML form"))
+}
+
+fn number_at(rig: &toml::Table, key: &str) -> Option<f64> {
+    if let Some((section, rest)) = key.split_once('.') {
+        return number_at(rig.get(section)?.as_table()?, rest);
+    }
+    let value = rig.get(key)?;
+    value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+}
+
+/// Puts `value` at `key`, which is there; a whole number where the rig has one.
+fn set_number(rig: &mut toml::Table, key: &str, value: f64) -> Result<(), String> {
+    if let Some((section, rest)) = key.split_once('.') {
+        let inner = rig.get_mut(section).and_then(toml::Value::as_table_mut).ok_or("no such section")?;
+        return set_number(inner, rest, value);
+    }
+    match rig.get_mut(key) {
+        Some(toml::Value::Float(number)) => *number = value,
+        Some(toml::Value::Integer(number)) if value.fract() == 0.0 && value.abs() < 1e9 => *number = value as i64,
+        _ => return Err(format!("{key} must be a whole number, got {value}")),
+    }
+    Ok(())
+}
+
+fn read_path(file: &FilePath) -> Result<Path, SweepError> {
+    let mut rows = Positions::open(file, &Columns::default())?;
+    let (mut time, mut position, mut reading) = (Vec::new(), Vec::new(), Vec::new());
+    while let Some(step) = rows.advance()? {
+        time.push(step.time);
+        position.push(step.position);
+        reading.push(step.reading.unwrap_or(f64::NAN));
+    }
+    match time.len() {
+        0 | 1 => Err(SweepError::TooShort { path: file.to_owned() }),
+        _ => Ok(Path::new(time, position, reading)),
+    }
+}
+
+fn write_trace(folder: &FilePath, row: u64, path: &Path, forces: &[f64]) -> Result<(), SweepError> {
+    let fields = ["time_s", "position_m", "force_n"].map(Field::number);
+    let mut table = TableWriter::create(folder.join(format!("run_{row:09}.parquet")), &fields)?;
+    let columns = [path.time.clone(), path.position.clone(), forces.to_vec()].map(Column::Number);
+    table.write(&columns)?;
+    Ok(table.commit()?)
+}

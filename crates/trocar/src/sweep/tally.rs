@@ -1,0 +1,219 @@
+//! What a run comes to in a few numbers.
+
+use trocar_model::Travel;
+use trocar_model::batch::{LANES, Lanes, Observe};
+
+/// Names of the results, in the order of [`Outcome::numbers`].
+pub(crate) const RESULTS: [&str; 7] = [
+    "peak_force_n",
+    "rms_force_n",
+    "work_j",
+    "work_per_metre_n",
+    "break_away_force_n",
+    "deforming_share",
+    "rms_error_n",
+];
+
+/// Results of one run; NaN for what there is none of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// Greatest amount of the force, N.
+    pub peak_force: f64,
+    /// Root of the mean square of the force over time, N.
+    pub rms_force: f64,
+    /// ∫F dx, J: the area of the loop where the motion ends where it began.
+    pub work: f64,
+    /// That over the length of the way, N.
+    pub work_per_metre: f64,
+    /// Amount of the force when the instrument first slides, N.
+    pub break_away_force: f64,
+    /// Part of the time in which the seal bends and the instrument moves with it.
+    pub deforming_share: f64,
+    /// Root mean square of what the measured force differs by, N.
+    pub rms_error: f64,
+}
+
+impl Outcome {
+    /// Of a run that did not come off.
+    pub(crate) const NONE: Self = Self {
+        peak_force: f64::NAN,
+        rms_force: f64::NAN,
+        work: f64::NAN,
+        work_per_metre: f64::NAN,
+        break_away_force: f64::NAN,
+        deforming_share: f64::NAN,
+        rms_error: f64::NAN,
+    };
+
+    pub(crate) fn numbers(&self) -> [f64; RESULTS.len()] {
+        [
+            self.peak_force,
+            self.rms_force,
+            self.work,
+            self.work_per_metre,
+            self.break_away_force,
+            self.deforming_share,
+            self.rms_error,
+        ]
+    }
+}
+
+/// A motion: the way from sample to sample, and what was measured there.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Path {
+    pub(crate) time: Vec<f64>,
+    pub(crate) position: Vec<f64>,
+    /// Readings, N, where there are any; NaN for a missing one.
+    pub(crate) reading: Vec<f64>,
+    /// Displacement (m) and duration (s) to each sample but the first.
+    pub(crate) steps: Vec<(f64, f64)>,
+}
+
+impl Path {
+    pub(crate) fn new(time: Vec<f64>, position: Vec<f64>, reading: Vec<f64>) -> Self {
+        let step = |k: usize| (position[k] - position[k - 1], time[k] - time[k - 1]);
+        let steps = (1..time.len().min(position.len())).map(step).collect();
+        Self { time, position, reading, steps }
+    }
+
+    /// The same way without anything to compare with.
+    pub(crate) fn without_readings(self) -> Self {
+        Self { reading: Vec::new(), ..self }
+    }
+
+    pub(crate) fn start(&self) -> f64 {
+        self.position.first().copied().unwrap_or(0.0)
+    }
+}
+
+/// Sums of one block of models while they run.
+#[derive(Debug, Clone, Copy)]
+struct Sums {
+    last: [f64; LANES],
+    peak: [f64; LANES],
+    square: [f64; LANES],
+    work: [f64; LANES],
+    /// NaN until the instrument slides.
+    break_away: [f64; LANES],
+    bent: [f64; LANES],
+    error: [f64; LANES],
+}
+
+/// Sums up all models of a batch along a path.
+pub(crate) struct Tally<'a> {
+    path: &'a Path,
+    travel: Option<Travel<'a>>,
+    outcomes: Vec<Outcome>,
+    /// Force of each model before the first step, N.
+    at_start: &'a [f64],
+    /// All forces, model after model; empty where nobody wants them.
+    traces: &'a mut [f64],
+    sums: Sums,
+    first: usize,
+    count: usize,
+    /// Time, way and readings, which all models share.
+    shared: [f64; 3],
+}
+
+impl<'a> Tally<'a> {
+    pub(crate) fn new(path: &'a Path, travel: Option<Travel<'a>>, at_start: &'a [f64], traces: &'a mut [f64]) -> Self {
+        let zero = [0.0; LANES];
+        let sums = Sums { last: zero, peak: zero, square: zero, work: zero, break_away: zero, bent: zero, error: zero };
+        let time = path.steps.iter().map(|(_, duration)| duration).sum();
+        let way = path.steps.iter().map(|(displacement, _)| displacement.abs()).sum();
+        let readings = path.reading.iter().filter(|reading| reading.is_finite()).count() as f64;
+        let shared = [time, way, readings];
+        Self { path, travel, outcomes: Vec::new(), at_start, traces, sums, first: 0, count: 0, shared }
+    }
+
+    pub(crate) fn outcomes(self) -> Vec<Outcome> {
+        self.outcomes
+    }
+
+    fn error_at(&self, sample: usize) -> Option<f64> {
+        self.path.reading.get(sample).copied().filter(|reading| reading.is_finite())
+    }
+
+    fn trace(&mut self, sample: usize, forces: &[f64; LANES]) {
+        let samples = self.path.position.len();
+        let own = self.traces.chunks_exact_mut(samples.max(1)).skip(self.first).take(self.count);
+        for (trace, force) in own.zip(forces) {
+            trace[sample] = *force;
+        }
+    }
+
+    fn outcome(&self, lane: usize) -> Outcome {
+        let [time, way, readings] = self.shared;
+        let sums = &self.sums;
+        let share = |value: f64, of: f64| if of > 0.0 { value / of } else { f64::NAN };
+        Outcome {
+            peak_force: sums.peak[lane],
+            rms_force: share(sums.square[lane], time).sqrt(),
+            work: sums.work[lane],
+            work_per_metre: share(sums.work[lane], way),
+            break_away_force: sums.break_away[lane],
+            deforming_share: share(sums.bent[lane], time),
+            rms_error: share(sums.error[lane], readings).sqrt(),
+        }
+    }
+}
+
+impl Observe for Tally<'_> {
+    fn begin(&mut self, first: usize, count: usize) {
+        (self.first, self.count) = (first, count);
+        let zero = [0.0; LANES];
+        let mut at_start = zero;
+        at_start.iter_mut().zip(self.at_start.iter().skip(first)).for_each(|(own, force)| *own = *force);
+        let mut sums = Sums {
+            last: at_start,
+            peak: at_start.map(f64::abs),
+            square: zero,
+            work: zero,
+            break_away: [f64::NAN; LANES],
+            bent: zero,
+            error: zero,
+        };
+        if let Some(reading) = self.error_at(0) {
+            sums.error = at_start.map(|force| (reading - force) * (reading - force));
+        }
+        self.sums = sums;
+        if !self.traces.is_empty() {
+            self.trace(0, &at_start);
+        }
+    }
+
+    #[inline(always)]
+    fn see(&mut self, step: usize, lanes: &Lanes) {
+        let sample = step + 1;
+        let (displacement, duration) = self.path.steps[step];
+        let mut forces = *lanes.forces();
+        if let Some(travel) = self.travel {
+            forces = forces.map(|force| travel.apply(self.path.position[sample], force));
+        }
+        let sliding = lanes.sliding();
+        let sums = &mut self.sums;
+        for i in 0..LANES {
+            let (force, last) = (forces[i], sums.last[i]);
+            sums.peak[i] = if force.abs() > sums.peak[i] { force.abs() } else { sums.peak[i] };
+            sums.square[i] += force * force * duration;
+            sums.work[i] += 0.5 * (force + last) * displacement;
+            let breaks = sums.break_away[i].is_nan() & (sliding[i] > 0.0);
+            sums.break_away[i] = if breaks { force.abs() } else { sums.break_away[i] };
+            sums.bent[i] += (1.0 - sliding[i]) * duration;
+            sums.last[i] = force;
+        }
+        if let Some(reading) = self.error_at(sample) {
+            for (sum, force) in self.sums.error.iter_mut().zip(&forces) {
+                *sum += (reading - force) * (reading - force);
+            }
+        }
+        if !self.traces.is_empty() {
+            self.trace(sample, &forces);
+        }
+    }
+
+    fn end(&mut self, _: usize, count: usize) {
+        let outcomes: Vec<Outcome> = (0..count).map(|lane| self.outcome(lane)).collect();
+        self.outcomes.extend(outcomes);
+    }
+}
