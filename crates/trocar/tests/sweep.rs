@@ -1,0 +1,179 @@
+//! Sweeps: rows that depend on nothing but the document, and what a run comes to.
+
+use std::path::Path;
+
+use trocar::sweep::{Summary, Sweep};
+use trocar::table::{Column, Table, read};
+
+const HEAD: &str = "runs = 150\nseed = 7\n[motion]\nprotocol = \"step\"\n";
+
+/// The table of `document` on `threads` threads.
+fn table(document: &str, threads: usize) -> (Table, Summary) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("table.parquet");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let sweep = Sweep::new(document, Path::new("")).unwrap();
+    let summary = pool.install(|| sweep.run(&out, None, |_| {})).unwrap();
+    (read(&out).unwrap(), summary)
+}
+
+fn numbers<'t>(table: &'t Table, name: &str) -> &'t [f64] {
+    match table.column(name) {
+        Some(Column::Number(cells)) => cells,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+fn refusal(document: &str) -> String {
+    Sweep::new(document, Path::new("")).map(|_| ()).unwrap_err().to_string()
+}
+
+#[test]
+fn the_number_of_threads_does_not_show() {
+    let document = format!("{HEAD}[seal]\nhalf_width_m = {{ normal = [0.005, 0.0005] }}\n");
+    let ((one, _), (three, _)) = (table(&document, 1), table(&document, 3));
+    assert_eq!(one.rows(), 150);
+    assert_eq!(one, three);
+    let (again, _) = table(&document.replace("seed = 7", "seed = 8"), 3);
+    assert_ne!(numbers(&one, "half_width_m"), numbers(&again, "half_width_m"));
+}
+
+#[test]
+fn more_runs_keep_the_rows_there_were() {
+    let document = format!("{HEAD}[seal]\nhalf_width_m = {{ uniform = [0.004, 0.006] }}\n");
+    let ((few, _), (more, _)) = (table(&document, 2), table(&document.replace("150", "300"), 2));
+    assert_eq!(numbers(&few, "work_j"), &numbers(&more, "work_j")[..150]);
+}
+
+#[test]
+fn draws_have_the_distribution_asked_for() {
+    let document = "runs = 4000\n[motion]\nprotocol = \"step\"\n[seal]\n\
+        half_width_m = { uniform = [0.004, 0.006] }\n\
+        insertion_coulomb_force_n = { normal = [3.0, 0.2] }\n\
+        withdrawal_coulomb_force_n = { lognormal = [3.0, 0.1] }\n\
+        insertion_viscous_damping_n_s_m = { triangular = [0.0, 2.0, 10.0] }\n\
+        withdrawal_viscous_damping_n_s_m = { list = [1.0, 2.0, 6.0] }\n";
+    let (table, _) = table(document, 2);
+    /// Standard errors of a mean that no fair draw of 4000 passes.
+    const FAR: f64 = 5.0;
+    let about = |name: &str, mean: f64, deviation: f64| {
+        let values = numbers(&table, name);
+        let found = values.iter().sum::<f64>() / values.len() as f64;
+        assert!((found - mean).abs() < FAR * deviation / 4000_f64.sqrt(), "{name}: {found} for {mean}");
+    };
+    about("half_width_m", 0.005, 0.002 / 12_f64.sqrt());
+    about("insertion_coulomb_force_n", 3.0, 0.2);
+    about("withdrawal_coulomb_force_n", 3.0 * 0.005_f64.exp(), 0.31);
+    about("insertion_viscous_damping_n_s_m", 4.0, 2.2);
+    about("withdrawal_viscous_damping_n_s_m", 3.0, 2.2);
+}
+
+#[test]
+fn grids_are_combined_and_relative_numbers_are_multiples() {
+    let document = "runs = 2\n[motion]\nprotocol = \"step\"\n[seal]\n\
+        half_width_m = { grid = [0.5, 1.0, 2.0], relative = true }\n\
+        seal_damping_n_s_m = { grid = [0.0, 1.0] }\n";
+    let (table, _) = table(document, 2);
+    let widths = numbers(&table, "half_width_m");
+    assert_eq!(table.rows(), 12);
+    assert_eq!(widths[4] / widths[0], 2.0);
+    assert_eq!(widths[8] / widths[0], 4.0);
+    let damping = numbers(&table, "seal_damping_n_s_m");
+    assert_eq!(&damping[..6], [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+}
+
+#[test]
+fn results_follow_the_parameters() {
+    let document = "[motion]\nprotocol = \"validation\"\n[seal]\n\
+        insertion_coulomb_force_n = { grid = [2.0, 3.0, 4.0] }\n\
+        insertion_viscous_damping_n_s_m = 0\nwithdrawal_viscous_damping_n_s_m = 0\n\
+        withdrawal_coulomb_force_n = 2\n";
+    let (table, _) = table(document, 1);
+    // Friction that does not depend on speed: the sliding force is the greatest there is.
+    for (peak, force) in numbers(&table, "peak_force_n").iter().zip([2.0, 3.0, 4.0]) {
+        assert!((peak - force).abs() < 1e-9, "{peak} N for {force} N");
+    }
+    for name in ["work_j", "rms_force_n", "work_per_metre_n"] {
+        let values = numbers(&table, name);
+        assert!(values[0] < values[1] && values[1] < values[2], "{name}: {values:?}");
+    }
+    let per_metre = numbers(&table, "work_per_metre_n");
+    assert!(per_metre[0] > 1.0 && per_metre[0] < 2.0, "never more than the sliding force: {per_metre:?}");
+    assert!(numbers(&table, "deforming_share").iter().all(|share| *share > 0.0 && *share < 1.0));
+}
+
+#[test]
+fn a_rig_of_its_own_for_each_run() {
+    let document = "runs = 2\n[motion]\nprotocol = \"step\"\n[rig]\n\"rod.mass_kg\" = { grid = [0.02, 0.2] }\n";
+    let (table, summary) = table(document, 2);
+    assert_eq!((table.rows(), summary.failed), (4, 0));
+    let error = numbers(&table, "rms_error_n");
+    assert!(error[2] > error[0], "the sensor feels the rod: {error:?}");
+    assert_ne!(error[0], error[1], "every run has noise of its own");
+}
+
+#[test]
+fn a_run_without_a_model_is_a_row_with_its_reason() {
+    let document = format!("{HEAD}[seal]\nhalf_width_m = {{ normal = [0.001, 0.001] }}\n");
+    let (table, summary) = table(&document, 2);
+    let Some(Column::Text(failures)) = table.column("failure") else { panic!("no failures") };
+    let failed = failures.iter().flatten().count() as u64;
+    assert!(failed > 0 && failed == summary.failed);
+    let peaks = numbers(&table, "peak_force_n");
+    assert!(failures.iter().zip(peaks).all(|(failure, peak)| failure.is_some() == peak.is_nan()));
+    assert!(summary.first_failure.is_some_and(|why| why.contains("half_width must be positive")));
+}
+
+#[test]
+fn a_recording_is_compared_with_and_traces_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..400).map(|k| format!("{},{},1.5\n", f64::from(k) * 1e-3, f64::from(k) * 1e-4)).collect();
+    std::fs::write(folder.path().join("motion.csv"), format!("time_s,position_m,force_n\n{rows}")).unwrap();
+    let document = "runs = 3\n[motion]\nfile = \"motion.csv\"\n[seal]\nhalf_width_m = { uniform = [0.004, 0.006] }\n";
+    let sweep = Sweep::new(document, folder.path()).unwrap();
+    let out = folder.path().join("table.parquet");
+    sweep.run(&out, Some(folder.path()), |_| {}).unwrap();
+    let summary = read(&out).unwrap();
+    for run in 0..3 {
+        let trace = read(folder.path().join(format!("run_{run:09}.parquet"))).unwrap();
+        let forces = numbers(&trace, "force_n");
+        assert_eq!(forces.len(), 400);
+        let error = (forces.iter().map(|force| (1.5 - force).powi(2)).sum::<f64>() / 400.0).sqrt();
+        assert!((error - numbers(&summary, "rms_error_n")[run]).abs() < 1e-12, "run {run}");
+        let peak = forces.iter().fold(0.0, |peak: f64, force| peak.max(force.abs()));
+        assert_eq!(peak, numbers(&summary, "peak_force_n")[run]);
+    }
+}
+
+#[test]
+fn the_example_is_a_sweep() {
+    let sweep = Sweep::new(trocar::sweep::config::EXAMPLE_TOML, Path::new("")).unwrap();
+    assert_eq!(sweep.rows(), 1000);
+}
+
+#[test]
+fn faults_are_told_with_their_place() {
+    let seal = |line: &str| refusal(&format!("[motion]\nprotocol = \"step\"\n[seal]\n{line}\n"));
+    let cases = [
+        (seal("half_width_mm = 3"), "line 4: [seal] has no \"half_width_mm\""),
+        (seal("half_width_m = { uniform = [2, 1] }"), "line 4: half_width_m: expected the lower number first"),
+        (seal("half_width_m = { normal = [2, -1] }"), "line 4: half_width_m: expected a standard deviation"),
+        (seal("half_width_m = { list = [] }"), "line 4: half_width_m: expected one number or more"),
+        (seal("half_width_m = { uniform = [nan, 1] }"), "line 4: half_width_m: expected finite numbers"),
+        (seal("half_width_m = { gauss = [1, 1] }"), "unknown field `gauss`"),
+        (seal("half_width_m = { relative = true }"), "expected one of uniform"),
+        (seal("half_width_m = \"wide\""), "expected a number or a form"),
+        (refusal("rums = 3\n[motion]\nprotocol = \"step\"\n"), "unknown field `rums`"),
+        (refusal("runs = 0\n[motion]\nprotocol = \"step\"\n"), "line 1: runs must be 1 or more"),
+        (refusal("[motion]\n"), "neither protocol nor file"),
+        (refusal("[motion]\nprotocol = \"fast\"\n"), "unknown protocol \"fast\""),
+        (refusal("[motion]\nprotocol = \"step\"\nfile = \"a.csv\"\n"), "exclude each other"),
+        (refusal("[motion]\nfile = \"nowhere.csv\"\n"), "nowhere.csv"),
+        (refusal("model = \"nowhere.json\"\n[motion]\nprotocol = \"step\"\n"), "nowhere.json"),
+        (refusal("[motion]\nprotocol = \"step\"\n[rig]\n\"rod.mas_kg\" = 1\n"), "line 4: [rig] has no number \"rod.mas_kg\""),
+        (refusal("runs = 9000000000\n[motion]\nprotocol = \"step\"\n"), "more than 1000000000 rows"),
+    ];
+    for (found, wanted) in cases {
+        assert!(found.contains(wanted), "{found}\nwithout: {wanted}");
+    }
+}
