@@ -170,7 +170,10 @@ fn faults_are_told_with_their_place() {
         (refusal("[motion]\nprotocol = \"step\"\nfile = \"a.csv\"\n"), "exclude each other"),
         (refusal("[motion]\nfile = \"nowhere.csv\"\n"), "nowhere.csv"),
         (refusal("model = \"nowhere.json\"\n[motion]\nprotocol = \"step\"\n"), "nowhere.json"),
-        (refusal("[motion]\nprotocol = \"step\"\n[rig]\n\"rod.mas_kg\" = 1\n"), "line 4: [rig] has no number \"rod.mas_kg\""),
+        (
+            refusal("[motion]\nprotocol = \"step\"\n[rig]\n\"rod.mas_kg\" = 1\n"),
+            "line 4: [rig] has no number \"rod.mas_kg\"",
+        ),
         (refusal("runs = 9000000000\n[motion]\nprotocol = \"step\"\n"), "more than 1000000000 rows"),
     ];
     for (found, wanted) in cases {

@@ -48,7 +48,7 @@ pub use lanes::{LANES, Lanes};
 pub use observe::{Forces, Observe, Squares};
 
 /// Fewer elements than this in a block are stepped one by one: that is faster than all lanes.
-const FEWEST: u32 = 4;
+const FEWEST: u32 = 8;
 
 /// Blocks of [`Lanes`] that `count` models need.
 pub const fn blocks(count: usize) -> usize {
@@ -127,7 +127,7 @@ impl<'a, M: Many> Batch<'a, M> {
             return None;
         }
         let mut batch = Self { models, states, blocks };
-        batch.each(|mut block| block.load());
+        batch.each().for_each(|mut block| block.load());
         Some(batch)
     }
 
@@ -154,7 +154,10 @@ impl<'a, M: Many> Batch<'a, M> {
     pub fn step(&mut self, displacement: f64, duration: f64) {
         if let Some(velocity) = velocity(displacement, duration) {
             let stride = Stride { velocity, time: duration };
-            self.each(|mut block| block.step(stride, displacement));
+            // No closures on the way to the lanes: one of its own would not be compiled for the caller's vectors.
+            for mut block in self.each() {
+                block.step(stride, displacement);
+            }
         }
     }
 
@@ -162,9 +165,8 @@ impl<'a, M: Many> Batch<'a, M> {
     /// after every sample, also after those that change nothing.
     #[inline(always)]
     pub fn run(&mut self, motion: impl Iterator<Item = (f64, f64)> + Clone, observer: &mut impl Observe) {
-        let mut first = 0;
-        self.each(|mut block| {
-            let count = block.models.len();
+        for (k, mut block) in self.each().enumerate() {
+            let (first, count) = (k * LANES, block.models.len());
             observer.begin(first, count);
             for (sample, (displacement, duration)) in motion.clone().enumerate() {
                 if let Some(velocity) = velocity(displacement, duration) {
@@ -173,8 +175,7 @@ impl<'a, M: Many> Batch<'a, M> {
                 observer.see(sample, block.lanes);
             }
             observer.end(first, count);
-            first += LANES;
-        });
+        }
     }
 
     /// Force of model `index` after the last step, N: that of the instrument on the seal. NaN for a model that is not there.
@@ -196,7 +197,7 @@ impl<'a, M: Many> Batch<'a, M> {
     /// The caller's states become those after the last step: until then they are those of before the first, for models that
     /// run as vectors.
     pub fn finish(mut self) {
-        self.each(|mut block| block.unload());
+        self.each().for_each(|mut block| block.unload());
     }
 
     /// Two batches of the blocks before `block` and from it on, for two threads.
@@ -211,11 +212,9 @@ impl<'a, M: Many> Batch<'a, M> {
     }
 
     #[inline(always)]
-    fn each(&mut self, mut run: impl FnMut(Block<M>)) {
-        let parts = self.models.chunks(LANES).zip(self.states.chunks_mut(LANES));
-        for ((models, states), lanes) in parts.zip(self.blocks.iter_mut()) {
-            run(Block { models, states, lanes });
-        }
+    fn each(&mut self) -> impl Iterator<Item = Block<'_, M>> {
+        let parts = self.models.chunks(LANES).zip(self.states.chunks_mut(LANES)).zip(self.blocks.iter_mut());
+        parts.map(|((models, states), lanes)| Block { models, states, lanes })
     }
 }
 
