@@ -33,7 +33,8 @@ fn the_number_of_threads_does_not_show() {
     let document = format!("{HEAD}[seal]\nhalf_width_m = {{ normal = [0.005, 0.0005] }}\n");
     let ((one, _), (three, _)) = (table(&document, 1), table(&document, 3));
     assert_eq!(one.rows(), 150);
-    assert_eq!(one, three);
+    // As text: a missing number is not equal to itself.
+    assert!(format!("{one:?}") == format!("{three:?}"));
     let (again, _) = table(&document.replace("seed = 7", "seed = 8"), 3);
     assert_ne!(numbers(&one, "half_width_m"), numbers(&again, "half_width_m"));
 }
