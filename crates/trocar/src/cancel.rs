@@ -59,6 +59,11 @@ impl Cancel {
     }
 }
 
+/// Whether what unwinds is work that was called off, and no panic.
+pub(crate) fn is_called_off(unwinding: &(dyn Any + Send)) -> bool {
+    unwinding.is::<CalledOff>()
+}
+
 /// Unwinds where the work that this thread belongs to was called off.
 pub(crate) fn check() {
     let is_called_off = FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)));

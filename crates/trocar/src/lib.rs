@@ -7,6 +7,7 @@ pub mod compare;
 pub mod compensate;
 pub mod error;
 pub mod export;
+pub mod fleet;
 pub mod identify;
 pub mod inspect;
 pub mod many;

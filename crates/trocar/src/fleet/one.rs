@@ -1,0 +1,344 @@
+//! One recording to one row.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::row::{Cell, DEGREES, Row, parameter_names};
+use crate::cancel;
+use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Ingredient, identify};
+use crate::recording::{ReadOptions, Readings, Recording, RecordingError, read};
+use crate::summary::{MovingMass, PROGRAM};
+
+/// Memory that an identification holds at its peak, in units of the recording's columns.
+const PEAK_TO_COLUMNS: u64 = 5;
+
+/// How far to go with each recording.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Depth {
+    /// The paper's two steps, refined, with intervals. All motion is fitted only where nothing slides steadily, and then
+    /// with the paper's element alone.
+    #[default]
+    Quick,
+    /// All that `trocar identify` does: where there are rests and partial reversals, the fit to all motion with its
+    /// search for ingredients.
+    Full,
+}
+
+impl Depth {
+    /// Name on the command line and in the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Quick => "quick",
+            Self::Full => "full",
+        }
+    }
+}
+
+/// How to identify each recording.
+#[derive(Debug, Clone, Default)]
+pub struct Config {
+    /// How to read it; its memory limit is that of one identification as a whole.
+    pub reading: ReadOptions,
+    /// How far to go.
+    pub depth: Depth,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Resamples of the bootstrap over cycles; 0 takes the jackknife.
+    pub bootstrap: usize,
+    /// What moves between sensor and seal.
+    pub moving_mass: MovingMass,
+}
+
+impl Config {
+    /// SHA-256, in short, of all that a row depends on beside the recording: this, and the program's version.
+    ///
+    /// The memory limit is left out: it decides whether there is a row, not what is in it.
+    pub fn hash(&self) -> String {
+        let Self { reading, depth, seed, bootstrap, moving_mass } = self;
+        let text = serde_json::json!({
+            "program": PROGRAM,
+            "columns": reading.columns,
+            "sensor_limit_n": reading.sensor_limit,
+            "flip_force": reading.flip_force,
+            "depth": depth,
+            "seed": seed,
+            "bootstrap": bootstrap,
+            "moving_mass": moving_mass,
+        });
+        let digest = Sha256::digest(text.to_string().as_bytes());
+        digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    fn options(&self) -> IdentifyOptions {
+        IdentifyOptions {
+            bootstrap: self.bootstrap,
+            seed: self.seed,
+            degrees: DEGREES,
+            inertia_removed: self.moving_mass.mass > 0.0,
+            ..IdentifyOptions::default()
+        }
+    }
+}
+
+/// Where a recording comes from.
+#[derive(Debug, Clone)]
+pub enum Input {
+    /// A file, of any format that [`read`] reads.
+    File(PathBuf),
+    /// Columns in memory; the name stands in the table.
+    Columns {
+        /// What to call it.
+        name: String,
+        /// The columns.
+        readings: Readings,
+    },
+}
+
+/// Why a row holds no parameters: the kind, for counting, and the whole message.
+struct Failure {
+    kind: &'static str,
+    message: String,
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        let kind = match &error {
+            RecordingError::Open { .. } => CANNOT_OPEN,
+            RecordingError::TooLarge { .. } => TOO_LARGE,
+            _ => "cannot_read",
+        };
+        Self { kind, message: error.to_string() }
+    }
+}
+
+impl From<IdentifyError> for Failure {
+    fn from(error: IdentifyError) -> Self {
+        let kind = match &error {
+            IdentifyError::NoSteadySliding { .. } => "nothing_to_identify_from",
+            IdentifyError::ForceSign { .. } => "force_sign",
+            IdentifyError::NotAModel(_) => "not_a_model",
+            _ => "cannot_identify",
+        };
+        Self { kind, message: error.to_string() }
+    }
+}
+
+/// The recording itself may be sound, and another day or another machine may do better.
+pub(super) const CANNOT_OPEN: &str = "cannot_open";
+/// The same.
+pub(super) const TOO_LARGE: &str = "too_large_for_memory";
+
+/// Identifies one recording by itself: a pure function of the recording and `config`.
+///
+/// What goes wrong is part of the row: `status` is `ok`, `doubtful` (the recording lost data, or does not pin every
+/// parameter) or `failed`, with `reason_kind` and `reason`. A panic is a failure, too. The work is done by one thread.
+pub fn identify_one(input: &Input, config: &Config) -> Row {
+    let mut row = Row::empty();
+    describe(&mut row, input, config);
+    let outcome = catch_unwind(AssertUnwindSafe(|| work(&mut row, input, config)));
+    let failure = match outcome {
+        Ok(Ok(())) => return row,
+        Ok(Err(failure)) => failure,
+        Err(panic) if cancel::is_called_off(&*panic) => resume_unwind(panic),
+        Err(panic) => Failure { kind: "panic", message: words_of(&*panic) },
+    };
+    row.set("status", Cell::text("failed"));
+    row.set("reason_kind", Cell::text(failure.kind));
+    row.set("reason", Cell::text(failure.message));
+    row
+}
+
+fn words_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    format!("a fault of the program: {}", text.unwrap_or("no message"))
+}
+
+fn describe(row: &mut Row, input: &Input, config: &Config) {
+    let path = match input {
+        Input::File(path) => path.display().to_string(),
+        Input::Columns { name, .. } => name.clone(),
+    };
+    row.set("path", Cell::text(path));
+    row.set("program", Cell::text(PROGRAM));
+    row.set("config", Cell::text(config.hash()));
+    row.set("depth", Cell::text(config.depth.name()));
+    row.set("moving_mass_kg", Cell::number(config.moving_mass.mass));
+}
+
+fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
+    let recording = match input {
+        Input::File(path) => {
+            let options = ReadOptions {
+                memory_limit: config.reading.memory_limit.map(|bytes| bytes / PEAK_TO_COLUMNS),
+                ..config.reading.clone()
+            };
+            read(path, &options).inspect_err(|_| {
+                row.set("sha256", sha256_of(path).map_or(Cell::Empty, Cell::Text));
+            })?
+        }
+        Input::Columns { name, readings } => from_columns(name, readings, &config.reading)?,
+    };
+    let recording = recording.without_glitches();
+    data(row, &recording);
+    let MovingMass { mass, gravity } = config.moving_mass;
+    let recording = if mass > 0.0 { recording.without_moving_mass(mass, gravity)? } else { recording };
+    let recordings = [recording];
+    let (found, method) = identified(&recordings, config)?;
+    result(row, &found, &recordings[0], method);
+    Ok(())
+}
+
+fn from_columns(name: &str, readings: &Readings, reading: &ReadOptions) -> Result<Recording, RecordingError> {
+    if !reading.flip_force {
+        return Recording::from_readings(name, readings, reading.sensor_limit);
+    }
+    let flipped = Readings { force: readings.force.iter().map(|force| -force).collect(), ..readings.clone() };
+    Recording::from_readings(name, &flipped, reading.sensor_limit)
+}
+
+/// SHA-256 of a file's bytes; `None` where it cannot be read.
+pub(super) fn sha256_of(path: &Path) -> Option<String> {
+    let mut file = std::fs::File::open(path).ok()?;
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match std::io::Read::read(&mut file, &mut buffer).ok()? {
+            0 => return Some(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()),
+            count => hash.update(&buffer[..count]),
+        }
+    }
+}
+
+/// The identification, and how it came about.
+fn identified(recordings: &[Recording], config: &Config) -> Result<(Identification, &'static str), IdentifyError> {
+    let options = config.options();
+    let found = match config.depth {
+        Depth::Full => identify(recordings, &options, &|_, _| ())?,
+        Depth::Quick => {
+            let two_steps = IdentifyOptions { free_motion: false, ..options.clone() };
+            match identify(recordings, &two_steps, &|_, _| ()) {
+                // The paper's element alone.
+                Err(IdentifyError::NoSteadySliding { .. }) => {
+                    let all_motion = IdentifyOptions { without: Ingredient::ALL.to_vec(), ..options };
+                    identify(recordings, &all_motion, &|_, _| ())?
+                }
+                found => found?,
+            }
+        }
+    };
+    let refined = found.refinement.as_ref().is_some_and(|r| r.accepted);
+    let method = match &found.motion {
+        Some(_) => "all_motion",
+        None if refined => "two_steps_refined",
+        None => "two_steps",
+    };
+    Ok((found, method))
+}
+
+/// What is known before anything is identified.
+fn data(row: &mut Row, recording: &Recording) {
+    let q = &recording.quality;
+    row.set("recording", Cell::text(&recording.name));
+    row.set("sha256", Cell::text(&recording.sha256));
+    row.set("samples", Cell::count(recording.len()));
+    row.set("duration_s", Cell::number(recording.duration()));
+    let dropped = q.repeated_rows.count + q.unordered_rows.count + q.non_finite_rows.count;
+    let counts = [
+        ("gaps", q.gaps.len()),
+        ("resets", q.resets.len()),
+        ("saturated_samples", q.saturated.iter().map(|s| s.count).sum()),
+        ("dropped_rows", dropped),
+        ("held_rows", q.held_rows.count),
+    ];
+    counts.into_iter().for_each(|(name, count)| row.set(name, Cell::count(count)));
+    let numbers = [
+        ("stroke_m", q.stroke),
+        ("median_interval_s", q.median_interval),
+        ("jitter_s", q.jitter),
+        ("longest_interval_s", q.longest_interval),
+        ("position_resolution_m", q.position_resolution),
+        ("position_noise_m", q.position_noise),
+        ("force_resolution_n", q.force_resolution),
+        ("force_noise_n", q.force_noise),
+        ("force_rms_n", rms(&recording.force)),
+    ];
+    numbers.into_iter().for_each(|(name, value)| row.set(name, Cell::number(value)));
+    warnings(row, q.warnings.iter().map(|w| w.message.clone()).collect());
+}
+
+/// Root mean square about the mean.
+fn rms(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+fn warnings(row: &mut Row, all: Vec<String>) {
+    row.set("warning_count", Cell::count(all.len()));
+    row.set("warnings", if all.is_empty() { Cell::Empty } else { Cell::text(all.join("\n")) });
+}
+
+fn parameter(row: &mut Row, name: &str, estimate: &Estimate) {
+    let [low, high] = estimate.ci95;
+    row.set(name, Cell::number(estimate.value));
+    row.set(&format!("{name}_lower"), Cell::number(low));
+    row.set(&format!("{name}_upper"), Cell::number(high));
+    row.set(&format!("{name}_pinned"), Cell::Flag(estimate.pinned));
+}
+
+fn result(row: &mut Row, found: &Identification, recording: &Recording, method: &str) {
+    for name in parameter_names() {
+        if let Some(estimate) = found.parameter(&name) {
+            parameter(row, &name, estimate);
+        }
+    }
+    let lost = !recording.quality.warnings.is_empty();
+    let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };
+    row.set("status", Cell::text(status));
+    row.set("method", Cell::text(method));
+    let of_data = recording.quality.warnings.iter().map(|w| w.message.clone());
+    let of_fit = found.warnings.iter().map(|w| format!("{}: {}", w.subject, w.message));
+    warnings(row, of_data.chain(of_fit).collect());
+    quality_of_fit(row, found);
+    if let Some(motion) = &found.free_motion {
+        row.set("reversals", Cell::count(motion.reversals));
+        row.set("partial_reversals", Cell::count(motion.partial_reversals));
+        row.set("held_s", Cell::number(motion.held_s));
+    }
+    if let Some(fit) = &found.travel {
+        row.set("travel_knots", Cell::count(fit.profile.levels().len()));
+        row.set("travel_held_out_rms_n", Cell::number(fit.held_out_rms_n));
+        row.set("travel_constant_held_out_rms_n", Cell::number(fit.constant_held_out_rms_n));
+    }
+}
+
+fn quality_of_fit(row: &mut Row, found: &Identification) {
+    row.set("residual_rms_n", Cell::number(found.residual_rms));
+    row.set("free_parameters", Cell::count(found.free_parameters));
+    row.set("position_lag_s", Cell::from(found.position_lag.map(|lag| lag.lag_s)));
+    row.set("steady_passes", Cell::count(found.steady.means.len()));
+    row.set("pass_scatter_n", Cell::number(found.steady.pass_scatter_n));
+    if !found.steady.means.is_empty() {
+        let [slowest, fastest] = found.steady.speed_range_m_s;
+        row.set("slowest_steady_m_s", Cell::number(slowest));
+        row.set("fastest_steady_m_s", Cell::number(fastest));
+    }
+    match &found.deformation {
+        Ok(fit) => row.set("traverses", Cell::count(fit.traverses.len())),
+        Err(why) => row.set("deformation_missing", Cell::text(why)),
+    }
+    if let Some(refinement) = &found.refinement {
+        row.set("refinement_accepted", Cell::Flag(refinement.accepted));
+        row.set("held_out_two_step_rms_n", Cell::number(refinement.held_out_two_step_rms_n));
+        row.set("held_out_refined_rms_n", Cell::number(refinement.held_out_refined_rms_n));
+    }
+    if let Some(motion) = &found.motion {
+        row.set("free_motion_held_out_rms_n", Cell::number(motion.held_out_chosen_n));
+        let kept: Vec<&str> = motion.ingredients.iter().filter(|i| i.kept).map(|i| i.ingredient.name()).collect();
+        row.set("ingredients", Cell::text(kept.join(" ")));
+    }
+}
