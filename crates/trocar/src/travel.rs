@@ -43,6 +43,7 @@ use trocar_model::{Element, SlidingFriction, Travel};
 
 pub use fit::{NoProfile, TravelFit, TravelSample, fit, strokes};
 
+mod banded;
 mod fit;
 
 /// Largest difference from 1 of the mean level of a profile that is read: files round.

@@ -3,7 +3,7 @@
 //! Fitted where strokes repeat, and kept where it predicts strokes left out. Readings levelled by it then give the
 //! element once more, from the beginning, as long as that predicts better still.
 
-use super::{Identification, IdentifyError, IdentifyOptions, acceleration, timing};
+use super::{Identification, IdentifyError, IdentifyOptions, inertia, timing};
 use crate::recording::Recording;
 use crate::replay::{replay, replay_along};
 use crate::scatter::StrokeScatter;
@@ -95,12 +95,12 @@ fn profile(found: &Identification, recordings: &[Recording]) -> Result<TravelFit
     let (mut samples, mut strokes) = (Vec::new(), 0);
     for recording in recordings {
         let run = replay(elements, recording, found.model.offset);
-        let inertia = acceleration(recording);
+        let inertia = inertia(recording, found.model.hidden_mass);
         let stroke = travel::strokes(recording, &passes(recording, reversal_threshold(recording)));
         samples.extend(run.known.into_iter().flatten().map(|i| TravelSample {
             position: recording.position[i],
             seal_force: run.force[i],
-            reading: recording.force[i] - found.model.hidden_mass * inertia[i],
+            reading: recording.force[i] - inertia[i],
             stroke: strokes + stroke[i],
         }));
         strokes += stroke.iter().max().map_or(0, |last| last + 1);

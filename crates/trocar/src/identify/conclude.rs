@@ -15,7 +15,7 @@ use super::steady::{DirectionLine, SteadyFit};
 use super::training::{Segmented, Training};
 use super::{
     Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Refinement, Segments, Warning, acceleration,
-    sensors, settled_stretches, two_steps_of_part,
+    inertia, sensors, settled_stretches, two_steps_of_part,
 };
 use crate::cancel;
 use crate::recording::Recording;
@@ -268,9 +268,9 @@ pub(super) fn residual_rms(recordings: &[Recording], model: &Candidate, stages: 
     let (mut squares, mut samples) = (0.0, 0.0);
     for recording in recordings {
         let run = crate::replay::replay(stages.elements(), recording, model.offset);
-        let inertia = acceleration(recording);
+        let inertia = inertia(recording, model.hidden_mass);
         for i in run.known.into_iter().flatten() {
-            let error = recording.force[i] - model.offset - model.hidden_mass * inertia[i] - run.force[i];
+            let error = recording.force[i] - model.offset - inertia[i] - run.force[i];
             squares += error * error;
             samples += 1.0;
         }

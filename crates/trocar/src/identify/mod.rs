@@ -569,3 +569,11 @@ fn candidate_of(
 fn acceleration(recording: &Recording) -> Vec<f64> {
     local_acceleration(recording, recording.acceleration_window())
 }
+
+/// Force, N, of the inertia of `mass`, kg, at every sample.
+fn inertia(recording: &Recording, mass: f64) -> Vec<f64> {
+    if mass == 0.0 {
+        return vec![0.0; recording.len()];
+    }
+    acceleration(recording).into_iter().map(|a| mass * a).collect()
+}

@@ -5,10 +5,10 @@
 //! constant does. Readings far off the model (behind a reversal, where a millisecond decides) count less: Huber's
 //! weights, with the median absolute residual as scale.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::Serialize;
 use trocar_model::travel::place;
 
+use super::banded::{Banded, Factor};
 use super::{ProfileError, TravelProfile, mean_along};
 use crate::cancel;
 use crate::recording::Recording;
@@ -204,38 +204,38 @@ impl Candidate {
     }
 }
 
-/// Weighted sums over some samples: Σw·φ·φᵀ, Σw·φ·F and Σw·F² with φ the hats and the hats times the seal's force.
+/// Weighted sums over some samples: Σw·φ·φᵀ, Σw·φ·F and Σw·F² with φ of each knot the hat (offset) and the hat times the
+/// seal's force (level).
 #[derive(Clone)]
 struct Sums {
-    matrix: DMatrix<f64>,
-    vector: DVector<f64>,
+    matrix: Banded,
+    vector: Vec<f64>,
     power: f64,
     weight: f64,
 }
 
 impl Sums {
     fn zero(knots: usize) -> Self {
-        Self {
-            matrix: DMatrix::zeros(2 * knots, 2 * knots),
-            vector: DVector::zeros(2 * knots),
-            power: 0.0,
-            weight: 0.0,
-        }
+        Self { matrix: Banded::zero(2 * knots), vector: vec![0.0; 2 * knots], power: 0.0, weight: 0.0 }
     }
 
     fn combine(&self, other: &Self, sign: f64) -> Self {
         Self {
-            matrix: &self.matrix + sign * &other.matrix,
-            vector: &self.vector + sign * &other.vector,
+            matrix: self.matrix.plus(&other.matrix, sign),
+            vector: self.vector.iter().zip(&other.vector).map(|(a, b)| a + sign * b).collect(),
             power: self.power + sign * other.power,
             weight: self.weight + sign * other.weight,
         }
     }
 
     /// Weighted sum of squared errors of the values `x`.
-    fn squares(&self, x: &DVector<f64>) -> f64 {
-        (self.power - 2.0 * self.vector.dot(x) + x.dot(&(&self.matrix * x))).max(0.0)
+    fn squares(&self, x: &[f64]) -> f64 {
+        (self.power - 2.0 * dot(&self.vector, x) + dot(x, &self.matrix.times(x))).max(0.0)
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl<'a> Data<'a> {
@@ -280,17 +280,13 @@ impl<'a> Data<'a> {
         for ((sample, fold), w) in self.samples.iter().zip(&self.fold).zip(weights) {
             let (knot, part) = place(self.from, self.to, knots, sample.position);
             let force = sample.seal_force / self.force;
-            let row = [
-                (knot, 1.0 - part),
-                (knot + 1, part),
-                (knots + knot, (1.0 - part) * force),
-                (knots + knot + 1, part * force),
-            ];
+            let first = 2 * knot;
+            let row = [1.0 - part, (1.0 - part) * force, part, part * force];
             let reading = sample.reading - self.offset;
             let sums = &mut all[*fold];
-            for (i, a) in row {
-                row.iter().for_each(|(j, b)| sums.matrix[(i, *j)] += w * a * b);
-                sums.vector[i] += w * a * reading;
+            for (i, a) in row.iter().enumerate() {
+                row[..=i].iter().enumerate().for_each(|(j, b)| sums.matrix.add(first + i, first + j, w * a * b));
+                sums.vector[first + i] += w * a * reading;
             }
             sums.power += w * reading * reading;
             sums.weight += w;
@@ -330,10 +326,10 @@ impl<'a> Data<'a> {
             better_folds += usize::from(with < without);
         }
         let solved = Solved::new(all, &penalty, knots, self.force)?;
-        let (offset, level) = solved.values.as_slice().split_at(knots);
-        let mean = mean_along(offset);
+        let offset: Vec<f64> = solved.values.iter().step_by(2).copied().collect();
+        let mean = mean_along(&offset);
         let offset = offset.iter().map(|o| o - mean).collect();
-        let level: Vec<f64> = level.iter().map(|l| l / self.force).collect();
+        let level: Vec<f64> = solved.values.iter().skip(1).step_by(2).map(|l| l / self.force).collect();
         let profile = TravelProfile::new(self.from, self.to, offset, level).ok()?;
         let effective_parameters = solved.effective_parameters(all, knots);
         Some(Candidate {
@@ -383,58 +379,65 @@ impl<'a> Data<'a> {
 }
 
 /// Squared second differences of offsets and of levels, and a ridge on their first differences.
-fn penalty(knots: usize, roughness: f64, ridge: f64) -> DMatrix<f64> {
-    let mut matrix = DMatrix::zeros(2 * knots, 2 * knots);
-    let mut add = |at: usize, row: &[f64], weight: f64| {
-        for (i, a) in row.iter().enumerate() {
-            row.iter().enumerate().for_each(|(j, b)| matrix[(at + i, at + j)] += weight * a * b);
-        }
-    };
-    for start in [0, knots] {
-        (start..start + knots - 2).for_each(|at| add(at, &[1.0, -2.0, 1.0], roughness));
-        (start..start + knots - 1).for_each(|at| add(at, &[1.0, -1.0], ridge));
-        add(start, &[1.0], 1e-3 * ridge);
+fn penalty(knots: usize, roughness: f64, ridge: f64) -> Banded {
+    let mut matrix = Banded::zero(2 * knots);
+    for side in [0, 1] {
+        let mut add = |knot: usize, row: &[f64], weight: f64| {
+            let at = |k: usize| 2 * (knot + k) + side;
+            for (i, a) in row.iter().enumerate() {
+                row[..=i].iter().enumerate().for_each(|(j, b)| matrix.add(at(i), at(j), weight * a * b));
+            }
+        };
+        (0..knots - 2).for_each(|knot| add(knot, &[1.0, -2.0, 1.0], roughness));
+        (0..knots - 1).for_each(|knot| add(knot, &[1.0, -1.0], ridge));
+        add(0, &[1.0], 1e-3 * ridge);
     }
     matrix
 }
 
+/// Values of all knots, offset and level.
+fn all_knots(knots: usize, offset: impl Fn(usize) -> f64, level: impl Fn(usize) -> f64) -> Vec<f64> {
+    (0..knots).flat_map(|k| [offset(k), level(k)]).collect()
+}
+
 /// Offset alone by least squares, level 1.
-fn constant_values(sums: &Sums, knots: usize, force: f64) -> DVector<f64> {
-    let level = DVector::from_fn(2 * knots, |i, _| if i < knots { 0.0 } else { force });
-    let ones = DVector::from_fn(2 * knots, |i, _| if i < knots { 1.0 } else { 0.0 });
-    let with_ones = &sums.matrix * &ones;
-    let offset = (sums.vector.dot(&ones) - with_ones.dot(&level)) / with_ones.dot(&ones);
-    level + offset * ones
+fn constant_values(sums: &Sums, knots: usize, force: f64) -> Vec<f64> {
+    let level = all_knots(knots, |_| 0.0, |_| force);
+    let ones = all_knots(knots, |_| 1.0, |_| 0.0);
+    let with_ones = sums.matrix.times(&ones);
+    let offset = (dot(&sums.vector, &ones) - dot(&with_ones, &level)) / dot(&with_ones, &ones);
+    all_knots(knots, |_| offset, |_| force)
 }
 
 /// The penalised least-squares values under the gauge: mean level 1.
 struct Solved {
-    values: DVector<f64>,
-    factor: Cholesky<f64, Dyn>,
-    gauge: DVector<f64>,
+    values: Vec<f64>,
+    factor: Factor,
+    gauge: Vec<f64>,
     /// S⁻¹·gauge.
-    along: DVector<f64>,
+    along: Vec<f64>,
 }
 
 impl Solved {
     /// `None` for sums that decide nothing.
-    fn new(sums: &Sums, penalty: &DMatrix<f64>, knots: usize, force: f64) -> Option<Self> {
-        let factor = Cholesky::new(&sums.matrix + penalty)?;
+    fn new(sums: &Sums, penalty: &Banded, knots: usize, force: f64) -> Option<Self> {
+        let factor = sums.matrix.plus(penalty, 1.0).factor()?;
         let share = |i: usize| {
             let mut unit = vec![0.0; knots];
             unit[i] = 1.0;
             mean_along(&unit)
         };
-        let gauge = DVector::from_fn(2 * knots, |i, _| if i < knots { 0.0 } else { share(i - knots) });
+        let gauge = all_knots(knots, |_| 0.0, share);
         let free = factor.solve(&sums.vector);
         let along = factor.solve(&gauge);
-        let missing = (force - gauge.dot(&free)) / gauge.dot(&along);
-        Some(Self { values: free + missing * &along, factor, gauge, along })
+        let missing = (force - dot(&gauge, &free)) / dot(&gauge, &along);
+        let values = free.iter().zip(&along).map(|(free, along)| free + missing * along).collect();
+        Some(Self { values, factor, gauge, along })
     }
 
     /// Trace of the smoother under the gauge.
     fn effective_parameters(&self, sums: &Sums, knots: usize) -> f64 {
         let free: f64 = (0..2 * knots).map(|i| self.factor.solve(&sums.matrix.column(i))[i]).sum();
-        free - self.along.dot(&(&sums.matrix * &self.along)) / self.gauge.dot(&self.along)
+        free - dot(&self.along, &sums.matrix.times(&self.along)) / dot(&self.gauge, &self.along)
     }
 }

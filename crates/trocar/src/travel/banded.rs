@@ -1,0 +1,113 @@
+//! Symmetric matrices with entries near the diagonal only: what hat functions and second differences make, once offset and
+//! level of a knot stand side by side.
+
+/// Entries beside the diagonal: two knots on, two values a knot.
+const BAND: usize = 4;
+
+/// A symmetric matrix, zero more than four places off the diagonal.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Banded {
+    /// Of row i the entries at column i − d.
+    rows: Vec<[f64; BAND + 1]>,
+}
+
+impl Banded {
+    pub(super) fn zero(size: usize) -> Self {
+        Self { rows: vec![[0.0; BAND + 1]; size] }
+    }
+
+    /// Adds to the entry at (`i`, `j`), and so at (`j`, `i`); for i ≥ j ≥ i − 4.
+    pub(super) fn add(&mut self, i: usize, j: usize, value: f64) {
+        self.rows[i][i - j] += value;
+    }
+
+    /// This and `sign` times `other`.
+    pub(super) fn plus(&self, other: &Self, sign: f64) -> Self {
+        let row = |(a, b): (&[f64; BAND + 1], &[f64; BAND + 1])| std::array::from_fn(|d| a[d] + sign * b[d]);
+        Self { rows: self.rows.iter().zip(&other.rows).map(row).collect() }
+    }
+
+    /// The matrix times `x`.
+    pub(super) fn times(&self, x: &[f64]) -> Vec<f64> {
+        let mut product = vec![0.0; x.len()];
+        for (i, row) in self.rows.iter().enumerate() {
+            product[i] += row[0] * x[i];
+            for (d, entry) in row.iter().enumerate().skip(1).take(i) {
+                product[i] += entry * x[i - d];
+                product[i - d] += entry * x[i];
+            }
+        }
+        product
+    }
+
+    /// Column `j` in full.
+    pub(super) fn column(&self, j: usize) -> Vec<f64> {
+        let mut unit = vec![0.0; self.rows.len()];
+        unit[j] = 1.0;
+        self.times(&unit)
+    }
+
+    /// The factor L of L·Lᵀ; `None` for a matrix that is not positive definite.
+    pub(super) fn factor(&self) -> Option<Factor> {
+        let mut rows: Vec<[f64; BAND + 1]> = Vec::with_capacity(self.rows.len());
+        for (i, own) in self.rows.iter().enumerate() {
+            let mut row = [0.0; BAND + 1];
+            for d in (0..=BAND.min(i)).rev() {
+                let j = i - d;
+                let above = if d == 0 { row } else { rows[j] };
+                // Columns that both rows have.
+                let shared: f64 = (1..=BAND - d).map(|e| row[d + e] * above[e]).sum();
+                let left = own[d] - shared;
+                row[d] = if d > 0 { left / rows[j][0] } else { left.sqrt() };
+            }
+            if !(row[0] > 0.0 && row[0].is_finite()) {
+                return None;
+            }
+            rows.push(row);
+        }
+        Some(Factor { rows })
+    }
+}
+
+/// A Cholesky factor of a [`Banded`] matrix.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Factor {
+    rows: Vec<[f64; BAND + 1]>,
+}
+
+impl Factor {
+    /// x with matrix·x = `right`.
+    pub(super) fn solve(&self, right: &[f64]) -> Vec<f64> {
+        let mut x = right.to_vec();
+        for (i, row) in self.rows.iter().enumerate() {
+            let known: f64 = (1..=BAND.min(i)).map(|d| row[d] * x[i - d]).sum();
+            x[i] = (x[i] - known) / row[0];
+        }
+        for (i, row) in self.rows.iter().enumerate().rev() {
+            x[i] /= row[0];
+            (1..=BAND.min(i)).for_each(|d| x[i - d] -= row[d] * x[i]);
+        }
+        x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Solving undoes multiplying, for a matrix that is as far from diagonal as it may be.
+    #[test]
+    fn solving_undoes_multiplying() {
+        let size = 23;
+        let mut matrix = Banded::zero(size);
+        for i in 0..size {
+            (0..=BAND.min(i)).for_each(|d| matrix.add(i, i - d, if d == 0 { 9.0 } else { ((i * d) as f64).sin() }));
+        }
+        let x: Vec<f64> = (0..size).map(|i| (i as f64).cos()).collect();
+        let found = matrix.factor().expect("diagonally dominant").solve(&matrix.times(&x));
+        assert!(found.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-13));
+        assert_eq!(matrix.column(7)[3], matrix.column(3)[7]);
+        assert_eq!(matrix.column(8)[3], 0.0);
+        assert!(Banded::zero(3).factor().is_none());
+    }
+}
