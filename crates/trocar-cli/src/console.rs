@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 
 use trocar::identify::IdentifyError;
 use trocar::output::OutputError;
@@ -55,6 +56,22 @@ fn labelled(label: &str, text: &str) -> String {
         let _ = write!(lines, "\nhint: {hint}");
     }
     lines
+}
+
+/// What is said when an interruption ends the process; nothing while empty.
+static FAREWELL: Mutex<String> = Mutex::new(String::new());
+
+/// Sets what is said when an interruption ends the process.
+pub(crate) fn farewell(text: String) {
+    *FAREWELL.lock().unwrap_or_else(PoisonError::into_inner) = text;
+}
+
+/// The last words of an interrupted process.
+pub(crate) fn say_farewell() {
+    let text = FAREWELL.lock().unwrap_or_else(PoisonError::into_inner);
+    if !text.is_empty() {
+        to_stderr(&text);
+    }
 }
 
 /// Nobody is left to tell when standard error is closed.

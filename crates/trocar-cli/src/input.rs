@@ -109,6 +109,12 @@ impl Reading {
         Ok(())
     }
 
+    /// The same for `count` recordings at a time, each with its part of the memory, of which it may fill a fifth with columns.
+    pub(crate) fn for_each_of(&self, count: usize) -> ReadOptions {
+        let memory = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
+        ReadOptions { memory_limit: memory.map(|bytes| bytes / count.max(1) as u64), ..self.options(None) }
+    }
+
     fn options(&self, memory: Option<u64>) -> ReadOptions {
         ReadOptions {
             choice: self.choosing.choice(),

@@ -39,6 +39,7 @@ enum Verb {
     Inspect(verbs::inspect::Args),
     Bench(verbs::bench::Args),
     Identify(verbs::identify::Args),
+    Fleet(verbs::fleet::Args),
     Validate(verbs::validate::Args),
     Compare(verbs::compare::Args),
     Simulate(verbs::simulate::Args),
@@ -75,6 +76,7 @@ fn main() -> ExitCode {
     let interruptible = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);
         trocar::output::remove_unfinished();
+        console::say_farewell();
         std::process::exit(130);
     });
     if let Err(error) = interruptible {
@@ -97,6 +99,7 @@ fn run(console: &Console, verb: Verb) -> anyhow::Result<Done> {
         Verb::Inspect(args) => verbs::inspect::run(console, &args),
         Verb::Bench(args) => verbs::bench::run(console, &args),
         Verb::Identify(args) => verbs::identify::run(console, &args),
+        Verb::Fleet(args) => verbs::fleet::run(console, &args),
         Verb::Validate(args) => verbs::validate::run(console, &args),
         Verb::Compare(args) => verbs::compare::run(console, &args),
         Verb::Simulate(args) => verbs::simulate::run(console, &args),

@@ -7,6 +7,7 @@ pub(crate) mod compensate;
 pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod export;
+pub(crate) mod fleet;
 pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;

@@ -2,10 +2,17 @@
 //!
 //! ```text
 //! (recording, configuration) -> one row of plain columns        identify_one, pure: any engine may call it
+//! data set -> rows on all cores -> journal -> table             run: resumable, reproducible to the byte
 //! ```
 
+pub use dataset::{Dataset, DatasetError, Metadata, Source};
+pub use journal::journal_path;
 pub use one::{Config, Depth, Input, identify_one};
-pub use row::{Cell, Column, Kind, Row, columns, place};
+pub use row::{Cell, Row, columns, place};
+pub use run::{Fleet, FleetError, Record, Tally, run};
 
+mod dataset;
+mod journal;
 mod one;
 mod row;
+mod run;

@@ -1,6 +1,7 @@
 //! One recording to one row.
 
 use std::any::Any;
+use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 
@@ -62,9 +63,13 @@ impl Config {
         let Self { reading, depth, seed, bootstrap, moving_mass } = self;
         let text = serde_json::json!({
             "program": PROGRAM,
-            "columns": reading.columns,
+            "columns": reading.choice.columns,
+            "topics": reading.choice.topics,
+            "from_s": reading.choice.from,
+            "to_s": reading.choice.to,
+            "flip_force": reading.choice.flip_force,
             "sensor_limit_n": reading.sensor_limit,
-            "flip_force": reading.flip_force,
+            "most_samples": reading.most_samples,
             "depth": depth,
             "seed": seed,
             "bootstrap": bootstrap,
@@ -128,15 +133,21 @@ impl From<IdentifyError> for Failure {
     }
 }
 
-/// The recording itself may be sound, and another day or another machine may do better.
-pub(super) const CANNOT_OPEN: &str = "cannot_open";
-/// The same.
-pub(super) const TOO_LARGE: &str = "too_large_for_memory";
+const CANNOT_OPEN: &str = "cannot_open";
+const TOO_LARGE: &str = "too_large_for_memory";
+
+/// Whether another day or another machine may do better: the recording itself may be sound.
+pub(super) fn is_passing(row: &Row) -> bool {
+    row.text("reason_kind").is_some_and(|kind| [CANNOT_OPEN, TOO_LARGE].contains(&kind))
+}
 
 /// Identifies one recording by itself: a pure function of the recording and `config`.
 ///
 /// What goes wrong is part of the row: `status` is `ok`, `doubtful` (the recording lost data, or does not pin every
-/// parameter) or `failed`, with `reason_kind` and `reason`. A panic is a failure, too. The work is done by one thread.
+/// parameter) or `failed`, with `reason_kind` and `reason`. A panic is a failure, too.
+///
+/// What can be done side by side is done by the pool of threads that this is called in;
+/// [`Cancel::run`](cancel::Cancel::run) with one thread keeps to one.
 pub fn identify_one(input: &Input, config: &Config) -> Row {
     let mut row = Row::empty();
     describe(&mut row, input, config);
@@ -147,9 +158,21 @@ pub fn identify_one(input: &Input, config: &Config) -> Row {
         Err(panic) if cancel::is_called_off(&*panic) => resume_unwind(panic),
         Err(panic) => Failure { kind: "panic", message: words_of(&*panic) },
     };
+    fail(&mut row, failure);
+    row
+}
+
+fn fail(row: &mut Row, failure: Failure) {
     row.set("status", Cell::text("failed"));
     row.set("reason_kind", Cell::text(failure.kind));
     row.set("reason", Cell::text(failure.message));
+}
+
+/// The row of a recording that did not come as far as [`identify_one`].
+pub(super) fn refused(name: &str, config: &Config, message: String) -> Row {
+    let mut row = Row::empty();
+    describe(&mut row, &Input::File(name.into()), config);
+    fail(&mut row, Failure { kind: "cannot_read", message });
     row
 }
 
@@ -181,7 +204,10 @@ fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
                 row.set("sha256", sha256_of(path).map_or(Cell::Empty, Cell::Text));
             })?
         }
-        Input::Columns { name, readings } => from_columns(name, readings, &config.reading)?,
+        Input::Columns { name, readings } => {
+            let flipped = flipped(readings, &config.reading);
+            Recording::from_readings(name, &flipped, config.reading.sensor_limit)?
+        }
     };
     let recording = recording.without_glitches();
     data(row, &recording);
@@ -193,16 +219,24 @@ fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
     Ok(())
 }
 
-fn from_columns(name: &str, readings: &Readings, reading: &ReadOptions) -> Result<Recording, RecordingError> {
-    if !reading.flip_force {
-        return Recording::from_readings(name, readings, reading.sensor_limit);
+/// The readings with the sign of the force that is asked for.
+fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Readings> {
+    if !reading.choice.flip_force {
+        return Cow::Borrowed(readings);
     }
-    let flipped = Readings { force: readings.force.iter().map(|force| -force).collect(), ..readings.clone() };
-    Recording::from_readings(name, &flipped, reading.sensor_limit)
+    Cow::Owned(Readings { force: readings.force.iter().map(|force| -force).collect(), ..readings.clone() })
+}
+
+/// The hash that the row will have in `sha256`; `None` where the file cannot be read.
+pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
+    match input {
+        Input::File(path) => sha256_of(path),
+        Input::Columns { readings, .. } => Some(flipped(readings, &config.reading).sha256()),
+    }
 }
 
 /// SHA-256 of a file's bytes; `None` where it cannot be read.
-pub(super) fn sha256_of(path: &Path) -> Option<String> {
+fn sha256_of(path: &Path) -> Option<String> {
     let mut file = std::fs::File::open(path).ok()?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];

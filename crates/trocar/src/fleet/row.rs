@@ -2,34 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a cell of a column holds when it is not empty.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// A number.
-    Float,
-    /// A whole number.
-    Integer,
-    /// Yes or no.
-    Flag,
-    /// Text in UTF-8.
-    Text,
-}
-
-/// A column of the table.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Column {
-    /// Name with unit.
-    pub name: String,
-    /// What its cells hold.
-    pub kind: Kind,
-}
-
-impl std::hash::Hash for Kind {
-    fn hash<H: std::hash::Hasher>(&self, state: &mut H) {
-        (*self as u8).hash(state);
-    }
-}
+use crate::table::{Field, Kind};
 
 /// A cell; empty where there is nothing to say.
 ///
@@ -80,13 +53,24 @@ impl Cell {
         if let Self::Text(text) = self { Some(text) } else { None }
     }
 
+    /// What stands in it, as text.
+    pub fn in_words(&self) -> String {
+        match self {
+            Self::Empty => String::new(),
+            Self::Flag(value) => value.to_string(),
+            Self::Integer(value) => value.to_string(),
+            Self::Float(value) => value.to_string(),
+            Self::Text(text) => text.clone(),
+        }
+    }
+
     /// What it holds; `None` for an empty one.
     pub fn kind(&self) -> Option<Kind> {
         match self {
             Self::Empty => None,
-            Self::Flag(_) => Some(Kind::Flag),
-            Self::Integer(_) => Some(Kind::Integer),
-            Self::Float(_) => Some(Kind::Float),
+            Self::Flag(_) => Some(Kind::Truth),
+            Self::Integer(_) => Some(Kind::Whole),
+            Self::Float(_) => Some(Kind::Number),
             Self::Text(_) => Some(Kind::Text),
         }
     }
@@ -141,50 +125,50 @@ const BEFORE: [(&str, Kind); 13] = [
     ("status", Kind::Text),
     ("reason_kind", Kind::Text),
     ("reason", Kind::Text),
-    ("warning_count", Kind::Integer),
+    ("warning_count", Kind::Whole),
     ("warnings", Kind::Text),
-    ("samples", Kind::Integer),
-    ("duration_s", Kind::Float),
+    ("samples", Kind::Whole),
+    ("duration_s", Kind::Number),
 ];
 
 /// What is said of the data and of the fit, behind the parameters.
 const BEHIND: [(&str, Kind); 36] = [
     ("method", Kind::Text),
-    ("residual_rms_n", Kind::Float),
-    ("force_rms_n", Kind::Float),
-    ("free_parameters", Kind::Integer),
+    ("residual_rms_n", Kind::Number),
+    ("force_rms_n", Kind::Number),
+    ("free_parameters", Kind::Whole),
     ("deformation_missing", Kind::Text),
-    ("pass_scatter_n", Kind::Float),
-    ("refinement_accepted", Kind::Flag),
-    ("held_out_two_step_rms_n", Kind::Float),
-    ("held_out_refined_rms_n", Kind::Float),
-    ("free_motion_held_out_rms_n", Kind::Float),
+    ("pass_scatter_n", Kind::Number),
+    ("refinement_accepted", Kind::Truth),
+    ("held_out_two_step_rms_n", Kind::Number),
+    ("held_out_refined_rms_n", Kind::Number),
+    ("free_motion_held_out_rms_n", Kind::Number),
     ("ingredients", Kind::Text),
-    ("position_lag_s", Kind::Float),
-    ("travel_knots", Kind::Integer),
-    ("travel_held_out_rms_n", Kind::Float),
-    ("travel_constant_held_out_rms_n", Kind::Float),
-    ("slowest_steady_m_s", Kind::Float),
-    ("fastest_steady_m_s", Kind::Float),
-    ("steady_passes", Kind::Integer),
-    ("traverses", Kind::Integer),
-    ("reversals", Kind::Integer),
-    ("partial_reversals", Kind::Integer),
-    ("held_s", Kind::Float),
-    ("stroke_m", Kind::Float),
-    ("median_interval_s", Kind::Float),
-    ("jitter_s", Kind::Float),
-    ("longest_interval_s", Kind::Float),
-    ("gaps", Kind::Integer),
-    ("resets", Kind::Integer),
-    ("saturated_samples", Kind::Integer),
-    ("dropped_rows", Kind::Integer),
-    ("held_rows", Kind::Integer),
-    ("position_resolution_m", Kind::Float),
-    ("position_noise_m", Kind::Float),
-    ("force_resolution_n", Kind::Float),
-    ("force_noise_n", Kind::Float),
-    ("moving_mass_kg", Kind::Float),
+    ("position_lag_s", Kind::Number),
+    ("travel_knots", Kind::Whole),
+    ("travel_held_out_rms_n", Kind::Number),
+    ("travel_constant_held_out_rms_n", Kind::Number),
+    ("slowest_steady_m_s", Kind::Number),
+    ("fastest_steady_m_s", Kind::Number),
+    ("steady_passes", Kind::Whole),
+    ("traverses", Kind::Whole),
+    ("reversals", Kind::Whole),
+    ("partial_reversals", Kind::Whole),
+    ("held_s", Kind::Number),
+    ("stroke_m", Kind::Number),
+    ("median_interval_s", Kind::Number),
+    ("jitter_s", Kind::Number),
+    ("longest_interval_s", Kind::Number),
+    ("gaps", Kind::Whole),
+    ("resets", Kind::Whole),
+    ("saturated_samples", Kind::Whole),
+    ("dropped_rows", Kind::Whole),
+    ("held_rows", Kind::Whole),
+    ("position_resolution_m", Kind::Number),
+    ("position_noise_m", Kind::Number),
+    ("force_resolution_n", Kind::Number),
+    ("force_noise_n", Kind::Number),
+    ("moving_mass_kg", Kind::Number),
 ];
 
 /// The paper's θ (25) of both branches, and with all other parameters.
@@ -201,12 +185,12 @@ pub(super) fn parameter_names() -> Vec<String> {
 }
 
 /// The columns of every [`Row`], in order.
-pub fn columns() -> Vec<Column> {
-    let fixed = |(name, kind): &(&str, Kind)| Column { name: (*name).to_owned(), kind: *kind };
-    let mut all: Vec<Column> = BEFORE.iter().map(fixed).collect();
+pub fn columns() -> Vec<Field> {
+    let fixed = |(name, kind): &(&str, Kind)| Field::new(*name, *kind);
+    let mut all: Vec<Field> = BEFORE.iter().map(fixed).collect();
     for name in parameter_names() {
-        let end = |(end, kind)| Column { name: format!("{name}{end}"), kind };
-        let ends = [("", Kind::Float), ("_lower", Kind::Float), ("_upper", Kind::Float), ("_pinned", Kind::Flag)];
+        let end = |(end, kind)| Field::new(format!("{name}{end}"), kind);
+        let ends = [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_pinned", Kind::Truth)];
         all.extend(ends.map(end));
     }
     all.extend(BEHIND.iter().map(fixed));

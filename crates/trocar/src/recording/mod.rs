@@ -107,6 +107,18 @@ pub struct Readings {
     pub velocity: Option<Vec<f64>>,
 }
 
+impl Readings {
+    /// SHA-256 of the columns; lower-case hexadecimal.
+    pub(crate) fn sha256(&self) -> String {
+        let Self { time, position, force, velocity } = self;
+        let mut hash = Sha256::new();
+        for column in [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten() {
+            column.iter().for_each(|value| hash.update(value.to_le_bytes()));
+        }
+        text::hex(&hash.finalize())
+    }
+}
+
 /// How to read a file.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
@@ -152,16 +164,12 @@ impl Recording {
                 return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
-        let mut hash = Sha256::new();
-        for column in [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten() {
-            column.iter().for_each(|value| hash.update(value.to_le_bytes()));
-        }
         let mut collector = Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
         for k in 0..time.len() {
             let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
             collector.add(Row { line: k as u64, values });
         }
-        collector.finish(&name, name.clone(), text::hex(&hash.finalize()), sensor_limit)
+        collector.finish(&name, name.clone(), readings.sha256(), sensor_limit)
     }
 
     /// Number of samples.

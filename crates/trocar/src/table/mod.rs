@@ -172,6 +172,18 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
 }
 
+/// Names of the columns of a Parquet file, which is not read any further.
+///
+/// # Errors
+/// [`TableError`] when the file cannot be opened or is damaged.
+pub fn names(path: impl AsRef<Path>) -> Result<Vec<String>, TableError> {
+    let path = path.as_ref();
+    #[cfg(feature = "parquet")]
+    return parquet::names(path);
+    #[cfg(not(feature = "parquet"))]
+    Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
+}
+
 /// What a file's ending says of its format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {

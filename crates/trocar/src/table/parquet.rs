@@ -179,6 +179,15 @@ pub(super) fn read(path: &Path) -> Result<Table, TableError> {
     Ok(table)
 }
 
+/// Names of the columns of a Parquet file.
+pub(super) fn names(path: &Path) -> Result<Vec<String>, TableError> {
+    let failed = |source| TableError::Open { path: path.to_owned(), source };
+    let damaged = |error: ParquetError| TableError::Damaged { path: path.to_owned(), found: error.to_string() };
+    let reader = SerializedFileReader::new(File::open(path).map_err(failed)?).map_err(damaged)?;
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    Ok(schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect())
+}
+
 /// What a column of a Parquet file becomes.
 fn kind(field: &Type) -> Option<Kind> {
     if !field.is_primitive() || field.get_basic_info().repetition() == Repetition::REPEATED {

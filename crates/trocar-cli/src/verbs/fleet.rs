@@ -1,0 +1,129 @@
+//! `trocar fleet`
+
+use std::path::{Path, PathBuf};
+
+use trocar::cancel::Cancel;
+use trocar::fleet::{Config, Dataset, Depth, Fleet, Tally, journal_path, run as run_fleet};
+
+use crate::Done;
+use crate::console::{self, BadArgument, Console};
+use crate::input::{Reading, Rod};
+use crate::progress::Progress;
+
+/// Identify every recording of a data set by itself, on all cores, to one table
+///
+/// DATASET is a folder of recordings (folders called key=value become columns), a manifest (CSV or Parquet with a column
+/// 'path' and any columns beside it), or Parquet files in which recordings are rows, told apart by --group-by. A recording
+/// that fails is a row with its reason. Stopped or killed, the same command goes on where it was. Ends with exit code 3
+/// when recordings failed.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Folder of recordings, manifest, or Parquet file
+    #[arg(value_name = "DATASET")]
+    dataset: PathBuf,
+    /// Table to write: .parquet, .csv, .csv.gz, .csv.zst or .arrow
+    #[arg(long, value_name = "TABLE")]
+    out: PathBuf,
+    /// How far to go with each recording
+    #[arg(long, value_enum, default_value_t = Far::Quick)]
+    depth: Far,
+    /// Column of Parquet files that tells recordings apart [default: recording, where there is one]
+    #[arg(long, value_name = "COLUMN")]
+    group_by: Option<String>,
+    /// Resamples of the bootstrap over cycles; 0 takes the quicker jackknife
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    bootstrap: usize,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// Recordings at a time; 0 takes one for each processor
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    #[command(flatten)]
+    rod: Rod,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+/// How far to go.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Far {
+    /// The paper's two steps and their refinement; where nothing slides steadily, the paper's element fitted to all motion
+    Quick,
+    /// All that `trocar identify` does, with the search for ingredients in free motion: up to hundreds of times slower
+    Full,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+    if args.out == Path::new("-") {
+        return Err(BadArgument("--out - : the table needs a file, beside which its journal stands".into()).into());
+    }
+    let journal = journal_path(&args.out);
+    let dataset = Dataset::open(&args.dataset, args.group_by.as_deref(), &[args.out.clone(), journal.clone()])?;
+    if let [first, ..] = dataset.left_out.as_slice() {
+        console.remark(&format!("note: {} left out for their ending, such as {first}", files(dataset.left_out.len())));
+    }
+    let threads = if args.threads > 0 { args.threads } else { std::thread::available_parallelism().map_or(1, usize::from) };
+    let config = Config {
+        reading: args.reading.for_each_of(threads),
+        depth: match args.depth {
+            Far::Quick => Depth::Quick,
+            Far::Full => Depth::Full,
+        },
+        seed: args.seed,
+        bootstrap: args.bootstrap,
+        moving_mass: args.rod.moving_mass(),
+    };
+    console::farewell(format!("the same command goes on where this one was stopped: {} is kept", journal.display()));
+    // A panic becomes a row with its message.
+    std::panic::set_hook(Box::new(|_| ()));
+    let progress = Progress::new(console);
+    let started = std::time::Instant::now();
+    let fleet = run_fleet(&dataset, &config, &args.out, threads, &Cancel::default(), &mut |tally| {
+        let seconds = started.elapsed().as_secs_f64();
+        progress.report(&in_words(tally, seconds), tally.done as f64 / tally.total.max(1) as f64);
+    });
+    drop(progress);
+    let _ = std::panic::take_hook();
+    let fleet = fleet?;
+    console::farewell(String::new());
+    say(console, &fleet, started.elapsed().as_secs_f64());
+    console.remark(&format!("table: {}", args.out.display()));
+    Ok(Done::doubtful_if(fleet.tally.failed > 0))
+}
+
+fn files(count: usize) -> String {
+    if count == 1 { "1 file".to_owned() } else { format!("{count} files") }
+}
+
+fn in_words(tally: &Tally, seconds: f64) -> String {
+    let rate = (tally.done - tally.taken_over) as f64 / seconds.max(1e-3);
+    let failed = if tally.failed > 0 { format!(", {} failed", tally.failed) } else { String::new() };
+    format!("{} of {} recordings, {rate:.1}/s{failed}", tally.done, tally.total)
+}
+
+/// Times go to standard error alone.
+fn say(console: &Console, fleet: &Fleet, seconds: f64) {
+    let Tally { done, taken_over, failed, samples, .. } = fleet.tally;
+    let count = |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
+    console.remark(&format!(
+        "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {taken_over} taken over from the journal",
+        count("ok"),
+        count("doubtful"),
+    ));
+    let mut reasons: Vec<(&str, usize)> = Vec::new();
+    for record in fleet.records.iter().filter(|r| r.text("status") == Some("failed")) {
+        let kind = record.text("reason_kind").unwrap_or_default();
+        match reasons.iter_mut().find(|(own, _)| *own == kind) {
+            Some((_, count)) => *count += 1,
+            None => reasons.push((kind, 1)),
+        }
+        if reasons.iter().any(|(own, count)| *own == kind && *count == 1) {
+            let reason = record.text("reason").unwrap_or_default();
+            console.warn(&format!("{}: {reason}", record.text("path").unwrap_or_default()));
+        }
+    }
+    for (kind, count) in reasons.into_iter().filter(|(_, count)| *count > 1) {
+        console.warn(&format!("{} more failed likewise: {kind}", count - 1));
+    }
+}

@@ -1,0 +1,136 @@
+//! What is done already: one line of JSON a recording, appended as they finish, beside the table.
+//!
+//! A line counts only with its end; a torn last one is cut off. It is taken over when name, hash of the recording and hash
+//! of the configuration are still the same.
+
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::row::{Row, columns};
+use crate::error::OutputError;
+
+/// Longest time that a finished recording waits to be safe from a power cut.
+const SYNC: Duration = Duration::from_secs(1);
+
+/// One finished recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Entry {
+    pub(super) name: String,
+    /// Hash of the recording; empty where it could not be read.
+    pub(super) sha256: String,
+    pub(super) config: String,
+    pub(super) row: Row,
+}
+
+/// Where in the journal an entry stands, and for which recording.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Place {
+    at: u64,
+    length: usize,
+    pub(super) sha256: String,
+}
+
+/// The journal, open for one process alone.
+pub(super) struct Journal {
+    path: PathBuf,
+    file: File,
+    end: u64,
+    synced: Instant,
+}
+
+/// Where the journal of a table stands.
+pub fn journal_path(table: &Path) -> PathBuf {
+    let mut name = table.as_os_str().to_owned();
+    name.push(".journal");
+    PathBuf::from(name)
+}
+
+impl Journal {
+    /// Opens the journal at `path`, and finds what it holds for `config`, by name.
+    ///
+    /// # Errors
+    /// [`OutputError`] when it cannot be written, or another process writes it.
+    pub(super) fn open(path: &Path, config: &str) -> Result<(Self, HashMap<String, Place>), OutputError> {
+        let create = |source| OutputError::Create { path: path.to_owned(), source };
+        let file = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path).map_err(create)?;
+        file.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => create(io::Error::other("another trocar fleet is at work on this table")),
+            TryLockError::Error(source) => create(source),
+        })?;
+        let (places, end) = read(&file, config).map_err(create)?;
+        file.set_len(end).map_err(create)?;
+        Ok((Self { path: path.to_owned(), file, end, synced: Instant::now() }, places))
+    }
+
+    /// Appends a finished recording: safe from the end of this process at once, from the machine's within a second.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`], for example on a full disk.
+    pub(super) fn append(&mut self, entry: &Entry) -> Result<Place, OutputError> {
+        self.write(entry).map_err(|source| self.failed(source))
+    }
+
+    fn write(&mut self, entry: &Entry) -> io::Result<Place> {
+        let mut line = serde_json::to_vec(entry)?;
+        line.push(b'\n');
+        self.file.seek(SeekFrom::Start(self.end))?;
+        self.file.write_all(&line)?;
+        let place = Place { at: self.end, length: line.len(), sha256: entry.sha256.clone() };
+        self.end += line.len() as u64;
+        if self.synced.elapsed() >= SYNC {
+            self.file.sync_data()?;
+            self.synced = Instant::now();
+        }
+        Ok(place)
+    }
+
+    /// The row that stands at `place`.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`] when the file has been changed by somebody else.
+    pub(super) fn row(&mut self, place: &Place) -> Result<Row, OutputError> {
+        let mut line = vec![0; place.length];
+        let read = self.file.seek(SeekFrom::Start(place.at)).and_then(|_| self.file.read_exact(&mut line));
+        let entry = read.and_then(|()| Ok(serde_json::from_slice::<Entry>(&line)?));
+        entry.map(|entry| entry.row).map_err(|source| self.failed(source))
+    }
+
+    /// Removes it, once the table is there.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`] when it cannot be removed.
+    pub(super) fn remove(self) -> Result<(), OutputError> {
+        std::fs::remove_file(&self.path).map_err(|source| self.failed(source))
+    }
+
+    fn failed(&self, source: io::Error) -> OutputError {
+        OutputError::Write { path: self.path.clone(), source }
+    }
+}
+
+/// The entries for `config`, and where the last whole line ends.
+fn read(file: &File, config: &str) -> io::Result<(HashMap<String, Place>, u64)> {
+    let mut lines = BufReader::new(file);
+    let (mut places, mut line, mut at) = (HashMap::new(), Vec::new(), 0);
+    let cells = columns().len();
+    loop {
+        line.clear();
+        let length = lines.read_until(b'\n', &mut line)?;
+        if line.last() != Some(&b'\n') {
+            return Ok((places, at));
+        }
+        // A line that is none is passed over: its recording is done again.
+        if let Ok(Entry { name, sha256, config: own, row }) = serde_json::from_slice(&line)
+            && own == config
+            && row.cells.len() == cells
+        {
+            places.insert(name, Place { at, length, sha256 });
+        }
+        at += length as u64;
+    }
+}

@@ -1,0 +1,400 @@
+//! All recordings of a data set on all cores, to one table; what is done already is taken over from the journal.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::path::Path;
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+use super::dataset::{Dataset, Job, Metadata};
+use super::journal::{Entry, Journal, Place, journal_path};
+use super::one::{Config, hash_of, identify_one, is_passing, refused};
+use super::row::{Cell, Row, columns};
+use crate::cancel::{self, Cancel, Stopped};
+use crate::error::OutputError;
+use crate::table::{Column, Field, Kind, TableWriter};
+
+/// Rows of the table in memory at a time.
+const PIECE: usize = 1024;
+
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FleetError {
+    /// Table or journal cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// Called off; the journal stays.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
+
+/// How far the work is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Recordings known of: files, until they turn out to hold several.
+    pub total: usize,
+    /// Recordings with a row.
+    pub done: usize,
+    /// Of these, taken over from the journal.
+    pub taken_over: usize,
+    /// Of these, failed.
+    pub failed: usize,
+    /// Samples of all recordings with a row.
+    pub samples: u64,
+}
+
+/// What came of a data set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fleet {
+    /// How many.
+    pub tally: Tally,
+    /// Columns that came with the recordings, as they are called in the table.
+    pub metadata: Vec<Field>,
+    /// What the report is drawn from: a row each, in the order of the table.
+    pub records: Vec<Record>,
+}
+
+/// The part of a row that is kept in memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// What came with the recording.
+    pub metadata: Metadata,
+    /// Cells of the columns that are kept, by name.
+    pub cells: BTreeMap<&'static str, Cell>,
+}
+
+impl Record {
+    /// The number in a column.
+    pub fn number(&self, name: &str) -> Option<f64> {
+        self.cells.get(name)?.as_number()
+    }
+
+    /// The text in a column.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        self.cells.get(name)?.as_text()
+    }
+}
+
+/// Columns of which records are made.
+pub(crate) const KEPT: [&str; 33] = [
+    "path",
+    "status",
+    "reason_kind",
+    "reason",
+    "method",
+    "warning_count",
+    "samples",
+    "residual_rms_n",
+    "force_rms_n",
+    "offset_n",
+    "offset_n_lower",
+    "offset_n_upper",
+    "coulomb_force_n",
+    "coulomb_force_n_lower",
+    "coulomb_force_n_upper",
+    "coulomb_force_n_positive",
+    "coulomb_force_n_positive_lower",
+    "coulomb_force_n_positive_upper",
+    "coulomb_force_n_negative",
+    "coulomb_force_n_negative_lower",
+    "coulomb_force_n_negative_upper",
+    "viscous_damping_n_s_m",
+    "viscous_damping_n_s_m_lower",
+    "viscous_damping_n_s_m_upper",
+    "half_width_m",
+    "half_width_m_lower",
+    "half_width_m_upper",
+    "coulomb_force_n_pinned",
+    "viscous_damping_n_s_m_pinned",
+    "half_width_m_pinned",
+    "offset_n_pinned",
+    "depth",
+    "duration_s",
+];
+
+/// Place in the table: number of the source, and of the recording in it.
+type Order = (usize, usize);
+
+/// A finished recording on its way to the journal.
+struct Finished {
+    order: Order,
+    metadata: Metadata,
+    done: Done,
+}
+
+enum Done {
+    Now(Box<Entry>),
+    Before(Place),
+}
+
+/// Identifies every recording of `dataset` by itself, on `threads` threads (0: one for each processor), and writes the
+/// table at `table`.
+///
+/// The same recordings, configuration and program give the same bytes, whatever the threads and however often the work
+/// was interrupted. Memory: for each thread a recording and its identification, a few hundred bytes for each
+/// recording done, and 1024 rows.
+///
+/// # Errors
+/// [`FleetError`] when table or journal cannot be written, or the work was called off. Recordings that fail are rows.
+pub fn run(
+    dataset: &Dataset,
+    config: &Config,
+    table: &Path,
+    threads: usize,
+    cancel: &Cancel,
+    progress: &mut dyn FnMut(&Tally),
+) -> Result<Fleet, FleetError> {
+    let (mut journal, before) = Journal::open(&journal_path(table), &config.hash())?;
+    let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
+    let queue = Queue::new(dataset);
+    let mut gathered = Gathered::new(dataset.sources.len());
+    let worker = |sender: Sender<Finished>| cancel.run(1, || queue.work(config, &before, &sender));
+    let outcome = std::thread::scope(|scope| {
+        let (sender, receiver) = mpsc::channel();
+        let workers: Vec<_> = (0..threads)
+            .map(|_| {
+                let (worker, sender) = (&worker, sender.clone());
+                scope.spawn(move || worker(sender))
+            })
+            .collect();
+        drop(sender);
+        let outcome = gathered.gather(&receiver, &mut journal, progress);
+        if outcome.is_err() {
+            queue.stop();
+        }
+        drop(receiver);
+        let stopped = workers.into_iter().map(|worker| worker.join().unwrap_or(Err(Stopped::Cancelled)));
+        let stopped: Vec<Result<(), Stopped>> = stopped.collect();
+        outcome?;
+        stopped.into_iter().collect::<Result<Vec<()>, Stopped>>().map_err(FleetError::from)
+    });
+    outcome?;
+    let fleet = gathered.write(&mut journal, table)?;
+    journal.remove()?;
+    Ok(fleet)
+}
+
+/// What is left to do.
+struct Queue<'a> {
+    dataset: &'a Dataset,
+    left: Mutex<Left>,
+    changed: Condvar,
+}
+
+struct Left {
+    next_source: usize,
+    jobs: VecDeque<(Order, Job)>,
+    /// Sources that are being opened: more jobs may come.
+    opening: usize,
+}
+
+impl<'a> Queue<'a> {
+    fn new(dataset: &'a Dataset) -> Self {
+        let left = Left { next_source: 0, jobs: VecDeque::new(), opening: 0 };
+        Self { dataset, left: Mutex::new(left), changed: Condvar::new() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Left> {
+        self.left.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn stop(&self) {
+        let mut left = self.lock();
+        left.next_source = self.dataset.sources.len();
+        left.jobs.clear();
+    }
+
+    /// Works until nothing is left.
+    fn work(&self, config: &Config, before: &HashMap<String, Place>, sender: &Sender<Finished>) {
+        while let Some((order, job)) = self.next(config, sender) {
+            cancel::check();
+            let finished = finish(order, job, config, before);
+            if sender.send(finished).is_err() {
+                return;
+            }
+        }
+    }
+
+    /// The next recording; opens the next source where none is waiting.
+    fn next(&self, config: &Config, sender: &Sender<Finished>) -> Option<(Order, Job)> {
+        let mut left = self.lock();
+        loop {
+            if let Some(job) = left.jobs.pop_front() {
+                return Some(job);
+            }
+            let source = left.next_source;
+            if let Some(opened) = self.dataset.sources.get(source) {
+                left.next_source += 1;
+                left.opening += 1;
+                drop(left);
+                let jobs = opened.jobs();
+                left = self.lock();
+                left.opening -= 1;
+                match jobs {
+                    Ok(jobs) => left.jobs.extend(jobs.into_iter().enumerate().map(|(k, job)| ((source, k), job))),
+                    Err(message) => {
+                        let job = opened.whole();
+                        let row = refused(&opened.name, config, message);
+                        // A receiver that is gone is noticed with the next recording.
+                        let _ = sender.send(Finished::now((source, 0), job.metadata, job.name, row, config));
+                    }
+                }
+                self.changed.notify_all();
+            } else if left.opening > 0 {
+                left = self.changed.wait(left).unwrap_or_else(PoisonError::into_inner);
+            } else {
+                return None;
+            }
+        }
+    }
+}
+
+impl Finished {
+    fn now(order: Order, metadata: Metadata, name: String, row: Row, config: &Config) -> Self {
+        let sha256 = row.text("sha256").unwrap_or_default().to_owned();
+        let entry = Entry { name, sha256, config: config.hash(), row };
+        Self { order, metadata, done: Done::Now(Box::new(entry)) }
+    }
+}
+
+/// One recording: taken over where it is the one in the journal, else identified.
+fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, Place>) -> Finished {
+    let input = match job.input(&config.reading.choice) {
+        Ok(input) => input,
+        Err(error) => {
+            let row = refused(&job.name, config, error.to_string());
+            return Finished::now(order, job.metadata, job.name, row, config);
+        }
+    };
+    if let Some(place) = before.get(&job.name)
+        && hash_of(&input, config).is_some_and(|hash| hash == place.sha256)
+    {
+        return Finished { order, metadata: job.metadata, done: Done::Before(place.clone()) };
+    }
+    let mut row = identify_one(&input, config);
+    row.set("path", Cell::text(&job.name));
+    if job.is_file()
+        && let Some(reason) = row.text("reason")
+    {
+        // No folder of this machine.
+        let reason = reason.replace(&job.path.display().to_string(), &job.name);
+        row.set("reason", Cell::text(reason));
+    }
+    Finished::now(order, job.metadata, job.name, row, config)
+}
+
+/// What has come from the workers.
+struct Gathered {
+    rows: BTreeMap<Order, (Metadata, Place)>,
+    tally: Tally,
+    kinds: BTreeMap<String, Option<Kind>>,
+    /// Sources of which a recording is done.
+    begun: Vec<bool>,
+}
+
+impl Gathered {
+    fn new(sources: usize) -> Self {
+        let tally = Tally { total: sources, ..Tally::default() };
+        Self { rows: BTreeMap::new(), tally, kinds: BTreeMap::new(), begun: vec![false; sources] }
+    }
+
+    fn gather(
+        &mut self,
+        receiver: &Receiver<Finished>,
+        journal: &mut Journal,
+        progress: &mut dyn FnMut(&Tally),
+    ) -> Result<(), FleetError> {
+        progress(&self.tally);
+        for Finished { order, metadata, done } in receiver {
+            let (place, row) = match done {
+                Done::Now(entry) => (self.note(&entry, journal)?, entry.row),
+                Done::Before(place) => {
+                    self.tally.taken_over += 1;
+                    let row = journal.row(&place)?;
+                    (place, row)
+                }
+            };
+            self.count(order, &row);
+            for (name, cell) in &metadata {
+                let kind = self.kinds.entry(name.clone()).or_insert(None);
+                *kind = common(*kind, cell.kind());
+            }
+            self.rows.insert(order, (metadata, place));
+            progress(&self.tally);
+        }
+        Ok(())
+    }
+
+    /// Writes it down; what another day may bring is written without its hash, so that it is done again then.
+    fn note(&self, entry: &Entry, journal: &mut Journal) -> Result<Place, OutputError> {
+        if !is_passing(&entry.row) {
+            return journal.append(entry);
+        }
+        journal.append(&Entry { sha256: String::new(), ..entry.clone() })
+    }
+
+    fn count(&mut self, (source, _): Order, row: &Row) {
+        if std::mem::replace(&mut self.begun[source], true) {
+            self.tally.total += 1;
+        }
+        self.tally.done += 1;
+        self.tally.failed += usize::from(row.text("status") == Some("failed"));
+        self.tally.samples += row.number("samples").unwrap_or(0.0) as u64;
+    }
+
+    /// Fields of the metadata: names that the table has already get `dataset_` in front.
+    fn metadata(&self) -> Vec<(String, Field)> {
+        let own: Vec<String> = columns().into_iter().map(|field| field.name).collect();
+        let field = |(name, kind): (&String, &Option<Kind>)| {
+            let called = if own.contains(name) { format!("dataset_{name}") } else { name.clone() };
+            (name.clone(), Field::new(called, kind.unwrap_or(Kind::Text)))
+        };
+        self.kinds.iter().map(field).collect()
+    }
+
+    fn write(self, journal: &mut Journal, table: &Path) -> Result<Fleet, FleetError> {
+        let metadata = self.metadata();
+        let mut fields = columns();
+        // Behind the path.
+        fields.splice(1..1, metadata.iter().map(|(_, field)| field.clone()));
+        let mut writer = TableWriter::create(table, &fields)?;
+        let mut records = Vec::with_capacity(self.rows.len());
+        let mut piece: Vec<Column> = fields.iter().map(|field| Column::new(field.kind)).collect();
+        for (own, place) in self.rows.into_values() {
+            let row = journal.row(&place)?;
+            let empty = Cell::Empty;
+            let cells = metadata.iter().map(|(name, _)| own.get(name).unwrap_or(&empty));
+            let (first, rest) = row.cells.split_at(1);
+            first.iter().chain(cells).chain(rest).zip(&mut piece).for_each(|(cell, column)| push(column, cell));
+            let kept = KEPT.iter().filter_map(|name| Some((*name, row.get(name)?.clone())));
+            records.push(Record { cells: kept.filter(|(_, cell)| *cell != Cell::Empty).collect(), metadata: own });
+            if piece[0].len() == PIECE {
+                writer.write(&piece)?;
+                piece.iter_mut().for_each(Column::clear);
+            }
+        }
+        writer.write(&piece)?;
+        writer.commit()?;
+        let metadata = metadata.into_iter().map(|(_, field)| field).collect();
+        Ok(Fleet { tally: self.tally, metadata, records })
+    }
+}
+
+/// The kind that can hold both.
+fn common(one: Option<Kind>, other: Option<Kind>) -> Option<Kind> {
+    match (one, other) {
+        (None, kind) | (kind, None) => kind,
+        (Some(one), Some(other)) if one == other => Some(one),
+        (Some(Kind::Whole | Kind::Number), Some(Kind::Whole | Kind::Number)) => Some(Kind::Number),
+        _ => Some(Kind::Text),
+    }
+}
+
+fn push(column: &mut Column, cell: &Cell) {
+    match column {
+        Column::Number(cells) => cells.push(cell.as_number().unwrap_or(f64::NAN)),
+        Column::Whole(cells) => cells.push(if let Cell::Integer(value) = cell { Some(*value) } else { None }),
+        Column::Truth(cells) => cells.push(if let Cell::Flag(value) = cell { Some(*value) } else { None }),
+        Column::Text(cells) => cells.push((*cell != Cell::Empty).then(|| cell.in_words().into())),
+    }
+}
