@@ -1,9 +1,13 @@
 //! `trocar fleet`
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use trocar::cancel::Cancel;
 use trocar::fleet::{Config, Dataset, Depth, Fleet, Tally, journal_path, run as run_fleet};
+use trocar::output::AtomicFile;
+use trocar::report::fleet::{self as fleet_report, Roles};
+use trocar::report::page;
 
 use crate::Done;
 use crate::console::{self, BadArgument, Console};
@@ -39,6 +43,18 @@ pub(crate) struct Args {
     /// Recordings at a time; 0 takes one for each processor
     #[arg(long, default_value_t = 0, value_name = "N")]
     threads: usize,
+    /// Report to write [default: the table's name with .html]
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Metadata column with the type of the trocar [default: trocar_type and the like]
+    #[arg(long = "type", value_name = "COLUMN")]
+    kind: Option<String>,
+    /// Metadata column that counts uses [default: insertion_count and the like]
+    #[arg(long = "use", value_name = "COLUMN")]
+    usage: Option<String>,
+    /// Metadata column that names specimens, or centres [default: specimen and the like]
+    #[arg(long, value_name = "COLUMN")]
+    specimen: Option<String>,
     #[command(flatten)]
     rod: Rod,
     #[command(flatten)]
@@ -63,7 +79,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if let [first, ..] = dataset.left_out.as_slice() {
         console.remark(&format!("note: {} left out for their ending, such as {first}", files(dataset.left_out.len())));
     }
-    let threads = if args.threads > 0 { args.threads } else { std::thread::available_parallelism().map_or(1, usize::from) };
+    let threads =
+        if args.threads > 0 { args.threads } else { std::thread::available_parallelism().map_or(1, usize::from) };
     let config = Config {
         reading: args.reading.for_each_of(threads),
         depth: match args.depth {
@@ -87,9 +104,21 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let _ = std::panic::take_hook();
     let fleet = fleet?;
     console::farewell(String::new());
+    let roles = Roles { kind: args.kind.clone(), usage: args.usage.clone(), specimen: args.specimen.clone() };
+    let report = args.report.clone().unwrap_or_else(|| report_beside(&args.out));
+    let page = page(&fleet_report::document(&fleet, &config, &roles))?;
+    let mut file = AtomicFile::create(&report)?;
+    file.write_all(page.as_bytes()).map_err(|source| file.write_error(source))?;
+    file.commit()?;
     say(console, &fleet, started.elapsed().as_secs_f64());
-    console.remark(&format!("table: {}", args.out.display()));
+    console.remark(&format!("table: {}\nreport: {}", args.out.display(), report.display()));
     Ok(Done::doubtful_if(fleet.tally.failed > 0))
+}
+
+fn report_beside(table: &Path) -> PathBuf {
+    let name = table.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let stem = name.split('.').next().unwrap_or("fleet");
+    table.with_file_name(format!("{stem}.html"))
 }
 
 fn files(count: usize) -> String {

@@ -58,10 +58,7 @@ impl Journal {
     pub(super) fn open(path: &Path, config: &str) -> Result<(Self, HashMap<String, Place>), OutputError> {
         let create = |source| OutputError::Create { path: path.to_owned(), source };
         let file = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path).map_err(create)?;
-        file.try_lock().map_err(|error| match error {
-            TryLockError::WouldBlock => create(io::Error::other("another trocar fleet is at work on this table")),
-            TryLockError::Error(source) => create(source),
-        })?;
+        lock(&file).map_err(create)?;
         let (places, end) = read(&file, config).map_err(create)?;
         file.set_len(end).map_err(create)?;
         Ok((Self { path: path.to_owned(), file, end, synced: Instant::now() }, places))
@@ -110,6 +107,24 @@ impl Journal {
 
     fn failed(&self, source: io::Error) -> OutputError {
         OutputError::Write { path: self.path.clone(), source }
+    }
+}
+
+/// Keeps others out; one that was killed a moment ago may take another to be gone.
+fn lock(file: &File) -> io::Result<()> {
+    const PATIENCE: Duration = Duration::from_secs(2);
+    let begun = Instant::now();
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(()),
+            Err(TryLockError::Error(source)) => return Err(source),
+            Err(TryLockError::WouldBlock) if begun.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(50));
+            }
+            Err(TryLockError::WouldBlock) => {
+                return Err(io::Error::other("another trocar fleet is at work on this table"));
+            }
+        }
     }
 }
 

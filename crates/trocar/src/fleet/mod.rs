@@ -13,6 +13,8 @@ pub use run::{Fleet, FleetError, Record, Tally, run};
 
 mod dataset;
 mod journal;
+pub mod mixed;
 mod one;
 mod row;
 mod run;
+pub mod summary;

@@ -22,6 +22,7 @@ pub use candidate::Candidate;
 use deformation::Sensors;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
 pub use estimate::Estimate;
+pub(crate) use estimate::t_quantile;
 pub use motion::{FreeMotion, Ingredient, IngredientTrial, MotionFit};
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;

@@ -4,8 +4,8 @@
 //! Document -> report.html            one file, no external request, works without JavaScript and on paper
 //!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
-//! **Invariant:** drawing knows [`Document`] alone: it estimates, simulates and converts nothing. Only [`identification`] and
-//! [`comparison`] know results; they fill documents from them.
+//! **Invariant:** drawing knows [`Document`] alone: it estimates, simulates and converts nothing. Only [`identification`],
+//! [`comparison`] and [`fleet`] know results; they fill documents from them.
 
 mod chart;
 pub mod comparison;
@@ -13,6 +13,7 @@ mod decimate;
 mod document;
 mod draw;
 mod figures;
+pub mod fleet;
 mod html;
 pub mod identification;
 mod live;

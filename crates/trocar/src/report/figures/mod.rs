@@ -4,6 +4,7 @@
 
 pub(super) mod comparison;
 mod deformation;
+pub(super) mod fleet;
 mod half_width;
 mod live;
 mod motion;

@@ -1,0 +1,147 @@
+//! From the table of many recordings to a report.
+
+use super::document::{Document, Section, Tile};
+use super::figures::fleet as figures;
+use super::figures::fleet::ByType;
+use crate::fleet::{Cell, Config, Fleet};
+use crate::summary::PROGRAM;
+
+/// Metadata columns that say what the report compares; those that are not given are looked for by their usual names.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Roles {
+    /// Type of the trocar.
+    pub kind: Option<String>,
+    /// Use: number of insertions or the like.
+    pub usage: Option<String>,
+    /// Specimen, or another grouping such as the centre: what is drawn at random.
+    pub specimen: Option<String>,
+}
+
+/// Usual names.
+const KINDS: [&str; 4] = ["trocar_type", "trocar", "seal_type", "type"];
+const USAGES: [&str; 5] = ["insertion_count", "insertions", "use_count", "uses", "cycles"];
+const SPECIMENS: [&str; 5] = ["specimen", "serial_number", "serial", "seal", "centre"];
+
+impl Roles {
+    /// These columns, where `fleet` has them, else others of the usual names.
+    fn settle(&self, fleet: &Fleet) -> Self {
+        let has = |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| *c != Cell::Empty));
+        let numeric =
+            |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| c.as_number().is_some()));
+        let found = |given: &Option<String>, usual: &[&str], fits: &dyn Fn(&str) -> bool| {
+            let usual = usual.iter().map(|name| (*name).to_owned());
+            given.iter().cloned().chain(usual).find(|name| fits(name))
+        };
+        Self {
+            kind: found(&self.kind, &KINDS, &has),
+            usage: found(&self.usage, &USAGES, &numeric),
+            specimen: found(&self.specimen, &SPECIMENS, &has),
+        }
+    }
+}
+
+/// The report: counts, distributions, drift with use, specimens, outliers, failures.
+///
+/// Equal input gives equal documents. What the metadata cannot tell is replaced by a sentence that says what is missing.
+pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
+    let roles = roles.settle(fleet);
+    let types = ByType::new(fleet, roles.kind.as_deref());
+    let mut document = Document {
+        title: "Trocar friction over many recordings".to_owned(),
+        subtitle: subtitle(fleet, config, &roles),
+        tiles: tiles(fleet),
+        warnings: Vec::new(),
+        sections: vec![
+            Section::new("Distributions").figure(figures::distributions(&types)),
+            drift(&types, &roles),
+            specimens(&types, &roles),
+            outliers(&types),
+            failures(fleet),
+        ],
+        provenance: provenance(fleet, config),
+    };
+    let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
+    drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
+    document
+}
+
+fn subtitle(fleet: &Fleet, config: &Config, roles: &Roles) -> String {
+    let by = roles.kind.as_ref().map_or_else(String::new, |kind| format!(", by {}", kind.replace('_', " ")));
+    format!("{} recordings, each identified by itself (depth {}){by}", fleet.tally.done, config.depth.name())
+}
+
+fn tiles(fleet: &Fleet) -> Vec<Tile> {
+    let count = |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
+    let doubtful = format!("{} more with doubts, {} failed", count("doubtful"), count("failed"));
+    let mut tiles = vec![
+        Tile::new("Identified without doubt", count("ok").to_string(), doubtful),
+        Tile::new("Samples", format!("{:.1} million", 1e-6 * fleet.tally.samples as f64), ""),
+    ];
+    let shown = [
+        ("Coulomb force", "coulomb_force_n", 1.0, "N"),
+        ("Half width", "half_width_m", 1e3, "mm"),
+        ("Residual (rms)", "residual_rms_n", 1.0, "N"),
+    ];
+    for (name, column, scale, unit) in shown {
+        if let Some([median, low, high]) = figures::median_in_words(fleet, column, scale) {
+            tiles.push(Tile::new(name, format!("{median} {unit}"), format!("median; quartiles {low} and {high}")));
+        }
+    }
+    tiles
+}
+
+fn drift(types: &ByType, roles: &Roles) -> Section {
+    let section = Section::new("Drift with use");
+    let Some(usage) = &roles.usage else {
+        return section
+            .paragraph("No column of the data set counts uses (insertion_count, or another named with --use).");
+    };
+    match figures::drift(types, usage, roles.specimen.as_deref()) {
+        Some((figure, table)) => section.table(table).figure(figure),
+        None => section.paragraph(format!("Too few recordings at different values of {usage}.")),
+    }
+}
+
+fn specimens(types: &ByType, roles: &Roles) -> Section {
+    let section = Section::new("Types and specimens");
+    let Some(specimen) = &roles.specimen else {
+        return section.paragraph("No column of the data set names specimens (specimen, or another named with --specimen), so recordings of one \
+                                  trocar cannot be told from those of several, and no interval for a type would hold.");
+    };
+    let (means, components, missing) = figures::mixed_effects(types, specimen);
+    let mut section = section.paragraph(format!(
+        "Mixed effects: value = mean of the type + deviation of the specimen ({specimen}) + deviation of the recording. The interval of each \
+         recording counts as its known error of measurement. Components by restricted maximum likelihood, common to all types; intervals \
+         of means by Student's t with the specimens of the type less one. ICC is the part of the variance that is between specimens, \
+         without the error of measurement. Drift with use is not taken out."
+    ));
+    section = missing.into_iter().fold(section, Section::paragraph);
+    if means.rows.is_empty() { section } else { section.table(means).table(components) }
+}
+
+fn outliers(types: &ByType) -> Section {
+    let (count, table) = figures::outliers(types);
+    let section = Section::new("Outliers").paragraph(format!(
+        "Modified score 0.6745·(value − median)/MAD within the type, MAD the median absolute deviation; beyond 3.5 a value is called an \
+         outlier: {count} of them. About one in two thousand values of a normal distribution would be."
+    ));
+    if count == 0 { section } else { section.table(table) }
+}
+
+fn failures(fleet: &Fleet) -> Section {
+    let section = Section::new("Failures");
+    match figures::failures(fleet) {
+        Some(table) => section.table(table),
+        None => section.paragraph("No recording failed."),
+    }
+}
+
+fn provenance(fleet: &Fleet, config: &Config) -> Vec<(String, String)> {
+    vec![
+        ("Program".to_owned(), PROGRAM.to_owned()),
+        ("Configuration".to_owned(), config.hash()),
+        ("Seed".to_owned(), config.seed.to_string()),
+        ("Bootstrap".to_owned(), config.bootstrap.to_string()),
+        ("Recordings".to_owned(), format!("{}; each with its SHA-256 in the table", fleet.tally.done)),
+    ]
+}
