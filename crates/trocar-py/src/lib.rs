@@ -13,6 +13,7 @@ mod bench;
 mod compare;
 mod compensate;
 mod errors;
+mod fleet;
 mod identify;
 mod model;
 mod recording;
@@ -38,6 +39,8 @@ mod _core {
         ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError, MotionError, NotConverged,
         ParameterError, RecordingError, TrocarError,
     };
+    #[pymodule_export]
+    use crate::fleet::{FleetConfig, fleet_columns, fleet_file, fleet_frame};
     #[pymodule_export]
     use crate::identify::{Found, identify};
     #[pymodule_export]

@@ -65,13 +65,37 @@ fn recording_of(
     Ok(record)
 }
 
-fn check_limit(limit: Option<f64>) -> PyResult<()> {
+pub(crate) fn check_limit(limit: Option<f64>) -> PyResult<()> {
     match limit {
         Some(limit) if !(limit.is_finite() && limit > 0.0) => {
             Err(ParameterError::new_err(format!("sensor_limit_n must be positive, got {} N", number(limit))))
         }
         _ => Ok(()),
     }
+}
+
+/// The columns of a data frame in SI units, found by their names or as `columns` says, and what was assumed.
+pub(crate) fn readings_of_frame(
+    frame: &Bound<'_, PyAny>,
+    name: &str,
+    columns: Option<&str>,
+) -> PyResult<(Readings, Vec<String>)> {
+    let py = frame.py();
+    let helpers = py.import(intern!(py, "trocar._arrays"))?;
+    let names: Vec<String> = helpers.call_method1(intern!(py, "names"), (frame,))?.extract()?;
+    let found = TableColumns::find(name, &names, columns).map_err(Raise::raise)?;
+    let values = |TableColumn { index, per_si }: TableColumn| -> PyResult<Vec<f64>> {
+        let series = helpers.call_method1(intern!(py, "series"), (frame, index))?;
+        Ok(column(&names[index], &series)?.as_slice()?.iter().map(|value| value / per_si).collect())
+    };
+    let [time, position, force] = found.needed;
+    let readings = Readings {
+        time: values(time)?,
+        position: values(position)?,
+        force: values(force)?,
+        velocity: found.velocity.map(values).transpose()?,
+    };
+    Ok((readings, found.notes))
 }
 
 #[pymethods]
@@ -117,22 +141,9 @@ impl Recording {
         flip_force: bool,
     ) -> PyResult<Self> {
         let py = frame.py();
-        let helpers = py.import(intern!(py, "trocar._arrays"))?;
-        let names: Vec<String> = helpers.call_method1(intern!(py, "names"), (frame,))?.extract()?;
-        let found = TableColumns::find(&name, &names, columns).map_err(Raise::raise)?;
-        let values = |TableColumn { index, per_si }: TableColumn| -> PyResult<Vec<f64>> {
-            let series = helpers.call_method1(intern!(py, "series"), (frame, index))?;
-            Ok(column(&names[index], &series)?.as_slice()?.iter().map(|value| value / per_si).collect())
-        };
-        let [time, position, force] = found.needed;
-        let readings = Readings {
-            time: values(time)?,
-            position: values(position)?,
-            force: values(force)?,
-            velocity: found.velocity.map(values).transpose()?,
-        };
+        let (readings, notes) = readings_of_frame(frame, &name, columns)?;
         let mut record = recording_of(py, name, readings, sensor_limit_n, flip_force)?;
-        record.quality.notes.extend(found.notes);
+        record.quality.notes.extend(notes);
         Ok(Self::new(record))
     }
 
