@@ -19,7 +19,7 @@ import warnings as _python_warnings
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Callable, Optional, Union
 
-from . import _core
+from . import _core, fleet
 from ._core import (
     ArrayError,
     BenchError,
@@ -98,6 +98,7 @@ __all__ = [
     "bench_config",
     "compare",
     "compensate",
+    "fleet",
     "identify",
     "read",
     "simulate",

@@ -223,6 +223,26 @@ class Compared:
     def report(self, path: _Path) -> None: ...
     def save(self, folder: _Path) -> None: ...
 
+@final
+class FleetConfig:
+    def __new__(
+        cls,
+        *,
+        depth: str,
+        bootstrap: int,
+        seed: int,
+        moving_mass_kg: float,
+        gravity_m_s2: float,
+        columns: str | None,
+        flip_force: bool,
+        sensor_limit_n: float | None,
+        memory_limit_bytes: int | None,
+    ) -> FleetConfig: ...
+    def hash_text(self) -> str: ...
+
+def fleet_columns() -> list[tuple[str, str]]: ...
+def fleet_file(path: _Path, config: FleetConfig) -> list[Any]: ...
+def fleet_frame(frame: Any, name: str, config: FleetConfig) -> list[Any]: ...
 def read(
     path: _Path,
     *,

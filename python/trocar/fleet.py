@@ -16,6 +16,7 @@ import csv
 import dataclasses
 import functools
 import importlib
+import itertools
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -33,7 +34,7 @@ Row = dict[str, Any]
 #: Files that are taken for recordings in a folder; those of other names are passed over.
 SUFFIXES = (".csv", ".tsv", ".txt", ".gz", ".zst", ".parquet", ".arrow", ".feather", ".mat", ".h5", ".hdf5", ".mcap", ".db3")
 #: Recordings that a cluster knows of at one time, for each of its threads.
-IN_FLIGHT = 8
+IN_FLIGHT = 3
 #: Reasons that lie with the machine, not with the recording: tried again when a run goes on.
 _PASSING = ("worker_died", "cannot_open", "too_large_for_memory")
 
@@ -187,6 +188,9 @@ def identify_dataset(
         raise ParameterError(f"{min(twins)}: in the data set more than once")
     if not units:
         raise ParameterError("no recording in the data set")
+    taken = {key for unit in units for key, _ in unit.about} & set(_names())
+    if taken:
+        raise ParameterError(f"the data set has a column {min(taken)}, which the table fills by itself")
     journal = _Journal(out, units, config)
     missing = [index for index in range(len(units)) if index not in journal.rows]
     taken_over = len(units) - len(missing)
@@ -226,32 +230,52 @@ def _dask(
         with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as own:
             yield from _dask(units, missing, config, own, None, work)
         return
-    waiting = iter(missing)
-    of_future: dict[Any, int] = {}
-
-    def submit() -> Any:
-        index = next(waiting, None)
-        if index is None:
-            return None
-        future = client.submit(work, units[index], config, pure=False)
-        of_future[future.key] = index
-        return future
-
-    in_flight = IN_FLIGHT * max(sum(client.nthreads().values()), 1)
-    first = [future for future in (submit() for _ in range(in_flight)) if future is not None]
-    running = distributed.as_completed(first)
-    for future in running:
-        index = of_future.pop(future.key)
+    _same_everywhere(client)
+    submit = functools.partial(client.submit, work, config=config, pure=False)
+    suspects = []
+    for index, future in _in_flight(distributed, client, submit, units, missing):
         try:
-            row = future.result()
-        except distributed.scheduler.KilledWorker as error:
-            reason = f"the workers that worked on it died, the last of them {error.last_worker.address}"
-            row = _failed(units[index].name, config, "worker_died", reason)
-        future.release()
-        following = submit()
-        if following is not None:
-            running.add(following)
+            yield index, future.result()
+        except distributed.scheduler.KilledWorker:
+            # Perhaps it only stood in line where another one killed.
+            suspects.append(index)
+    for index in suspects:
+        try:
+            row = submit(units[index]).result()
+        except distributed.scheduler.KilledWorker:
+            row = _failed(units[index].name, config, "worker_died", "every worker that worked on it died")
         yield index, row
+
+
+def _in_flight(
+    distributed: Any, client: Any, submit: Callable[[_Unit], Any], units: Sequence[_Unit], missing: Sequence[int]
+) -> Iterator[tuple[int, Any]]:
+    """Finished futures; a cluster is never given more than it soon gets to."""
+    waiting = iter(missing)
+    at_once = IN_FLIGHT * max(sum(client.nthreads().values()), 1)
+    of_key: dict[Any, int] = {}
+
+    def following(count: int) -> list[Any]:
+        futures = []
+        for index in itertools.islice(waiting, count):
+            futures.append(submit(units[index]))
+            of_key[futures[-1].key] = index
+        return futures
+
+    running = distributed.as_completed(following(at_once))
+    for future in running:
+        yield of_key.pop(future.key), future
+        future.release()
+        running.update(following(1))
+
+
+def _same_everywhere(client: Any) -> None:
+    """Refuses workers without this package, which would wait for ever, and those with another version."""
+    for address, has in client.get_versions(packages=["trocar"])["workers"].items():
+        found = has["packages"].get("trocar")
+        if found != __version__:
+            text = f"worker {address} has {f'trocar {found}' if found else 'no trocar'}, expected {__version__}"
+            raise RuntimeError(text)
 
 
 class _Journal:
@@ -305,8 +329,7 @@ def _write(out: Path, units: Sequence[_Unit], rows: Sequence[Row]) -> None:
     types = {"float": pyarrow.float64(), "integer": pyarrow.int64(), "flag": pyarrow.bool_(), "text": pyarrow.string()}
     arrays: dict[str, Any] = {}
     for name in dict.fromkeys(key for unit in units for key, _ in unit.about):
-        about = [dict(unit.about).get(name) for unit in units]
-        arrays[name] = pyarrow.array(about)
+        arrays[name] = pyarrow.array([dict(unit.about).get(name) for unit in units])
     for name, kind in columns().items():
         arrays[name] = pyarrow.array([row[name] for row in rows], types[kind])
     whole = out.with_name(out.name + ".new")
