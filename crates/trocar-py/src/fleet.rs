@@ -1,13 +1,19 @@
-//! One recording to one row of the fleet's table; `trocar.fleet` wraps it.
+//! One recording to one row, and data sets whose recordings are identified elsewhere; `trocar.fleet` wraps it.
 
 use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
-use trocar::fleet::{Cell, Config, Depth, Input, Kind, identify_one};
-use trocar::recording::ReadOptions;
+use trocar::fleet::{
+    Cell, Collector, Config, Dataset, DatasetError, Depth, FleetError, Input, Tally, columns, identify_one,
+    identify_source, journal_path,
+};
+use trocar::recording::{Choice, ReadOptions};
+use trocar::table::Kind;
 
-use crate::errors::ParameterError;
+use crate::errors::{InternalError, ParameterError};
 use crate::recording::{check_limit, readings_of_frame};
 use crate::shared::moving_mass;
 use crate::work::{How, run};
@@ -40,14 +46,13 @@ impl FleetConfig {
         })?;
         check_limit(sensor_limit_n)?;
         let reading = ReadOptions {
-            columns,
-            flip_force,
+            choice: Choice { columns, flip_force, ..Choice::default() },
             sensor_limit: sensor_limit_n,
             memory_limit: memory_limit_bytes,
             ..ReadOptions::default()
         };
         let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
-        Ok(Self(Config { reading, depth, seed, bootstrap, moving_mass, ..Config::default() }))
+        Ok(Self(Config { reading, depth, seed, bootstrap, moving_mass }))
     }
 
     /// What a row depends on beside the recording, in short.
@@ -60,12 +65,12 @@ impl FleetConfig {
 #[pyfunction]
 pub(crate) fn fleet_columns() -> Vec<(String, &'static str)> {
     let kind = |kind| match kind {
-        Kind::Float => "float",
-        Kind::Integer => "integer",
-        Kind::Flag => "flag",
+        Kind::Number => "number",
+        Kind::Whole => "whole",
+        Kind::Truth => "truth",
         Kind::Text => "text",
     };
-    trocar::fleet::columns().into_iter().map(|column| (column.name, kind(column.kind))).collect()
+    columns().into_iter().map(|column| (column.name, kind(column.kind))).collect()
 }
 
 /// The row of a file.
@@ -82,7 +87,7 @@ pub(crate) fn fleet_frame(
     name: String,
     config: &FleetConfig,
 ) -> PyResult<Vec<Py<PyAny>>> {
-    let (readings, _) = readings_of_frame(frame, &name, config.0.reading.columns.as_deref())?;
+    let (readings, _) = readings_of_frame(frame, &name, config.0.reading.choice.columns.as_deref())?;
     row(py, Input::Columns { name, readings }, config)
 }
 
@@ -97,4 +102,108 @@ fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<Py
         Cell::Text(value) => value.into_py_any(py),
     };
     row.cells.into_iter().map(value).collect()
+}
+
+/// The rows of one source of a data set, as text for [`FleetTable::add`].
+#[pyfunction]
+pub(crate) fn fleet_source(py: Python<'_>, order: String, config: &FleetConfig) -> PyResult<String> {
+    let config = config.0.clone();
+    let parts = run(py, How { progress: None, threads: 1 }, move |_| identify_source(&order, &config))?;
+    parts.map_err(|error| ParameterError::new_err(format!("no order of a data set: {error}")))
+}
+
+/// A table whose rows come from elsewhere.
+#[pyclass(module = "trocar._core", frozen)]
+pub(crate) struct FleetTable {
+    collector: Mutex<Option<Collector>>,
+    names: Vec<String>,
+    left_out: Vec<String>,
+}
+
+#[pymethods]
+impl FleetTable {
+    #[new]
+    #[pyo3(signature = (dataset, out, config, *, group_by))]
+    fn new(dataset: PathBuf, out: PathBuf, config: &FleetConfig, group_by: Option<&str>) -> PyResult<Self> {
+        let found = Dataset::open(&dataset, group_by, &[out.clone(), journal_path(&out)]).map_err(of_dataset)?;
+        let names = found.sources.iter().map(|source| source.name.clone()).collect();
+        let left_out = found.left_out.clone();
+        let collector = Collector::open(found, &config.0, &out).map_err(|error| of_fleet(error.into()))?;
+        Ok(Self { collector: Mutex::new(Some(collector)), names, left_out })
+    }
+
+    /// Files of the data set, each with one recording or with several.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.names.clone()
+    }
+
+    /// Files left out for their ending.
+    #[getter]
+    fn left_out(&self) -> Vec<String> {
+        self.left_out.clone()
+    }
+
+    /// One for each file, for `fleet_source`.
+    fn orders(&self) -> PyResult<Vec<String>> {
+        let orders = self.open().as_ref().map(Collector::orders).transpose();
+        let wrong = |error| ParameterError::new_err(format!("a path of the data set is no text: {error}"));
+        Ok(orders.map_err(wrong)?.unwrap_or_default())
+    }
+
+    /// Takes the rows of a file; recordings done, taken over from before, and failed.
+    fn add(&self, source: usize, parts: &str) -> PyResult<(usize, usize, usize)> {
+        self.with(|collector| collector.add(source, parts))
+    }
+
+    /// A file that no worker could finish.
+    fn lose(&self, source: usize, kind: &str, reason: &str) -> PyResult<(usize, usize, usize)> {
+        self.with(|collector| collector.lose(source, kind, reason))
+    }
+
+    /// Writes the table; name, status and reason of every recording.
+    fn write(&self, py: Python<'_>) -> PyResult<Vec<(String, String, Option<String>)>> {
+        let collector = self.open().take().ok_or_else(written)?;
+        let fleet = py.detach(|| collector.write()).map_err(of_fleet)?;
+        let text = |cells: &trocar::fleet::Record, name: &str| cells.text(name).map(str::to_owned);
+        let said = |record| {
+            let [path, status] = ["path", "status"].map(|name| text(record, name).unwrap_or_default());
+            (path, status, text(record, "reason"))
+        };
+        Ok(fleet.records.iter().map(said).collect())
+    }
+
+    /// Gives the journal free for another call.
+    fn close(&self) {
+        self.open().take();
+    }
+}
+
+impl FleetTable {
+    fn open(&self) -> MutexGuard<'_, Option<Collector>> {
+        self.collector.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn with(&self, take: impl FnOnce(&mut Collector) -> Result<Tally, FleetError>) -> PyResult<(usize, usize, usize)> {
+        let tally = take(self.open().as_mut().ok_or_else(written)?).map_err(of_fleet)?;
+        Ok((tally.done, tally.taken_over, tally.failed))
+    }
+}
+
+fn written() -> PyErr {
+    ParameterError::new_err("the table is written or closed already")
+}
+
+fn of_dataset(error: DatasetError) -> PyErr {
+    match error {
+        DatasetError::Read { path, source } => PyOSError::new_err((source.raw_os_error(), source.to_string(), path)),
+        other => ParameterError::new_err(other.to_string()),
+    }
+}
+
+fn of_fleet(error: FleetError) -> PyErr {
+    match error {
+        FleetError::Output(error) => PyOSError::new_err(error.to_string()),
+        other => InternalError::new_err(other.to_string()),
+    }
 }

@@ -40,7 +40,7 @@ mod _core {
         ParameterError, RecordingError, TrocarError,
     };
     #[pymodule_export]
-    use crate::fleet::{FleetConfig, fleet_columns, fleet_file, fleet_frame};
+    use crate::fleet::{FleetConfig, FleetTable, fleet_columns, fleet_file, fleet_frame, fleet_source};
     #[pymodule_export]
     use crate::identify::{Found, identify};
     #[pymodule_export]

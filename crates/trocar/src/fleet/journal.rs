@@ -30,8 +30,8 @@ pub(super) struct Entry {
 /// Where in the journal an entry stands, and for which recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Place {
-    at: u64,
-    length: usize,
+    pub(super) at: u64,
+    pub(super) length: usize,
     pub(super) sha256: String,
 }
 

@@ -13,6 +13,10 @@ use crate::cancel::{self, Cancel, Stopped};
 use crate::error::OutputError;
 use crate::table::{Column, Field, Kind, TableWriter};
 
+pub use elsewhere::{Collector, identify_source};
+
+mod elsewhere;
+
 /// Rows of the table in memory at a time.
 const PIECE: usize = 1024;
 
@@ -23,6 +27,9 @@ pub enum FleetError {
     /// Table or journal cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// What came from elsewhere is not what was asked for.
+    #[error("a part of the work came back wrong: {0}")]
+    Part(String),
     /// Called off; the journal stays.
     #[error(transparent)]
     Stopped(#[from] Stopped),

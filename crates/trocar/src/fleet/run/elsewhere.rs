@@ -1,0 +1,169 @@
+//! The same table from work done elsewhere: other processes, other machines, whichever engine hands it out.
+//!
+//! ```text
+//! Collector: sources, what the journal has ──▶ anywhere: identify_source, pure ──▶ text ──▶ Collector: journal ──▶ table
+//! ```
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Done, Finished, Fleet, FleetError, Gathered, Tally, finish};
+use crate::error::OutputError;
+use crate::fleet::dataset::{Dataset, Metadata, Source};
+use crate::fleet::journal::{Entry, Journal, Place, journal_path};
+use crate::fleet::one::{Config, refused};
+use crate::fleet::row::Cell;
+
+/// A file of the data set on its way to a worker, with what is known of it already.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Order {
+    name: String,
+    path: PathBuf,
+    metadata: Metadata,
+    group_by: Option<String>,
+    /// Hashes of recordings done before, by name.
+    known: BTreeMap<String, String>,
+}
+
+/// A finished recording on its way back; without an entry where the journal has it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Part {
+    name: String,
+    metadata: Metadata,
+    entry: Option<Entry>,
+}
+
+/// Identifies all recordings of one source: `order` is one of [`Collector::orders`], the result is for
+/// [`Collector::add`]. A pure function of the files and `config`; recordings that fail are rows.
+///
+/// # Errors
+/// Text that is no order.
+pub fn identify_source(order: &str, config: &Config) -> Result<String, serde_json::Error> {
+    let Order { name, path, metadata, group_by, known } = serde_json::from_str(order)?;
+    let source = Source { name, path, metadata, group_by };
+    let place = |(name, sha256): (String, String)| (name, Place { at: 0, length: 0, sha256 });
+    let before: HashMap<String, Place> = known.into_iter().map(place).collect();
+    let parts: Vec<Part> = match source.jobs() {
+        Ok(jobs) => jobs.into_iter().map(|job| part(job.name.clone(), finish((0, 0), job, config, &before))).collect(),
+        Err(message) => {
+            let whole = source.whole();
+            let row = refused(&whole.name, config, message);
+            vec![part(whole.name.clone(), Finished::now((0, 0), whole.metadata, whole.name, row, config))]
+        }
+    };
+    serde_json::to_string(&parts)
+}
+
+fn part(name: String, Finished { metadata, done, .. }: Finished) -> Part {
+    let entry = match done {
+        Done::Now(entry) => Some(*entry),
+        Done::Before(_) => None,
+    };
+    Part { name, metadata, entry }
+}
+
+/// Takes what comes from elsewhere, in any order, and writes the table that [`run`](super::run) would.
+pub struct Collector {
+    sources: Vec<Source>,
+    config: Config,
+    table: PathBuf,
+    before: HashMap<String, Place>,
+    journal: Journal,
+    gathered: Gathered,
+    added: BTreeSet<usize>,
+}
+
+impl Collector {
+    /// Opens the journal of `table`.
+    ///
+    /// # Errors
+    /// [`OutputError`] when it cannot be written, or another process writes it.
+    pub fn open(dataset: Dataset, config: &Config, table: &Path) -> Result<Self, OutputError> {
+        let (journal, before) = Journal::open(&journal_path(table), &config.hash())?;
+        let gathered = Gathered::new(dataset.sources.len());
+        let (sources, table) = (dataset.sources, table.to_owned());
+        Ok(Self { sources, config: config.clone(), table, before, journal, gathered, added: BTreeSet::new() })
+    }
+
+    /// One for each source, in the order of the table.
+    ///
+    /// # Errors
+    /// A path that is no text.
+    pub fn orders(&self) -> Result<Vec<String>, serde_json::Error> {
+        let mut known: HashMap<&str, BTreeMap<String, String>> = HashMap::new();
+        for (name, place) in &self.before {
+            // `file#recording`, or the file itself.
+            for of in [Some(name.as_str()), name.rsplit_once('#').map(|(file, _)| file)].into_iter().flatten() {
+                known.entry(of).or_default().insert(name.clone(), place.sha256.clone());
+            }
+        }
+        let order = |source: &Source| {
+            let Source { name, path, metadata, group_by } = source.clone();
+            let known = known.remove(name.as_str()).unwrap_or_default();
+            serde_json::to_string(&Order { name, path, metadata, group_by, known })
+        };
+        self.sources.iter().map(order).collect()
+    }
+
+    /// Takes what [`identify_source`] made of the order at `source`; a second time it changes nothing.
+    ///
+    /// # Errors
+    /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::Part`] for text from somewhere else.
+    pub fn add(&mut self, source: usize, parts: &str) -> Result<Tally, FleetError> {
+        let parts: Vec<Part> = serde_json::from_str(parts).map_err(|error| FleetError::Part(error.to_string()))?;
+        let mut all = Vec::with_capacity(parts.len());
+        for (k, Part { name, metadata, entry }) in parts.into_iter().enumerate() {
+            let done = match entry {
+                Some(entry) => Done::Now(Box::new(entry)),
+                None => Done::Before(self.before.get(&name).cloned().ok_or_else(|| FleetError::Part(name.clone()))?),
+            };
+            all.push(Finished { order: (source, k), metadata, done });
+        }
+        self.take(source, all)
+    }
+
+    /// A source that nobody could finish, with the reason: a row that failed, and that is tried again when the work goes on.
+    ///
+    /// # Errors
+    /// As for [`Collector::add`].
+    pub fn lose(&mut self, source: usize, kind: &str, reason: &str) -> Result<Tally, FleetError> {
+        let Some(lost) = self.sources.get(source) else { return Err(FleetError::Part(format!("source {source}"))) };
+        let mut row = refused(&lost.name, &self.config, reason.to_owned());
+        row.set("reason_kind", Cell::text(kind));
+        let whole = lost.whole();
+        let finished = Finished::now((source, 0), whole.metadata, whole.name, row, &self.config);
+        self.take(source, vec![finished])
+    }
+
+    fn take(&mut self, source: usize, all: Vec<Finished>) -> Result<Tally, FleetError> {
+        if source >= self.sources.len() {
+            return Err(FleetError::Part(format!("source {source}")));
+        }
+        if self.added.insert(source) {
+            let (sender, receiver) = mpsc::channel();
+            for finished in all {
+                // The receiver stands below.
+                let _ = sender.send(finished);
+            }
+            drop(sender);
+            self.gathered.gather(&receiver, &mut self.journal, &mut |_| ())?;
+        }
+        Ok(self.gathered.tally)
+    }
+
+    /// Writes the table and removes the journal.
+    ///
+    /// # Errors
+    /// [`FleetError::Output`]; [`FleetError::Part`] where a source is missing.
+    pub fn write(mut self) -> Result<Fleet, FleetError> {
+        if let Some(missing) = (0..self.sources.len()).find(|source| !self.added.contains(source)) {
+            return Err(FleetError::Part(format!("{} is missing", self.sources[missing].name)));
+        }
+        let fleet = self.gathered.write(&mut self.journal, &self.table)?;
+        self.journal.remove()?;
+        Ok(fleet)
+    }
+}
