@@ -57,6 +57,13 @@ pub(super) fn pick(
             }
         }
     }
+    // What stands in the file itself goes before what stands in its groups.
+    if let Some(own) = found.iter().position(|(table, _)| tables[*table].name.is_empty()).filter(|_| found.len() > 1) {
+        let (table, mut layout) = found.swap_remove(own);
+        let others: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
+        layout.notes.push(format!("taken from the file itself, not from {}", columns::listed(&others)));
+        found = vec![(table, layout)];
+    }
     if found.len() > 1 {
         let tables: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
         return Err(RecordingError::AmbiguousTable { file: file.to_owned(), found: columns::listed(&tables) });

@@ -96,6 +96,26 @@ fn recognise(name: &str) -> Option<Reading> {
     Some(Reading { quantity, exact, per_si })
 }
 
+/// What a name says with the unit declared beside it; the name's own unit goes first.
+fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
+    let own = recognise(name);
+    if unit.is_empty() || own.is_none() {
+        return own;
+    }
+    let declared = recognise(&format!("{name} {unit}"));
+    match own.and_then(|own| own.per_si) {
+        None => declared,
+        Some(per_si) => {
+            let word = own.map_or("", |own| own.quantity.words()[0]);
+            let other = recognise(&format!("{word} {unit}")).and_then(|declared| declared.per_si);
+            if other.is_some_and(|other| other != per_si) {
+                notes.push(format!("column '{name}' is declared in {unit}: the unit in its name is taken"));
+            }
+            own
+        }
+    }
+}
+
 /// The quantity whose word the name holds; two different ones cancel out.
 fn quantity_of(words: &[&str]) -> Option<Quantity> {
     let mut found = Quantity::ALL.into_iter().filter(|q| {
@@ -206,8 +226,8 @@ impl Layout {
         let mut slots = vec![None; names.len()];
         let mut notes = Vec::new();
         let unit = |k: usize| units.get(k).map_or("", String::as_str);
-        let read = |(k, name): (usize, &String)| recognise(&format!("{name} {}", unit(k)));
-        let mut readings: Vec<Option<Reading>> = names.iter().enumerate().map(read).collect();
+        let mut readings: Vec<Option<Reading>> =
+            names.iter().enumerate().map(|(k, name)| reading_with(name, unit(k), &mut notes)).collect();
         for named in given {
             let index = named.find(&names)?;
             slots[index] = Some(named.slot(readings[index])?);
@@ -472,7 +492,17 @@ pub(crate) fn si_quantity(name: &str) -> Option<(Quantity, &'static str)> {
 pub(crate) fn unit_in(name: &str) -> Option<&'static str> {
     let reading = recognise(name)?;
     let per_si = reading.per_si?;
-    Some(reading.quantity.units().iter().find(|(_, own)| *own == per_si)?.0)
+    let unit = reading.quantity.units().iter().find(|(_, own)| *own == per_si)?.0;
+    Some(match unit {
+        "n" => "N",
+        "mn" => "mN",
+        "kn" => "kN",
+        "m_s" => "m/s",
+        "mm_s" => "mm/s",
+        "cm_s" => "cm/s",
+        "um_s" => "um/s",
+        other => other,
+    })
 }
 
 /// What a column of times is counted in, per second, if its unit is known; `None` if it is no column of times.

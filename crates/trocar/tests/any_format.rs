@@ -1,0 +1,225 @@
+//! One recording in every format that other people's libraries write, and one robot log in every kind of bag.
+//!
+//! The files are those of `formats/make.py` and `bags/make.py`.
+
+use std::f64::consts::{PI, TAU};
+use std::path::PathBuf;
+
+use trocar::inspect::inspect;
+use trocar::recording::{Choice, ReadOptions, Recording, WarningKind, read};
+
+/// Rows of the signal in `formats/`.
+const ROWS: usize = 240;
+
+/// A number in mm is rounded once more than one in m.
+const ROUNDING: f64 = 1e-15;
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests").join(name)
+}
+
+fn choice(columns: &str, topics: &[&str]) -> Choice {
+    Choice {
+        columns: Some(columns.to_owned()).filter(|columns| !columns.is_empty()),
+        topics: topics.iter().map(|topic| (*topic).to_owned()).collect(),
+        ..Choice::default()
+    }
+}
+
+fn read_with(name: &str, choice: Choice) -> Result<Recording, String> {
+    read(&path(name), &ReadOptions { choice, ..ReadOptions::default() }).map_err(|error| error.to_string())
+}
+
+/// `formats/make.py`.
+fn signal(k: usize) -> (f64, f64, f64) {
+    let phase = TAU * k as f64 / 200.0;
+    (k as f64 / 100.0, 0.03 * (1.0 - phase.cos()), 1.5 * phase.sin() + 0.01 * (k % 7) as f64)
+}
+
+#[test]
+fn every_format_gives_the_same_recording() {
+    for (name, columns, topics) in [
+        ("formats/pyarrow_snappy.parquet", "time_s=time_s,force_n=force_n", &[][..]),
+        ("formats/pyarrow_none.parquet", "", &[]),
+        ("formats/pyarrow_zstd.parquet", "", &[]),
+        ("formats/pyarrow_gzip.parquet", "", &[]),
+        ("formats/pyarrow_lz4.parquet", "", &[]),
+        ("formats/pyarrow_v2.parquet", "", &[]),
+        ("formats/pyarrow_split.parquet", "", &[]),
+        ("formats/pandas_index.parquet", "", &[]),
+        ("formats/polars.parquet", "", &[]),
+        ("formats/pyarrow_uncompressed.feather", "", &[]),
+        ("formats/pyarrow_zstd.feather", "", &[]),
+        ("formats/pyarrow_lz4.feather", "time_s=time_s,force_n=force_n", &[]),
+        ("formats/pyarrow.arrows", "", &[]),
+        ("formats/polars.arrow", "", &[]),
+        ("formats/h5py.h5", "force_n=force_n", &["runs/first"]),
+        ("formats/mat73.mat", "", &[]),
+        ("formats/scipy_plain.mat", "", &[]),
+        ("formats/scipy_compressed.mat", "", &[]),
+        ("formats/scipy_column.mat", "", &[]),
+    ] {
+        let found = read_with(name, choice(columns, topics)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(found.len(), ROWS, "{name}");
+        for k in 0..ROWS {
+            let (t, x, f) = signal(k);
+            assert_eq!(found.time[k], t, "{name} row {k}");
+            assert!((found.position[k] - x).abs() <= 40.0 * ROUNDING, "{name} row {k}");
+            assert!((found.force[k] - f).abs() <= 10.0 * ROUNDING, "{name} row {k}");
+        }
+        assert_eq!(found.sha256.len(), 64, "{name}");
+    }
+}
+
+#[test]
+fn crop_and_sign_work_in_every_format() {
+    let cropped = Choice { from: Some(0.5), to: Some(1.0), flip_force: true, ..Choice::default() };
+    let found = read_with("formats/polars.parquet", cropped).unwrap();
+    assert_eq!((found.time[0], found.len()), (0.5, 50));
+    assert!((found.force[0] + signal(50).2).abs() < 10.0 * ROUNDING);
+    assert_eq!(found.quality.notes, ["sign of the force reversed"]);
+}
+
+#[test]
+fn places_in_tables_are_rows() {
+    // Position is missing in the rows of `gappy`.
+    let found = read_with("formats/pyarrow_none.parquet", choice("position_mm=gappy", &[])).unwrap();
+    assert_eq!(found.quality.non_finite_rows.lines[..3], [3, 8, 13]);
+    assert!(found.quality.warnings.iter().any(|warning| warning.message.contains("rows 3, 8, 13")));
+}
+
+#[test]
+fn what_cannot_be_chosen_is_explained() {
+    for (name, choice, essentials) in [
+        (
+            "formats/pyarrow_delta.parquet",
+            choice("", &[]),
+            &["pyarrow_delta.parquet: no time column among 'count'"][..],
+        ),
+        ("formats/pyarrow_none.parquet", choice("force_n=note", &[]), &["'note'", "without numbers"]),
+        (
+            "formats/h5py.h5",
+            choice("", &["runs/second"]),
+            &["0 topics or tables are named 'runs/second'", "runs/first"],
+        ),
+        ("bags/plain.mcap", choice("time_s,position_m,force_n", &[]), &["in order", "position_m=TOPIC.FIELD"]),
+        ("bags/plain.mcap", choice("", &["/load"]), &["no topic is clearly the position", "trocar inspect"]),
+        ("bags/plain.mcap", choice("force_n=/psm1/measured_cf.wrench.force.w", &[]), &["wrench.force.w", "one column"]),
+    ] {
+        let message = read_with(name, choice).unwrap_err();
+        assert!(essentials.iter().all(|essential| message.contains(essential)), "{name}: {message}");
+    }
+}
+
+/// `bags/make.py`: position at `t` seconds behind the start, m.
+fn position(t: f64) -> f64 {
+    0.12 + 0.05 * (PI * t).sin()
+}
+
+/// Straight lines between samples 5 ms apart are off by at most h²/8 of the second derivative.
+const STRAIGHT: f64 = 20.0 * 0.05 * PI * PI * 0.005 * 0.005 / 8.0;
+
+/// Names and units of CRTK are enough; the effort of the motor gives way to the wrench.
+#[test]
+fn a_robot_log_is_a_recording_in_every_kind_of_bag() {
+    for name in [
+        "bags/plain.mcap",
+        "bags/zstd.mcap",
+        "bags/lz4.mcap",
+        "bags/unchunked.mcap",
+        "bags/bare.mcap",
+        "bags/mcap",
+        "bags/sqlite",
+        "bags/sqlite/sqlite.db3",
+        "bags/split",
+        "bags/compressed",
+        "bags/big_endian",
+    ] {
+        let columns = "force_n=/psm1/measured_cf.wrench.force.z,velocity_m_s=/psm1/measured_js.velocity[insertion]";
+        let columns = format!("position_m=/psm1/measured_js.position[insertion],{columns}");
+        let log = "time_s=/psm1/measured_js.log_time_s";
+        // The stamps of a few wrenches are missing, so the times are those of the log unless somebody asks for others.
+        for columns in [columns.clone(), format!("{columns},{log}")] {
+            let found = read_with(name, choice(&columns, &[])).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert!(found.len() > 80, "{name}: {} rows", found.len());
+            let notes = found.quality.notes.join("\n");
+            assert!(notes.contains("interpolated linearly") && notes.contains("measured_cf"), "{name}: {notes}");
+        }
+    }
+}
+
+#[test]
+fn names_alone_choose_the_insertion_joint_and_the_wrench() {
+    let found = read_with("bags/plain.mcap", choice("", &["/psm1/measured_js", "/psm1/measured_cf"])).unwrap();
+    assert!(found.velocity.is_some(), "the joint's own velocity");
+    let notes = found.quality.notes.join("\n");
+    for essential in [
+        "/psm1/measured_js.position[insertion] taken as position",
+        "/psm1/measured_cf.wrench.force.z taken as force",
+        "log_time_s",
+    ] {
+        assert!(notes.contains(essential), "'{essential}' not in {notes}");
+    }
+    // Against the log's time everything is late by the same 0.3 to 0.4 ms, whose scatter moves the position by
+    // at most 0.05π·0.1 ms.
+    for k in 0..found.len() {
+        let fitting = 20.0 * found.position[k] - 2.0;
+        assert!((found.force[k] - fitting).abs() < STRAIGHT + 20.0 * 0.05 * PI * 2e-4, "row {k}: {}", found.force[k]);
+    }
+    let t = found.time[0];
+    assert!((found.position[0] - position(t)).abs() < 0.05 * PI * 5e-4);
+}
+
+#[test]
+fn one_topic_needs_no_joining() {
+    let columns = "position_m=position[insertion],force_n=effort[insertion]";
+    let found = read_with("bags/plain.mcap", choice(columns, &["measured_js"])).unwrap();
+    assert_eq!(found.len(), 100);
+    for k in 0..100 {
+        let t = k as f64 * 2e-3;
+        assert!((found.time[k] - found.time[0] - t).abs() < 1e-9, "header stamps are exact");
+        assert!((found.position[k] - position(t)).abs() < 1e-12);
+        assert!((found.force[k] - 1.0 - 10.0 * position(t)).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn an_unfinished_log_is_read_with_a_warning() {
+    let whole = std::fs::read(path("bags/plain.mcap")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let cut = folder.path().join("cut.mcap");
+    std::fs::write(&cut, &whole[..whole.len() * 3 / 4]).unwrap();
+    let choice = choice("position_m=position[insertion],force_n=effort[insertion]", &["measured_js"]);
+    let found = read(&cut, &ReadOptions { choice, ..ReadOptions::default() }).unwrap();
+    assert!(found.len() > 8 && found.len() <= 100);
+    assert!(found.quality.warnings.iter().any(|warning| warning.kind == WarningKind::Source), "{:?}", found.quality);
+}
+
+#[test]
+fn inspect_tells_tables_clocks_and_words() {
+    let found = inspect(&path("bags/plain.mcap"), &choice("", &["/psm1/measured_js", "/psm1/measured_cf"])).unwrap();
+    let joints = found.tables.iter().find(|table| table.name == "/psm1/measured_js").unwrap();
+    assert_eq!((joints.rows, joints.kind.as_str()), (100, "sensor_msgs/msg/JointState"));
+    let insertion = joints.columns.iter().find(|column| column.name == "position[insertion]").unwrap();
+    assert!((insertion.lowest.unwrap() - 0.12).abs() < 1e-12 && insertion.not_finite == 0);
+    let words = found.recording.unwrap().columns;
+    let again = read_with("bags/plain.mcap", choice(&words.join(","), &[])).unwrap();
+    let first = read_with("bags/plain.mcap", choice("", &["/psm1/measured_js", "/psm1/measured_cf"])).unwrap();
+    assert_eq!(again.force, first.force, "the words give the same recording: {words:?}");
+    assert_eq!(again.time, first.time);
+
+    let table = inspect(&path("formats/pyarrow_none.parquet"), &Choice::default()).unwrap();
+    let clock = table.tables[0].clock.as_ref().unwrap();
+    assert_eq!((clock.column.as_str(), clock.gaps, clock.not_later), ("time_s", 0, 0));
+    assert!((clock.median_interval - 0.01).abs() < 1e-9);
+    let found = table.recording.unwrap();
+    assert_eq!(found.columns, ["time_s=time_s", "position_mm=position", "force_n=force_n"]);
+    assert_eq!(table.tables[0].columns.iter().find(|c| c.name == "gappy").unwrap().not_finite, 48);
+}
+
+#[test]
+fn inspect_says_why_no_recording_can_be_read() {
+    let found = inspect(&path("bags/plain.mcap"), &choice("", &["/load"])).unwrap();
+    assert!(found.recording.unwrap_err().contains("no topic is clearly the position"));
+    assert!(found.tables.len() > 5, "all topics are shown whatever is chosen");
+}
