@@ -118,7 +118,8 @@ pub(crate) fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingE
     let mut head = Vec::new();
     (&file).take(HEAD as u64).read_to_end(&mut head).map_err(refused)?;
     let Some(kind) = Kind::of(&head) else { return Ok(None) };
-    let source = Source { file: name, format: kind.name() };
+    let format = if head.starts_with(b"MATLAB 7.3") { "MATLAB 7.3" } else { kind.name() };
+    let source = Source { file: name, format };
     kind.open(path, file, length, source).map(Some)
 }
 

@@ -88,7 +88,7 @@ impl Container for Hdf5 {
 
 /// An error of the reader in our words; files of HDF5 2.0 with the newest layout have a way out.
 fn refused(source: &Source, place: impl std::fmt::Display, error: &hdf5_pure::Error) -> RecordingError {
-    let text = error.to_string();
+    let text = error.to_string().replace("HDF5 format error: ", "");
     let newest = ["data layout version: 5", "superblock version: 4", "unsupported"];
     if newest[..2].iter().any(|what| text.contains(what)) {
         let hint = "write it with libver='v110' (h5py), or run h5repack --high=V110 OLD.h5 NEW.h5";
