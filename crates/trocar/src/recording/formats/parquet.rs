@@ -6,7 +6,7 @@
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use arrow_schema::{DataType, Schema};
 use base64::Engine;
@@ -26,9 +26,9 @@ use super::{Source, read_at, read_exact_at};
 use crate::recording::RecordingError;
 use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table};
 
-/// Numbers decoded ahead of what is handed on, over all columns: 64 MB. Several row groups at once keep all cores busy
+/// Numbers decoded ahead of what is handed on, over all columns: 32 MB. Several row groups at once keep all cores busy
 /// where there are fewer columns than cores, or one more.
-const AHEAD: usize = 1 << 23;
+const AHEAD: usize = 1 << 22;
 
 const WRITE_AGAIN: &str = "write it again with snappy, gzip, zstd or no compression";
 
@@ -176,6 +176,7 @@ impl Container for Parquet {
             next_group: 0,
             unfinished: None,
             ready: VecDeque::new(),
+            spare: Mutex::default(),
             failed: None,
             rows: 0,
         }))
@@ -274,41 +275,38 @@ fn cursor(input: &Arc<Input>, metadata: &ParquetMetaData, group: usize, column: 
 }
 
 impl Cursor {
-    /// The next `rows` rows, all of which must be there.
-    fn read(&mut self, rows: usize, scale: Scale) -> Decoded<Vec<f64>> {
+    /// Puts the next `rows` rows, all of which must be there, in place of what `numbers` hold.
+    fn read(&mut self, rows: usize, scale: Scale, numbers: &mut Vec<f64>) -> Decoded<()> {
         let (present, levels) = (self.present, &mut self.levels);
-        let mut numbers = match &mut self.reader {
-            ColumnReader::DoubleColumnReader(reader) => fill(reader, rows, present, levels, Ok)?,
-            ColumnReader::FloatColumnReader(reader) => fill(reader, rows, present, levels, each(f64::from))?,
+        numbers.clear();
+        match &mut self.reader {
+            ColumnReader::DoubleColumnReader(reader) => fill(reader, rows, present, levels, numbers)?,
+            ColumnReader::FloatColumnReader(reader) => convert(reader, rows, present, levels, numbers, f64::from)?,
             ColumnReader::BoolColumnReader(reader) => {
-                fill(reader, rows, present, levels, each(|value| f64::from(u8::from(value))))?
+                convert(reader, rows, present, levels, numbers, |value| f64::from(u8::from(value)))?;
             }
             ColumnReader::Int32ColumnReader(reader) if scale == Scale::Unsigned => {
-                fill(reader, rows, present, levels, each(|value| f64::from(value as u32)))?
+                convert(reader, rows, present, levels, numbers, |value| f64::from(value as u32))?;
             }
             ColumnReader::Int32ColumnReader(reader) => {
-                fill(reader, rows, present, levels, each(|value| scale.number(i64::from(value))))?
+                convert(reader, rows, present, levels, numbers, |value| scale.number(i64::from(value)))?;
             }
             ColumnReader::Int64ColumnReader(reader) => {
-                fill(reader, rows, present, levels, each(|value| scale.number(value)))?
+                convert(reader, rows, present, levels, numbers, |value| scale.number(value))?;
             }
-            ColumnReader::Int96ColumnReader(reader) => fill(
-                reader,
-                rows,
-                present,
-                levels,
-                each(|value: parquet::data_type::Int96| scale.number(value.to_nanos())),
-            )?,
+            ColumnReader::Int96ColumnReader(reader) => {
+                convert(reader, rows, present, levels, numbers, |value| scale.number(value.to_nanos()))?;
+            }
             _ => return Err(ParquetError::General("bytes where numbers should be".into())),
-        };
+        }
         if numbers.len() < rows && present > 0 {
-            spread(&mut numbers, &self.levels, present);
+            spread(numbers, &self.levels, present);
         }
         if numbers.len() != rows {
             return Err(ParquetError::General(format!("{} of {rows} rows", numbers.len())));
         }
         self.left -= rows;
-        Ok(numbers)
+        Ok(())
     }
 
     /// The first whole number that is not null.
@@ -316,16 +314,22 @@ impl Cursor {
         while self.left > 0 {
             let rows = self.left.min(BATCH_ROWS);
             let (present, levels) = (self.present, &mut self.levels);
-            let found = match &mut self.reader {
-                ColumnReader::Int64ColumnReader(reader) => fill(reader, rows, present, levels, Ok)?.first().copied(),
+            let mut found = Vec::new();
+            match &mut self.reader {
+                ColumnReader::Int64ColumnReader(reader) => fill(reader, rows, present, levels, &mut found)?,
                 ColumnReader::Int32ColumnReader(reader) => {
-                    fill(reader, rows, present, levels, Ok)?.first().map(|&value| i64::from(value))
+                    let mut values = Vec::new();
+                    fill(reader, rows, present, levels, &mut values)?;
+                    found.extend(values.first().map(|&value| i64::from(value)));
                 }
                 ColumnReader::Int96ColumnReader(reader) => {
-                    fill(reader, rows, present, levels, Ok)?.first().map(parquet::data_type::Int96::to_nanos)
+                    let mut values = Vec::new();
+                    fill(reader, rows, present, levels, &mut values)?;
+                    found.extend(values.first().map(parquet::data_type::Int96::to_nanos));
                 }
-                _ => None,
-            };
+                _ => {}
+            }
+            let found = found.first().copied();
             if found.is_some() {
                 return Ok(found);
             }
@@ -335,31 +339,41 @@ impl Cursor {
     }
 }
 
-/// Turns a column of one type into numbers, one by one.
-fn each<T>(number: impl Fn(T) -> f64) -> impl FnOnce(Vec<T>) -> Decoded<Vec<f64>> {
-    |values| Ok(values.into_iter().map(number).collect())
-}
-
-/// Decodes `rows` rows; the values that are null are left out of the result and are those below `present` in `levels`.
-fn fill<T: parquet::data_type::DataType, U>(
+/// Decodes `rows` rows of another type into numbers.
+fn convert<T: parquet::data_type::DataType>(
     reader: &mut ColumnReaderImpl<T>,
     rows: usize,
     present: i16,
     levels: &mut Vec<i16>,
-    convert: impl FnOnce(Vec<T::T>) -> Decoded<U>,
-) -> Decoded<U> {
+    numbers: &mut Vec<f64>,
+    number: impl Fn(T::T) -> f64,
+) -> Decoded<()> {
     let mut values = Vec::with_capacity(rows);
+    fill(reader, rows, present, levels, &mut values)?;
+    numbers.extend(values.into_iter().map(number));
+    Ok(())
+}
+
+/// Decodes `rows` rows; values that are null are left out and are those below `present` in `levels`.
+fn fill<T: parquet::data_type::DataType>(
+    reader: &mut ColumnReaderImpl<T>,
+    rows: usize,
+    present: i16,
+    levels: &mut Vec<i16>,
+    values: &mut Vec<T::T>,
+) -> Decoded<()> {
+    values.reserve_exact(rows);
     levels.clear();
     let mut done = 0;
     while done < rows {
         let definition = (present > 0).then_some(&mut *levels);
-        let (records, _, _) = reader.read_records(rows - done, definition, None, &mut values)?;
+        let (records, _, _) = reader.read_records(rows - done, definition, None, values)?;
         if records == 0 {
             return Err(ParquetError::General(format!("{done} of {rows} rows")));
         }
         done += records;
     }
-    convert(values)
+    Ok(())
 }
 
 /// Moves values to their rows, from the last on, and puts NaN between them.
@@ -392,6 +406,8 @@ struct Groups {
     unfinished: Option<Group>,
     /// Decoded batches: one vector for each column.
     ready: VecDeque<Vec<Vec<f64>>>,
+    /// Memory of batches that were handed on and came back: fresh memory costs more than decoding into it.
+    spare: Mutex<Vec<Vec<f64>>>,
     /// What ends the rows, once `ready` is handed on.
     failed: Option<RecordingError>,
     /// Rows decoded so far.
@@ -406,7 +422,9 @@ impl Groups {
         let scales: Vec<Scale> = self.columns.iter().map(|&(_, scale)| scale).collect();
         let tasks: Vec<(&mut Cursor, Scale)> =
             groups.iter_mut().flat_map(|(_, cursors)| cursors.iter_mut().zip(scales.iter().copied())).collect();
-        let pieces: Vec<Pieces> = tasks.into_par_iter().map(|(cursor, scale)| pieces(cursor, scale, ahead)).collect();
+        let spare = &self.spare;
+        let decode = |(cursor, scale)| pieces(cursor, scale, ahead, spare);
+        let pieces: Vec<Pieces> = tasks.into_par_iter().map(decode).collect();
         let mut pieces = pieces.into_iter();
         for (group, cursors) in groups {
             let columns: Vec<Pieces> = pieces.by_ref().take(cursors.len()).collect();
@@ -486,29 +504,31 @@ impl Batches for Groups {
             self.decode()?;
         }
         for (column, batch) in columns.iter_mut().zip(self.ready.pop_front().unwrap_or_default()) {
-            *column = batch;
+            let handed_back = std::mem::replace(column, batch);
+            if handed_back.capacity() > 0 {
+                self.spare.get_mut().unwrap_or_else(PoisonError::into_inner).push(handed_back);
+            }
         }
         Ok(true)
     }
 }
 
-/// Decodes up to `ahead` rows in batches, and what ended them early.
-fn pieces(cursor: &mut Cursor, scale: Scale, ahead: usize) -> Pieces {
+/// Decodes up to `ahead` rows in batches, and what ended them early. Memory is taken from `spare` first.
+fn pieces(cursor: &mut Cursor, scale: Scale, ahead: usize, spare: &Mutex<Vec<Vec<f64>>>) -> Pieces {
     let mut batches = Vec::new();
     let mut rows = 0;
     while cursor.left > 0 && rows < ahead {
         let batch = cursor.left.min(BATCH_ROWS);
+        let mut numbers = spare.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         // The decoders meant for sound files may panic on others.
-        let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| cursor.read(batch, scale)));
-        match read
-            .unwrap_or_else(|_| Err(ParquetError::General("a page that its decoder could not make sense of".into())))
-        {
-            Ok(numbers) => batches.push(numbers),
-            Err(error) => {
-                cursor.left = 0;
-                return (batches, Some(error));
-            }
+        let read = || cursor.read(batch, scale, &mut numbers);
+        let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
+        let panicked = |_| Err(ParquetError::General("a page that its decoder could not make sense of".into()));
+        if let Err(error) = read.unwrap_or_else(panicked) {
+            cursor.left = 0;
+            return (batches, Some(error));
         }
+        batches.push(numbers);
         rows += batch;
     }
     (batches, None)
