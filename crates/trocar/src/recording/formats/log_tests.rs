@@ -160,7 +160,7 @@ fn text_is_listed_and_refused() {
     let text = state.columns.iter().position(|column| column.name == "data").unwrap();
     assert!(!state.columns[text].is_numeric);
     let error = log.open(place, &[text]).err().expect("text is no number").to_string();
-    assert!(error.contains("column 'data of /state' of this ROS 2 bag (SQLite) file holds no numbers"), "{error}");
+    assert!(error.contains("column 'data of /state' of this ROS 2 bag (folder) file holds no numbers"), "{error}");
 }
 
 #[test]

@@ -434,7 +434,7 @@ impl Walker {
     fn chunk(&mut self, body: &[u8], at: u64, length: u64) -> Option<()> {
         self.index.pieces.extend(self.run.take());
         let mut records = Vec::new();
-        unpack(body, &mut records)?;
+        unpack(body, LARGEST, &mut records)?;
         let (start, end, unpacked) = (u64::MAX, 0, records.len() as u64);
         let mut piece = Piece { at, length, unpacked, start, end, channels: Some(Vec::new()), is_chunk: true };
         let mut rest = &records[..];
@@ -506,10 +506,10 @@ fn find_first(path: &Path, index: &mut Index) {
     }
 }
 
-/// The records in the body of a chunk; `None` when they cannot be unpacked or their checksum differs.
-fn unpack(body: &[u8], records: &mut Vec<u8>) -> Option<()> {
+/// The records in the body of a chunk, of at most `most` bytes; `None` when they cannot be unpacked or their checksum differs.
+fn unpack(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
     let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, body) else { return None };
-    let size = usize::try_from(header.uncompressed_size).ok().filter(|&size| size as u64 <= LARGEST)?;
+    let size = usize::try_from(header.uncompressed_size).ok().filter(|&size| size as u64 <= most)?;
     records.clear();
     match &*header.compression {
         "" => records.extend_from_slice(&data),
@@ -518,7 +518,7 @@ fn unpack(body: &[u8], records: &mut Vec<u8>) -> Option<()> {
             zstd::bulk::Decompressor::new().ok()?.decompress_to_buffer(&data, records).ok()?;
         }
         "lz4" => {
-            let mut input = lz4_flex::frame::FrameDecoder::new(&data[..]).take(LARGEST);
+            let mut input = lz4_flex::frame::FrameDecoder::new(&data[..]).take(most);
             input.read_to_end(records).ok()?;
         }
         _ => return None,
@@ -547,7 +547,7 @@ impl Buffers {
             return Ok(Some(&self.packed));
         }
         let Some((op::CHUNK, body, [])) = split_record(&self.packed) else { return Ok(None) };
-        Ok(unpack(body, &mut self.unpacked).map(|()| &self.unpacked[..]))
+        Ok(unpack(body, piece.unpacked.min(LARGEST), &mut self.unpacked).map(|()| &self.unpacked[..]))
     }
 }
 
