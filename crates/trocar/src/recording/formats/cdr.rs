@@ -216,7 +216,10 @@ fn visit_field(
                 path.push(Step::Element(k));
                 let result = match kind {
                     Kind::Struct(inner) => visit(inner, cursor, path, visitor),
-                    _ => Some(visitor.leaf(path, field, parent)),
+                    _ => {
+                        visitor.leaf(path, field, parent);
+                        Some(())
+                    }
                 };
                 path.pop();
                 result?;
