@@ -645,8 +645,8 @@ mod tests {
             let intervals = [1e-3; 100];
             let log = Log::new(16, &[("/a", line(0.0, &intervals, 0.0)), ("/b", line(0.0, &intervals, lag))]);
             let (columns, _) = joined(&log);
-            for row in 0..columns[0].len() {
-                prop_assert!((columns[1][row] - columns[2][row] - 2.0 * lag).abs() < EXACT);
+            for (one, other) in columns[1].iter().zip(&columns[2]) {
+                prop_assert!((one - other - 2.0 * lag).abs() < EXACT);
             }
         }
     }

@@ -68,6 +68,11 @@ fn read_places(log: &dyn Container, table: usize, columns: &[usize]) -> Result<C
     Ok((all, batches.warnings()))
 }
 
+/// Columns as rows, counted.
+fn rows(columns: &[Vec<f64>]) -> impl Iterator<Item = (usize, Vec<f64>)> + '_ {
+    (0..columns[0].len()).map(|row| (row, columns.iter().map(|column| column[row]).collect()))
+}
+
 fn position(ns: i64) -> f64 {
     0.12 + 0.05 * (PI * (ns as f64 * 1e-9)).sin()
 }
@@ -94,16 +99,16 @@ fn joints_are_what_python_wrote() {
             [HEADER_STAMP, LOG_TIME, "position[insertion]", "effort[insertion]", "position[yaw]", "position[outer]"];
         let (columns, warnings) = read(&*log, "/psm1/measured_js", &names);
         assert_eq!(warnings, [""; 0], "{name}");
-        let rows = columns[0].len();
-        assert!(if has_all { rows == SAMPLES } else { rows > 30 }, "{name}: {rows} rows");
-        for k in 0..rows {
+        let found = columns[0].len();
+        assert!(if has_all { found == SAMPLES } else { found > 30 }, "{name}: {found} rows");
+        for (k, row) in rows(&columns) {
             let t = k as i64 * 2_000_000;
-            assert_near(columns[0][k], since_first(t), name);
-            assert_near(columns[1][k], since_first(t + latency(k)), name);
-            assert_near(columns[2][k], position(t), name);
-            assert_near(columns[3][k], 1.0 + 10.0 * position(t), name);
-            assert_near(columns[4][k], k as f64, name);
-            assert_near(columns[5][k], -(k as f64), name);
+            assert_near(row[0], since_first(t), name);
+            assert_near(row[1], since_first(t + latency(k)), name);
+            assert_near(row[2], position(t), name);
+            assert_near(row[3], 1.0 + 10.0 * position(t), name);
+            assert_near(row[4], k as f64, name);
+            assert_near(row[5], -(k as f64), name);
         }
     }
 }
@@ -124,10 +129,10 @@ fn forces_keep_their_gap_and_arrays_their_places() {
         let (levels, _) = read(&*log, "/levels", &["data[0]", "data[1]"]);
         assert!((0..SAMPLES / 10).all(|k| levels[0][k] == k as f64 && levels[1][k] == k as f64 + 0.5), "{name}");
         let (load, _) = read(&*log, "/load", &[LOG_TIME, "data"]);
-        for k in 0..load[0].len() {
+        for (k, row) in rows(&load) {
             let log_time = k as i64 * 10_000_000 + latency(k);
-            assert_near(load[0][k], since_first(log_time), name);
-            assert_near(load[1][k], 20.0 * position(log_time) - 2.0, name);
+            assert_near(row[0], since_first(log_time), name);
+            assert_near(row[1], 20.0 * position(log_time) - 2.0, name);
         }
     }
 }
@@ -212,14 +217,14 @@ fn topics_of_a_log_are_joined_on_the_stamps_of_the_position() {
             joined(&*log, [("/psm1/measured_js", "position[insertion]"), ("/psm1/measured_cf", "wrench.force.z")]);
         assert_eq!(joined.clock, HEADER_STAMP);
         assert_eq!((joined.warnings.len(), columns[0].len()), (0, SAMPLES), "{name}: {:?}", joined.warnings);
-        for k in 0..SAMPLES {
+        for (k, row) in rows(&columns) {
             let t = k as i64 * 2_000_000;
-            assert_near(columns[0][k], since_first(t), name);
-            assert_near(columns[1][k], position(t), name);
+            assert_near(row[0], since_first(t), name);
+            assert_near(row[1], position(t), name);
             // Samples stand at 1 ms + 5 ms k, of which 20 to 27 are missing.
             let is_known = (1_000_000..=96_000_000).contains(&t) || (141_000_000..=196_000_000).contains(&t);
-            assert_eq!(columns[2][k].is_finite(), is_known, "{name}: {t} ns");
-            assert!(!is_known || (columns[2][k] - (20.0 * position(t) - 2.0)).abs() < BENT, "{name}: {t} ns");
+            assert_eq!(row[2].is_finite(), is_known, "{name}: {t} ns");
+            assert!(!is_known || (row[2] - (20.0 * position(t) - 2.0)).abs() < BENT, "{name}: {t} ns");
         }
         let notes = joined.batches.notes();
         assert!(notes[1].contains("at 2 rows before") && notes[1].contains("at 22 rows in gaps"), "{name}: {notes:?}");
@@ -260,11 +265,11 @@ fn joined(log: &dyn Container, wanted: [(&str, &str); 2]) -> (Vec<Vec<f64>>, Joi
 fn json_is_read_and_other_encodings_are_named() {
     let log = open(&fixture("json.mcap")).unwrap();
     let (columns, _) = read(&*log, "/rig", &["stamp_s", "position", "force.z", "ok"]);
-    for k in 0..SAMPLES {
+    for (k, row) in rows(&columns) {
         let t = k as i64 * 2_000_000;
-        assert_near(columns[0][k], t as f64 / 1e9, "stamp");
-        assert_near(columns[1][k], position(t), "position");
-        assert_eq!((columns[2][k], columns[3][k]), (k as f64, 1.0));
+        assert_near(row[0], t as f64 / 1e9, "stamp");
+        assert_near(row[1], position(t), "position");
+        assert_eq!((row[2], row[3]), (k as f64, 1.0));
     }
     assert_eq!(log.warnings().len(), 1);
     assert!(log.warnings()[0].contains("topic /other: its messages are written in protobuf"), "{:?}", log.warnings());
