@@ -1,7 +1,9 @@
 //! Cost of many seals under one motion, per seal and sample (`docs/sweep.md`):
 //! `cargo run --release -p trocar --example many_speed [REPETITIONS]`.
 //!
-//! All numbers are medians of repetitions within one run, in which the kinds take turns.
+//! All numbers are medians of repetitions within one run, in which the kinds take turns. Time is that which the process had a
+//! processor, where the system tells (Linux): a machine that does other things as well then disturbs little. Two threads are
+//! compared by the clock on the wall, which needs two idle cores, and by processor time, which does not.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -54,11 +56,26 @@ fn motion(samples: usize) -> Vec<(f64, f64)> {
     (1..=samples).map(|k| (position(k) - position(k - 1), PERIOD)).collect()
 }
 
-/// Nanoseconds that `work` takes, each of `count` things.
-fn nanoseconds(count: usize, work: impl FnOnce()) -> f64 {
-    let start = Instant::now();
+/// Time that all threads of this process had a processor, ns; to a few milliseconds.
+fn processor_time() -> Option<f64> {
+    let time = |thread: std::fs::DirEntry| {
+        let text = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
+        text.split(' ').next()?.parse::<f64>().ok()
+    };
+    std::fs::read_dir("/proc/self/task").ok()?.map(|thread| time(thread.ok()?)).sum()
+}
+
+/// Nanoseconds that `work` takes, each of `count` things: of processors, and on the wall.
+fn both_times(count: usize, work: impl FnOnce()) -> [f64; 2] {
+    let (start, before) = (Instant::now(), processor_time());
     work();
-    start.elapsed().as_secs_f64() * 1e9 / count as f64
+    let wall = start.elapsed().as_secs_f64() * 1e9;
+    let processor = processor_time().zip(before).map_or(wall, |(after, before)| after - before);
+    [processor, wall].map(|time| time / count as f64)
+}
+
+fn nanoseconds(count: usize, work: impl FnOnce()) -> f64 {
+    both_times(count, work)[0]
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -148,18 +165,22 @@ fn copies(repetitions: usize) -> [f64; 2] {
     )
 }
 
-/// Time on one thread over that on two, 4096 seals.
-fn scaling(repetitions: usize) -> Result<f64, Box<dyn std::error::Error>> {
+/// Time on one thread over that on two, 4096 seals: of processors (1 if the second costs nothing more), and on the wall.
+fn scaling(repetitions: usize) -> Result<[f64; 2], Box<dyn std::error::Error>> {
     let (elements, motion) = (elements(4096, 0.0)?, motion(8192));
     let states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
     let measured = vec![0.5; motion.len()];
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let (one, two) = (pool(1)?, pool(2)?);
-    let time = |pool: &rayon::ThreadPool| {
-        nanoseconds(1, || drop(black_box(pool.install(|| many::squares(&elements, &states, &motion, &measured)))))
-    };
-    let [alone, together] = medians(repetitions, [&mut || time(&one), &mut || time(&two)]);
-    Ok(alone / together)
+    let pools = [pool(1)?, pool(2)?];
+    let mut times = [const { [const { Vec::new() }; 2] }; 2];
+    for _ in 0..repetitions {
+        for (pool, times) in pools.iter().zip(&mut times) {
+            let work = || drop(black_box(pool.install(|| many::squares(&elements, &states, &motion, &measured))));
+            times.iter_mut().zip(both_times(1, work)).for_each(|(times, time)| times.push(time));
+        }
+    }
+    let [[one_cpu, one_wall], [two_cpu, two_wall]] = times.map(|times| times.map(|mut times| median(&mut times)));
+    Ok([one_cpu / two_cpu, one_wall / two_wall])
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -172,6 +193,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [far, near] = copies(repetitions);
     println!("copy of the state of a seal (4 numbers), ns: {far:.2} beyond the caches, {near:.2} within");
     println!("sums of squares of 1024 seals over the copy beyond the caches: {:.2}", squares / far);
-    println!("two threads over one, 4096 seals: {:.2}", scaling(repetitions)?);
+    let [processor, wall] = scaling(repetitions)?;
+    println!("one thread over two, 4096 seals: {wall:.2} on the wall, {processor:.2} of processor time");
     Ok(())
 }
