@@ -97,14 +97,21 @@ fn along(elements: &[Element], motion: &[(f64, f64)], wide: bool, observer: &mut
     let mut states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
     let mut places = vec![Lanes::EMPTY; blocks(elements.len())];
     let mut batch = Batch::new(elements, &mut states, &mut places).expect("numbers match");
-    nanoseconds(elements.len() * motion.len(), || match wide {
+    repeated(elements, motion, || match wide {
         true => many::run(&mut batch, motion, observer),
         false => batch.run(motion.iter().copied(), observer),
     })
 }
 
+/// As often as makes the work of one repetition; ns per seal and sample.
+fn repeated(elements: &[Element], motion: &[(f64, f64)], mut once: impl FnMut()) -> f64 {
+    let work = elements.len() * motion.len();
+    let rounds = WORK.div_ceil(work);
+    nanoseconds(rounds * work, || (0..rounds).for_each(|_| once()))
+}
+
 fn one_by_one(elements: &[Element], motion: &[(f64, f64)]) -> f64 {
-    nanoseconds(elements.len() * motion.len(), || {
+    repeated(elements, motion, || {
         for element in elements {
             let mut state = element.rest_state(0.0);
             for (displacement, duration) in motion {
@@ -154,8 +161,8 @@ fn copies(repetitions: usize) -> [f64; 2] {
                 })
             },
             &mut || {
-                nanoseconds(1024 * 4096, || {
-                    for _ in 0..4096 {
+                nanoseconds(1024 << 17, || {
+                    for _ in 0..1 << 17 {
                         other.copy_from_slice(black_box(&small));
                         black_box(&other);
                     }
