@@ -121,6 +121,8 @@ fn spread(observations: &[Observation]) -> f64 {
 fn least(of: impl Fn(f64) -> f64, most: f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     const SECTIONS: usize = 44;
+    // Of a deviance: no data tell such a component from none.
+    const AS_GOOD: f64 = 1e-6;
     let (mut low, mut high) = (0.0, most);
     let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
     let mut found = inner.map(&of);
@@ -136,7 +138,7 @@ fn least(of: impl Fn(f64) -> f64, most: f64) -> f64 {
         }
     }
     let middle = 0.5 * (low + high);
-    if of(0.0) <= of(middle) { 0.0 } else { middle }
+    if of(0.0) <= of(middle) + AS_GOOD { 0.0 } else { middle }
 }
 
 /// Generalised least squares for given components.

@@ -85,7 +85,8 @@ impl<'a> ByType<'a> {
             Some(by) => record.metadata.get(by).map_or_else(String::new, crate::fleet::Cell::in_words),
             None => "all".to_owned(),
         };
-        let mut names: Vec<String> = fleet.records.iter().map(name).collect();
+        let identified = fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
+        let mut names: Vec<String> = identified.map(name).collect();
         names.sort_unstable();
         names.dedup();
         if names.len() > MOST_TYPES {
@@ -129,7 +130,7 @@ pub(in super::super) fn distributions(types: &ByType) -> Figure {
             let [low, middle, high] = [0.25, 0.5, 0.75].map(|part| quantile(&values, part));
             let at = kind as f64 - 0.27;
             panel = panel
-                .series(Series::points("recording", Role::Category(0), drawn, rows))
+                .series(Series::points("recording", Role::Measured, drawn, rows))
                 .series(Series::line("quartiles and median", Role::Model, vec![low, high], vec![at; 2]))
                 .series(Series::points("quartiles and median", Role::Model, vec![middle], vec![at]));
         }

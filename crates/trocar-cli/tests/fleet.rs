@@ -1,0 +1,163 @@
+//! `trocar fleet` as a process: one table whatever the threads, kills and order of work; faults are rows.
+
+mod common;
+
+use std::collections::HashSet;
+use std::fs;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use common::{Place, names_in};
+use trocar::table::{self, Column, Field, Kind, Table, TableWriter};
+
+/// A folder of recordings by type and use, two of them no recordings.
+fn place() -> Place {
+    let place = Place::new();
+    let rig = "[protocol.validation]\nstroke_m = 0.04\nslowest_m_s = 0.04\nfastest_m_s = 0.1\nincrement_m_s = 0.02\n";
+    fs::write(place.path("rig.toml"), rig).unwrap();
+    for (seed, folder) in (1..).zip(["a", "b"].iter().flat_map(|kind| [0, 20, 40].map(|n| (kind, n)))) {
+        let folder = format!("set/trocar_type={}/insertion_count={}", folder.0, folder.1);
+        fs::create_dir_all(place.path(&folder)).unwrap();
+        place
+            .run(&format!("--quiet bench validation --rig rig.toml --seed {seed} --out {folder}/strokes.csv"))
+            .ends_with(0);
+    }
+    fs::write(place.path("set/words.csv"), "these,are,words\n").unwrap();
+    fs::write(place.path("set/short.csv"), "time_s,position_m,force_n\n0,0,0\n1,1,1\n").unwrap();
+    fs::write(place.path("set/notes.md"), "not a recording\n").unwrap();
+    place
+}
+
+fn texts<'a>(table: &'a Table, name: &str) -> Vec<&'a str> {
+    let Some(Column::Text(cells)) = table.column(name) else { panic!("no text column {name}") };
+    cells.iter().map(|cell| cell.as_deref().unwrap_or("")).collect()
+}
+
+/// Folders called key=value become columns, and what fails is a row with its reason and exit code 3.
+#[test]
+fn failures_are_rows() {
+    let place = place();
+    place.run("fleet set --out t.parquet").ends_with(3).says(&["2 failed", "notes.md", "words.csv"]);
+    let table = table::read(place.path("t.parquet")).unwrap();
+    assert_eq!(table.rows(), 8);
+    assert_eq!(texts(&table, "path")[0], "short.csv", "in the order of names");
+    let status = texts(&table, "status");
+    assert_eq!(status.iter().filter(|status| **status == "failed").count(), 2);
+    let reasons = texts(&table, "reason");
+    assert!(status.iter().zip(&reasons).all(|(status, reason)| (*status == "failed") != reason.is_empty()));
+    let Some(Column::Whole(counts)) = table.column("insertion_count") else { panic!("insertions are whole numbers") };
+    assert_eq!(counts.iter().flatten().copied().collect::<Vec<i64>>(), [0, 20, 40, 0, 20, 40]);
+    let Some(Column::Number(forces)) = table.column("coulomb_force_n") else { panic!("no force") };
+    // The bench's seal has 3 N.
+    assert!(forces.iter().filter(|f| f.is_finite()).all(|f| (f - 3.0).abs() < 0.3), "{forces:?}");
+    let page = fs::read_to_string(place.path("t.html")).unwrap();
+    assert!(page.contains("Drift with") && page.contains("words.csv"));
+    assert_eq!(names_in(place.0.path()), ["rig.toml", "set", "t.html", "t.parquet"], "no journal is left");
+}
+
+/// Killed again and again, the table is that of one run, and no recording is identified twice.
+#[cfg(unix)]
+#[test]
+fn kills_change_nothing() {
+    let place = place();
+    place.run("fleet set --out whole.parquet --threads 1 --quiet").ends_with(3);
+    let mut kills = 0;
+    while !place.path("t.parquet").exists() {
+        let mut child =
+            place.command("fleet set --out t.parquet --threads 2 --quiet").stderr(Stdio::null()).spawn().unwrap();
+        let done = |text: String| text.lines().count();
+        let before = fs::read_to_string(place.path("t.parquet.journal")).map_or(0, done);
+        let begun = Instant::now();
+        // As soon as a recording more is done.
+        while kills < 4
+            && child.try_wait().unwrap().is_none()
+            && fs::read_to_string(place.path("t.parquet.journal")).map_or(0, done) <= before
+            && begun.elapsed() < Duration::from_secs(60)
+        {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        if kills < 4 {
+            // SIGKILL.
+            child.kill().unwrap();
+            kills += 1;
+        }
+        child.wait().unwrap();
+        let Ok(journal) = fs::read_to_string(place.path("t.parquet.journal")) else { continue };
+        let whole = journal.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        let names: Vec<&str> = whole.map(|line| line.split('"').nth(3).unwrap()).collect();
+        assert_eq!(names.iter().collect::<HashSet<_>>().len(), names.len(), "done twice: {names:?}");
+        // A torn line, as a power cut leaves it.
+        let mut torn = journal.clone();
+        torn.push_str("{\"name\":\"torn");
+        fs::write(place.path("t.parquet.journal"), torn).unwrap();
+    }
+    assert!(kills >= 2, "{kills} kills");
+    let same = |ending: &str| {
+        fs::read(place.path(&format!("whole.{ending}"))).unwrap()
+            == fs::read(place.path(&format!("t.{ending}"))).unwrap()
+    };
+    assert!(same("parquet") && same("html"));
+    assert!(!place.path("t.parquet.journal").exists());
+}
+
+/// What is in the journal is taken over while the recording and the configuration are the same.
+#[test]
+fn a_changed_recording_is_done_again() {
+    let place = place();
+    let first = place.run("fleet set --out /dev/full/t.parquet").ends_with(1);
+    first.says(&["cannot create"]);
+    // A folder in the table's place: everything is identified, and the table cannot be written.
+    fs::create_dir(place.path("t.parquet")).unwrap();
+    place.run("fleet set --out t.parquet").ends_with(1);
+    fs::remove_dir(place.path("t.parquet")).unwrap();
+    let path = place.path("set/trocar_type=a/insertion_count=0/strokes.csv");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.lines().take(3000).collect::<Vec<_>>().join("\n")).unwrap();
+    place.run("fleet set --out t.parquet").ends_with(3).says(&["7 taken over"]);
+    fs::create_dir(place.path("u.parquet")).unwrap();
+    place.run("fleet set --out u.parquet").ends_with(1);
+    fs::remove_dir(place.path("u.parquet")).unwrap();
+    place.run("fleet set --out u.parquet --seed 2").ends_with(3).says(&["0 taken over"]);
+}
+
+/// A manifest names files and carries its columns along; rows of one table are recordings by a column.
+#[test]
+fn manifests_and_grouped_rows() {
+    let place = place();
+    let [a, b] = ["a", "b"].map(|kind| format!("set/trocar_type={kind}/insertion_count=20/strokes.csv"));
+    fs::write(place.path("list.csv"), format!("path,lubricant,samples\n{a},none,3\n{b},\"gel, thin\",\n")).unwrap();
+    place.run("fleet list.csv --out m.parquet").ends_with(0);
+    let manifest = table::read(place.path("m.parquet")).unwrap();
+    assert_eq!(texts(&manifest, "lubricant"), ["none", "gel, thin"]);
+    assert!(manifest.column("dataset_samples").is_some(), "a name of the table's own is not overwritten");
+    grouped(&place, &[&a, &b]);
+    place.run("fleet rows.parquet --out g.parquet").ends_with(0);
+    let grouped = table::read(place.path("g.parquet")).unwrap();
+    assert_eq!(texts(&grouped, "path"), ["rows.parquet#r0", "rows.parquet#r1"]);
+    assert_eq!(texts(&grouped, "lubricant"), ["oil 0", "oil 1"]);
+    let [Some(one), Some(other)] = [&manifest, &grouped].map(|table| table.column("coulomb_force_n")) else { panic!() };
+    assert_eq!(one, other, "the same readings give the same numbers");
+    fs::write(place.path("list.csv"), format!("path\n{a}\n{a}\n")).unwrap();
+    place.run("fleet list.csv --out m.parquet").ends_with(1).says(&["row 2", "stands in row 1 already"]);
+    place.run(&format!("fleet {a} --out m.parquet")).ends_with(1).says(&["no manifest", "trocar identify"]);
+    fs::create_dir(place.path("empty")).unwrap();
+    place.run("fleet empty --out m.parquet").ends_with(1).says(&["no recordings"]);
+}
+
+/// The recordings as rows of one Parquet file.
+fn grouped(place: &Place, paths: &[&String]) {
+    let names = [("recording", Kind::Text), ("lubricant", Kind::Text), ("time_s", Kind::Number)];
+    let numbers = ["position_m", "velocity_m_s", "force_n"].map(|name| (name, Kind::Number));
+    let fields: Vec<Field> = names.into_iter().chain(numbers).map(|(name, kind)| Field::new(name, kind)).collect();
+    let mut writer = TableWriter::create(place.path("rows.parquet"), &fields).unwrap();
+    for (k, path) in paths.iter().enumerate() {
+        let text = fs::read_to_string(place.path(path)).unwrap();
+        let rows: Vec<Vec<f64>> =
+            text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+        let text = |text: String| Column::Text(vec![Some(text.into()); rows.len()]);
+        let mut columns = vec![text(format!("r{k}")), text(format!("oil {k}"))];
+        columns.extend((0..4).map(|at| Column::Number(rows.iter().map(|row| row[at]).collect())));
+        writer.write(&columns).unwrap();
+    }
+    writer.commit().unwrap();
+}
