@@ -236,6 +236,7 @@ class FleetConfig:
         columns: str | None,
         flip_force: bool,
         sensor_limit_n: float | None,
+        most_samples: int | None,
         memory_limit_bytes: int | None,
     ) -> FleetConfig: ...
     def hash_text(self) -> str: ...

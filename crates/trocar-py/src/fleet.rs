@@ -26,7 +26,7 @@ pub(crate) struct FleetConfig(Config);
 impl FleetConfig {
     #[new]
     #[pyo3(signature = (*, depth, bootstrap, seed, moving_mass_kg, gravity_m_s2, columns, flip_force, sensor_limit_n,
-        memory_limit_bytes))]
+        most_samples, memory_limit_bytes))]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn new(
         depth: &str,
@@ -37,6 +37,7 @@ impl FleetConfig {
         columns: Option<String>,
         flip_force: bool,
         sensor_limit_n: Option<f64>,
+        most_samples: Option<usize>,
         memory_limit_bytes: Option<u64>,
     ) -> PyResult<Self> {
         let all = [Depth::Quick, Depth::Full];
@@ -48,8 +49,8 @@ impl FleetConfig {
         let reading = ReadOptions {
             choice: Choice { columns, flip_force, ..Choice::default() },
             sensor_limit: sensor_limit_n,
+            most_samples,
             memory_limit: memory_limit_bytes,
-            ..ReadOptions::default()
         };
         let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
         Ok(Self(Config { reading, depth, seed, bootstrap, moving_mass }))
