@@ -57,7 +57,7 @@ def simulation(samples, repetitions):
 
 def fitting(repetitions):
     print(f"\n## Fitting: {peers_fit.SAMPLES} samples at 1 kHz, noise of {peers_fit.NOISE_N} N\n")
-    print(f"Processor time of one core, median of {repetitions} turns. Errors of parameters in parts of the truth.")
+    print(f"Processor time of one core, median of {repetitions} turns, of trocar a single one. Errors of parameters in parts of the truth.")
     for title, programs, judge in peers_fit.cases():
         found = median_of_turns(programs, repetitions)
         ours = found["trocar"][0]

@@ -49,6 +49,8 @@ class Config:
     columns: Optional[str] = None
     flip_force: bool = False
     sensor_limit_n: Optional[float] = None
+    #: Of a longer recording excerpts are taken, spread over the whole.
+    most_samples: Optional[int] = 4_000_000
     #: Most memory that one identification may take.
     memory_limit_bytes: Optional[int] = None
 
