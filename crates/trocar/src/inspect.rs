@@ -137,7 +137,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
         tables,
         recording: read
             .map_err(|error| error.to_string())
-            .and_then(|recording| Ok(Found::of(&recording, recording::columns_of(path, choice).unwrap_or_default()))),
+            .map(|recording| Found::of(&recording, recording::columns_of(path, choice).unwrap_or_default())),
     })
 }
 

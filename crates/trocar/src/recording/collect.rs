@@ -115,7 +115,7 @@ impl Collector {
     /// Counts a row; whether it is to be kept.
     fn is_in_an_excerpt(&mut self) -> bool {
         let number = self.excerpts.seen / EXCERPT as u64;
-        let begins = self.excerpts.seen % EXCERPT as u64 == 0;
+        let begins = self.excerpts.seen.is_multiple_of(EXCERPT as u64);
         self.excerpts.seen += 1;
         if begins && self.len() + EXCERPT > self.excerpts.most && self.excerpts.keeps(number) {
             self.thin();

@@ -241,21 +241,35 @@ impl TableRows {
     }
 }
 
-/// Hashes a file on a thread of its own, while it is read.
+/// Hashes a file on a thread of its own, while it is read; of a folder all files in it, by their names.
 fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
     let path: PathBuf = path.to_owned();
     std::thread::spawn(move || {
-        let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
-        let mut file = File::open(&path).map_err(failed)?;
         let mut hash = Sha256::new();
-        let mut bytes = vec![0; HASHED];
+        let all = hash_files(&path, &mut hash);
+        all.map_err(|source| RecordingError::Open { file: path.display().to_string(), source })?;
+        Ok(hex(&hash.finalize()))
+    })
+}
+
+fn hash_files(path: &Path, hash: &mut Sha256) -> std::io::Result<()> {
+    let mut files = vec![path.to_owned()];
+    if path.is_dir() {
+        files = std::fs::read_dir(path)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+        files.retain(|file| file.is_file());
+        files.sort();
+    }
+    let mut bytes = vec![0; HASHED];
+    for file in files {
+        let mut file = File::open(file)?;
         loop {
-            match file.read(&mut bytes).map_err(failed)? {
-                0 => return Ok(hex(&hash.finalize())),
+            match file.read(&mut bytes)? {
+                0 => break,
                 read => hash.update(&bytes[..read]),
             }
         }
-    })
+    }
+    Ok(())
 }
 
 /// Which rows to keep, by their time behind the first.
