@@ -21,7 +21,7 @@ def case(seed, sizes, between, within, means):
         rows += [(kind, specimen, level + within * random.standard_normal()) for _ in range(size)]
     frame = pd.DataFrame(rows, columns=["kind", "specimen", "value"])
     design = np.array([[1.0 if kind == k else 0.0 for k in range(len(means))] for kind in frame.kind])
-    fitted = sm.MixedLM(frame.value, design, groups=frame.specimen).fit(reml=True, method=["lbfgs", "powell"], gtol=1e-12)
+    fitted = sm.MixedLM(frame.value, design, groups=frame.specimen).fit(reml=True, method=["powell", "lbfgs"])
     return {
         "observations": [[int(k), int(s), float(v)] for k, s, v in rows],
         "between": float(np.sqrt(fitted.cov_re.iloc[0, 0])),
@@ -34,6 +34,6 @@ def case(seed, sizes, between, within, means):
 cases = [
     case(1, [6] * 12, 0.3, 0.1, [3.0, 2.0]),
     case(2, [3, 9, 4, 7, 5, 8, 6, 2], 0.5, 0.5, [1.0]),
-    case(3, [4, 12, 5, 3, 6, 9, 4, 7, 8, 10, 3, 5], 0.6, 0.4, [3.0, 2.0, 5.0]),
+    case(5, [4, 12, 5, 3, 6, 9, 4, 7, 8, 10, 3, 5], 0.8, 0.3, [3.0, 2.0, 5.0]),
 ]
 print(json.dumps(cases))

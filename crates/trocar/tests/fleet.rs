@@ -74,8 +74,9 @@ fn intervals_hold_the_truth_in_simulated_fleets() {
         }
         let part = held / FLEETS as f64;
         println!("τ = {between}, σ = {within}: {part} held, τ² = {}, σ² = {}", squares[0], squares[1]);
-        // 95 % of 800 means: standard deviation 0.8 %; held too often where nothing varies between specimens.
-        assert!((0.92..0.985).contains(&part), "{part}");
+        // 95 % of 800 means: standard deviation 0.8 %. Where little varies between specimens, Student's t by their number
+        // is too wide: 98.6 % held without any.
+        assert!((0.93..0.995).contains(&part), "{part}");
         // An estimate held at zero or above is too large in the mean where the truth is zero.
         assert!((squares[0] - between * between).abs() < 0.08 * between * between + 0.003, "{squares:?}");
         assert!((squares[1] - within * within).abs() < 0.1 * within * within, "{squares:?}");
