@@ -37,7 +37,12 @@ fn texts<'a>(table: &'a Table, name: &str) -> Vec<&'a str> {
 #[test]
 fn failures_are_rows() {
     let place = place();
-    place.run("fleet set --out t.parquet").ends_with(3).says(&["2 failed", "notes.md", "short.csv", "1 more failed likewise"]);
+    place.run("fleet set --out t.parquet").ends_with(3).says(&[
+        "2 failed",
+        "notes.md",
+        "short.csv",
+        "1 more failed likewise",
+    ]);
     let table = table::read(place.path("t.parquet")).unwrap();
     assert_eq!(table.rows(), 8);
     assert_eq!(texts(&table, "path")[0], "short.csv", "in the order of names");
