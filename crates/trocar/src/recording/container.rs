@@ -67,6 +67,14 @@ pub(crate) trait Container {
     /// # Errors
     /// [`RecordingError`] when the file cannot be read any more, or a column is not numeric.
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError>;
+
+    /// The same columns whole, for a format that can read them without batches; `None` leaves it to [`Container::open`].
+    ///
+    /// # Errors
+    /// As for [`Container::open`] and [`Batches::next`].
+    fn read_whole(&self, _table: usize, _columns: &[usize]) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
+        Ok(None)
+    }
 }
 
 /// Rows of some columns, many at a time.

@@ -26,6 +26,9 @@ pub fn read_columns(path: impl AsRef<Path>, table: &str, columns: &[&str]) -> Re
     let path = path.as_ref();
     let container = container::any(path)?;
     let (table, places) = find(path, container.as_ref(), table, columns)?;
+    if let Some(all) = container.read_whole(table, &places)? {
+        return Ok(all);
+    }
     let rows = container.tables()[table].rows.unwrap_or(0);
     let mut batches = container.open(table, &places)?;
     // What the file says of its rows is not trusted with more than a start.

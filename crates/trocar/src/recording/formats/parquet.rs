@@ -30,6 +30,9 @@ use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table}
 /// where there are fewer columns than cores, or one more.
 const AHEAD: usize = 1 << 22;
 
+/// Rows decoded at a time where a column is read whole.
+const PIECE_ROWS: usize = 1 << 14;
+
 const WRITE_AGAIN: &str = "write it again with snappy, gzip, zstd or no compression";
 
 /// Key of the schema that Arrow's writers add.
@@ -153,6 +156,46 @@ impl Parquet {
     }
 }
 
+/// A part of a column that is read whole: the numbers of one row group.
+struct Part<'a> {
+    group: usize,
+    column: usize,
+    scale: Scale,
+    numbers: &'a mut [f64],
+}
+
+impl Part<'_> {
+    /// Decodes in pieces that stay in the processor's caches.
+    fn read(self, input: &Arc<Input>, metadata: &ParquetMetaData) -> Decoded<()> {
+        let mut cursor = cursor(input, metadata, self.group, self.column)?;
+        let mut piece = Vec::new();
+        for numbers in self.numbers.chunks_mut(PIECE_ROWS) {
+            cursor.read(numbers.len(), self.scale, &mut piece)?;
+            numbers.copy_from_slice(&piece);
+        }
+        Ok(())
+    }
+}
+
+impl Parquet {
+    /// Rows of each row group, where the file is large enough to hold them: 64 to a byte at most.
+    fn group_rows(&self) -> Option<Vec<usize>> {
+        let rows = self.metadata.row_groups().iter().map(|group| usize::try_from(group.num_rows()).ok());
+        let rows: Vec<usize> = rows.collect::<Option<_>>()?;
+        let all = rows.iter().try_fold(0_usize, |all, rows| all.checked_add(*rows))?;
+        (all as u64 <= self.input.length.saturating_mul(64)).then_some(rows)
+    }
+
+    fn scaled(&self, columns: &[usize]) -> Result<Vec<(usize, Scale)>, RecordingError> {
+        let scale = |&column: &usize| {
+            let name = &self.tables[0].columns[column].name;
+            self.check_packing(column)?;
+            Ok((column, self.source.guard(format!("column {name}"), || self.anchored(column))?))
+        };
+        columns.iter().map(scale).collect()
+    }
+}
+
 impl Container for Parquet {
     fn format(&self) -> &'static str {
         self.source.format
@@ -163,16 +206,11 @@ impl Container for Parquet {
     }
 
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let scale = |&column: &usize| {
-            let name = &self.tables[0].columns[column].name;
-            self.check_packing(column)?;
-            Ok((column, self.source.guard(format!("column {name}"), || self.anchored(column))?))
-        };
         Ok(Box::new(Groups {
             source: self.source.clone(),
             input: self.input.clone(),
             metadata: self.metadata.clone(),
-            columns: columns.iter().map(scale).collect::<Result<_, _>>()?,
+            columns: self.scaled(columns)?,
             next_group: 0,
             unfinished: None,
             ready: VecDeque::new(),
@@ -180,6 +218,31 @@ impl Container for Parquet {
             failed: None,
             rows: 0,
         }))
+    }
+
+    fn read_whole(&self, _table: usize, columns: &[usize]) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
+        let Some(groups) = self.group_rows() else { return Ok(None) };
+        let columns = self.scaled(columns)?;
+        let rows = groups.iter().sum();
+        let mut all: Vec<Vec<f64>> = columns.iter().map(|_| vec![0.0; rows]).collect();
+        let mut parts = Vec::new();
+        for (&(column, scale), numbers) in columns.iter().zip(&mut all) {
+            let mut rest = numbers.as_mut_slice();
+            for (group, &rows) in groups.iter().enumerate() {
+                let (numbers, others) = rest.split_at_mut(rows);
+                parts.push(Part { group, column, scale, numbers });
+                rest = others;
+            }
+        }
+        parts.into_par_iter().try_for_each(|part| {
+            let name = &self.tables[0].columns[part.column].name;
+            let place = format!("row group {}, column {name}", part.group);
+            // The decoders meant for sound files may panic on others.
+            self.source.guard(place.clone(), || {
+                part.read(&self.input, &self.metadata).map_err(|error| refused(&self.source, place, error))
+            })
+        })?;
+        Ok(Some(all))
     }
 }
 
