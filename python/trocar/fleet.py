@@ -47,10 +47,13 @@ class Config:
     moving_mass_kg: float = 0.0
     gravity_m_s2: float = 0.0
     columns: Optional[str] = None
+    topics: tuple[str, ...] = ()
+    from_s: Optional[float] = None
+    to_s: Optional[float] = None
     flip_force: bool = False
     sensor_limit_n: Optional[float] = None
     #: Of a longer recording excerpts are taken, spread over the whole.
-    most_samples: Optional[int] = 4_000_000
+    most_samples: Optional[int] = 2_000_000
     #: Most memory that one identification may take.
     memory_limit_bytes: Optional[int] = None
 

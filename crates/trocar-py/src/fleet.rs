@@ -25,8 +25,8 @@ pub(crate) struct FleetConfig(Config);
 #[pymethods]
 impl FleetConfig {
     #[new]
-    #[pyo3(signature = (*, depth, bootstrap, seed, moving_mass_kg, gravity_m_s2, columns, flip_force, sensor_limit_n,
-        most_samples, memory_limit_bytes))]
+    #[pyo3(signature = (*, depth, bootstrap, seed, moving_mass_kg, gravity_m_s2, columns, topics, from_s, to_s, flip_force,
+        sensor_limit_n, most_samples, memory_limit_bytes))]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn new(
         depth: &str,
@@ -35,6 +35,9 @@ impl FleetConfig {
         moving_mass_kg: f64,
         gravity_m_s2: f64,
         columns: Option<String>,
+        topics: Vec<String>,
+        from_s: Option<f64>,
+        to_s: Option<f64>,
         flip_force: bool,
         sensor_limit_n: Option<f64>,
         most_samples: Option<usize>,
@@ -47,7 +50,7 @@ impl FleetConfig {
         })?;
         check_limit(sensor_limit_n)?;
         let reading = ReadOptions {
-            choice: Choice { columns, flip_force, ..Choice::default() },
+            choice: Choice { columns, topics, from: from_s, to: to_s, flip_force },
             sensor_limit: sensor_limit_n,
             most_samples,
             memory_limit: memory_limit_bytes,

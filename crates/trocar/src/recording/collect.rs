@@ -117,11 +117,12 @@ impl Collector {
         let number = self.excerpts.seen / EXCERPT as u64;
         let begins = self.excerpts.seen.is_multiple_of(EXCERPT as u64);
         self.excerpts.seen += 1;
-        if begins && self.len() + EXCERPT > self.excerpts.most && self.excerpts.keeps(number) {
-            self.thin();
-        }
         if begins && self.excerpts.keeps(number) {
             self.excerpts.held.push(number);
+        }
+        // Only the row that is too much thins, however the rows come.
+        if self.excerpts.held.last() == Some(&number) && self.len() == self.excerpts.most {
+            self.thin();
         }
         self.excerpts.held.last() == Some(&number)
     }
@@ -131,7 +132,9 @@ impl Collector {
         self.excerpts.level += 1;
         let all = std::mem::take(&mut self.excerpts.held);
         let kept: Vec<usize> = (0..all.len()).filter(|k| self.excerpts.keeps(all[*k])).collect();
-        let ranges: Vec<Range<usize>> = kept.iter().map(|k| k * EXCERPT..(k + 1) * EXCERPT).collect();
+        let held = self.len();
+        let ranges: Vec<Range<usize>> =
+            kept.iter().map(|k| k * EXCERPT..((k + 1) * EXCERPT).min(held)).filter(|range| !range.is_empty()).collect();
         self.excerpts.held = kept.iter().map(|k| all[*k]).collect();
         self.columns.lines.keep(&ranges);
         let columns = &mut self.columns;
@@ -141,7 +144,7 @@ impl Collector {
             for (k, range) in ranges.iter().enumerate() {
                 column.copy_within(range.clone(), k * EXCERPT);
             }
-            column.truncate(ranges.len() * EXCERPT);
+            column.truncate(ranges.iter().map(Range::len).sum());
         }
     }
 

@@ -183,6 +183,17 @@ impl Topics<'_> {
         }
     }
 
+    /// The column of `table` that is called as the clock is that somebody has named.
+    fn same_clock(&self, clock: &Taken, table: usize) -> Result<usize, RecordingError> {
+        let tables = self.container.tables();
+        let name = &tables[clock.table].columns[clock.column].name;
+        let found = tables[table].columns.iter().position(|column| column.name == *name && column.is_numeric);
+        found.ok_or_else(|| {
+            let problem = format!("a clock that {} does not have: topics are joined on one", tables[table].name);
+            RecordingError::BadColumns { entry: self.name(clock.table, clock.column), problem }
+        })
+    }
+
     /// All that was taken, as rows at the times of the first.
     fn joined(&self, taken: &[Taken], clock: Option<Taken>) -> Result<Chosen, RecordingError> {
         let mut picks: Vec<Pick> = Vec::new();
@@ -190,7 +201,7 @@ impl Topics<'_> {
             match picks.iter_mut().find(|pick| pick.table == column.table) {
                 Some(pick) => pick.values.push(column.column),
                 None => {
-                    let own = clock.as_ref().filter(|clock| clock.table == column.table).map(|clock| clock.column);
+                    let own = clock.as_ref().map(|clock| self.same_clock(clock, column.table)).transpose()?;
                     picks.push(Pick { table: column.table, clock: own, values: vec![column.column] });
                 }
             }
