@@ -210,6 +210,15 @@ def client() -> Iterator[Any]:
         yield client
 
 
+def test_the_example_runs(folder: Path) -> None:
+    pytest.importorskip("distributed")
+    example = Path(__file__).parents[1] / "examples" / "cluster.py"
+    done = subprocess.run([sys.executable, str(example), str(folder)], capture_output=True, text=True, timeout=120, check=True)
+    lines = done.stdout.splitlines()
+    assert lines[0] == f"{RECORDINGS + 1} recordings, 2 workers: {RECORDINGS} ok, 0 doubtful, 1 failed"
+    assert len(lines) == RECORDINGS + 2
+
+
 def test_a_killed_worker_changes_nothing(folder: Path, tmp_path: Path, client: Any) -> None:
     undisturbed, out = tmp_path / "undisturbed.parquet", tmp_path / "table.parquet"
     fleet.identify_dataset(folder, undisturbed, client=client)
