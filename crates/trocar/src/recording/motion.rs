@@ -8,6 +8,7 @@
 //! sampling the fit passes half of the power at 0.86 / window Hz for the acceleration and 0.58 / window Hz for the
 //! velocity; at the ends of a stretch the window is one-sided and the noise several times larger.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::Recording;
@@ -48,12 +49,19 @@ impl Recording {
         let shortest = (FEWEST - 1) as f64 * interval;
         let mut best = (f64::INFINITY, shortest);
         let mut window = shortest;
+        let (mut earlier, mut tried) = (VecDeque::from([Vec::new(), Vec::new()]), 0);
         while window <= LONGEST_WINDOW.min(self.duration() / 4.0) {
             let samples = |window: f64| ((window / interval).round() + 1.0).max(FEWEST as f64);
             let variance = |n: f64| 720.0 * (noise / (interval * interval)).powi(2) / n.powi(5);
             let (n, m) = (samples(window), samples(window / 2.0));
             let by_noise = variance(m) - variance(n);
-            let excess = (mean_square_difference(self, window) - by_noise).max(0.0);
+            let long = local_acceleration(self, window);
+            // Half the window was tried two steps ago, but for the first two.
+            let short = earlier.pop_front().filter(|_| tried > 1);
+            let short = short.unwrap_or_else(|| local_acceleration(self, window / 2.0));
+            let excess = (mean_square_difference(&long, &short) - by_noise).max(0.0);
+            earlier.push_back(long);
+            tried += 1;
             let bias = if m < n { excess / (1.0 - (m / n).powi(2)).powi(2) } else { 0.0 };
             let variance = variance(n);
             if variance + bias < best.0 {
@@ -65,11 +73,9 @@ impl Recording {
     }
 }
 
-/// Mean square of what halving the window changes about the acceleration.
-fn mean_square_difference(recording: &Recording, window: f64) -> f64 {
-    let long = local_acceleration(recording, window);
-    let short = local_acceleration(recording, window / 2.0);
-    long.iter().zip(&short).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / long.len() as f64
+/// Mean square of what another window changes about the acceleration.
+fn mean_square_difference(long: &[f64], short: &[f64]) -> f64 {
+    long.iter().zip(short).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / long.len() as f64
 }
 
 /// Fit at one sample.
