@@ -158,7 +158,7 @@ def identify_dataset(
         taken_over = 0
         for done, (source, text) in enumerate(parts, 1):
             if text is None:
-                table.lose(source, "worker_died", "every worker that worked on it died")
+                table.lose(source, "worker_died", "every worker that worked on it died or failed")
             else:
                 _, taken_over, _ = table.add(source, text)
             if progress is not None:
@@ -205,13 +205,13 @@ def _dask(
     for source, future in _in_flight(distributed, client, submit, orders):
         try:
             yield source, future.result()
-        except distributed.scheduler.KilledWorker:
-            # Perhaps it only stood in line where another one killed.
+        except Exception:
+            # A killed worker: perhaps this file only stood in line where another one killed. A failure: it may pass.
             suspects.append(source)
     for source in suspects:
         try:
             text = submit(orders[source]).result()
-        except distributed.scheduler.KilledWorker:
+        except Exception:  # whatever it is, it is this file's
             text = None
         yield source, text
 

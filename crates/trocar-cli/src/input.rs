@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use trocar::recording::{Choice, Pieces, ReadOptions, Recording, RecordingError, read};
+use trocar::recording::{Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read};
 use trocar::summary::MovingMass;
 
 use crate::console::{BadArgument, Console};
@@ -21,7 +21,7 @@ pub(crate) struct Choosing {
     columns: Option<String>,
     /// Topic of a robot log, group of a MATLAB or HDF5 file to look in; may be repeated (`trocar inspect` shows them)
     #[arg(long, value_name = "NAME")]
-    topic: Vec<String>,
+    pub(crate) topic: Vec<String>,
     /// Leave out what comes earlier, in s from the first row
     #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
     from_s: Option<f64>,
@@ -93,7 +93,11 @@ impl Reading {
         while let Some(piece) = pieces.next_piece()? {
             let (part, rows) = pieces.progress();
             progress.report_rows("validating", part, rows);
-            let piece = piece.without_glitches();
+            let mut piece = piece.without_glitches();
+            if count > 0 {
+                // A piece may well be a pause.
+                piece.quality.warnings.retain(|warning| warning.kind != WarningKind::Stroke);
+            }
             say_quality(console, path, &piece);
             take(piece)?;
             count += 1;

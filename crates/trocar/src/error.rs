@@ -146,6 +146,12 @@ pub enum RecordingError {
         /// An entry of `--columns`.
         example: String,
     },
+    /// A stream where a file has to be read more than once.
+    #[error("{file}: a stream, expected a file that can be read more than once\n\nhint: save it first")]
+    IsStream {
+        /// As the caller named it.
+        file: String,
+    },
     /// Several tables of a file hold what is needed.
     #[error(
         "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example --topic NAME; `trocar inspect` shows them"

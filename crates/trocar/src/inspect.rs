@@ -124,6 +124,11 @@ pub struct Found {
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened or is of no known format.
 pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingError> {
+    // A stream is gone once it has been looked at.
+    let is_there = std::fs::metadata(path).is_ok_and(|data| data.is_file() || data.is_dir());
+    if path.as_os_str() == "-" || (path.exists() && !is_there) {
+        return Err(RecordingError::IsStream { file: path.display().to_string() });
+    }
     let container = container::any(path)?;
     let tables = (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
     let read = recording::read(

@@ -160,6 +160,8 @@ pub struct Scored {
     result: RecordingValidation,
     sums: Sums,
     pieces: usize,
+    /// Whether the seal's state was known anywhere in it.
+    known: bool,
 }
 
 impl Scored {
@@ -167,6 +169,10 @@ impl Scored {
     /// between strokes stay those of the first.
     #[must_use]
     pub fn plus(self, next: Self) -> Self {
+        let (pieces, known) = (self.pieces + next.pieces, self.known || next.known);
+        if self.known != next.known {
+            return Self { pieces, known, ..self.beside_unknown(next) };
+        }
         let (a, b) = (self.result, next.result);
         let sums = self.sums.plus(next.sums);
         let (n, m) = (a.samples as f64, b.samples as f64);
@@ -189,7 +195,20 @@ impl Scored {
             whiteness: a.whiteness,
             strokes: a.strokes,
         };
-        Self { result, sums, pieces: self.pieces + next.pieces }
+        Self { result, sums, pieces, known }
+    }
+
+    /// One piece in which the state of the seal is known, and one in which it never is: only the first is scored.
+    fn beside_unknown(self, next: Self) -> Self {
+        let path = self.result.path.clone();
+        let (mut scored, other) = if self.known { (self, next) } else { (next, self) };
+        let all = |r: &RecordingValidation| r.samples + r.samples_before_known;
+        let squares = |r: &RecordingValidation| r.rms_with_start_n.powi(2) * all(r) as f64;
+        let total = squares(&scored.result) + squares(&other.result);
+        scored.result.samples_before_known += all(&other.result);
+        scored.result.rms_with_start_n = (total / all(&scored.result) as f64).sqrt();
+        scored.result.path = path;
+        scored
     }
 
     /// Number of pieces put together.
@@ -340,7 +359,7 @@ pub fn validate_one<M: Replayable + ?Sized>(
         strokes: AgainstStrokes::of(recording, &error, &scored),
         warnings,
     };
-    Scored { result, sums, pieces: 1 }
+    Scored { result, sums, pieces: 1, known: !run.known.is_empty() }
 }
 
 fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {

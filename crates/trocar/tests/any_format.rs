@@ -218,6 +218,17 @@ fn inspect_tells_tables_clocks_and_words() {
 }
 
 #[test]
+fn words_for_columns_without_names_are_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("raw.txt");
+    let rows: Vec<String> = (0..100).map(|k| format!("{},{},{}", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+    std::fs::write(&path, rows.join("\n")).unwrap();
+    let words = inspect(&path, &choice("time_s,position_mm,force_n", &[])).unwrap().recording.unwrap().columns;
+    assert_eq!(words, ["time_s,position_mm,force_n"]);
+    assert!(inspect(std::path::Path::new("-"), &Choice::default()).unwrap_err().to_string().contains("stream"));
+}
+
+#[test]
 fn inspect_says_why_no_recording_can_be_read() {
     let found = inspect(&path("bags/plain.mcap"), &choice("", &["/load"])).unwrap();
     assert!(found.recording.unwrap_err().contains("no topic is clearly the position"));

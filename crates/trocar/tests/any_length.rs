@@ -179,6 +179,32 @@ fn by_pieces(path: &std::path::Path, samples: usize) -> Validation {
     Validation::of(all.into_iter().collect())
 }
 
+/// Strokes, then a rest that fills a piece of its own.
+#[test]
+fn a_pause_longer_than_a_piece_is_not_scored() {
+    const ROWS: usize = 20_000;
+    let scratch = Scratch::new();
+    let mut text = plain(ROWS);
+    let (_, rest, force) = row(ROWS - 1);
+    (ROWS..2 * ROWS).for_each(|k| writeln!(text, "{:.3},{rest:.7},{:.5}", k as f64 * 1e-3, force + 0.5).unwrap());
+    let strokes = by_pieces(&scratch.file("strokes.csv", &plain(ROWS)), ROWS);
+    let both = by_pieces(&scratch.file("pause.csv", &text), ROWS);
+    let (a, b) = (&both.recordings[0], &strokes.recordings[0]);
+    assert_eq!((a.samples, a.rms_n, a.worst_n), (b.samples, b.rms_n, b.worst_n));
+    assert_eq!(a.samples_before_known, b.samples_before_known + ROWS);
+    assert_eq!(a.warnings, [] as [String; 0]);
+}
+
+#[test]
+fn a_tail_of_missing_numbers_ends_no_validation() {
+    const ROWS: usize = 20_000;
+    let scratch = Scratch::new();
+    let mut text = plain(ROWS + 3);
+    (ROWS + 3..ROWS + 40).for_each(|k| writeln!(text, "{:.3},,", k as f64 * 1e-3).unwrap());
+    let found = by_pieces(&scratch.file("tail.csv", &text), ROWS);
+    assert_eq!(found.recordings[0].samples + found.recordings[0].samples_before_known, ROWS + 3);
+}
+
 #[test]
 fn a_validation_by_pieces_is_that_of_the_whole() {
     const ROWS: usize = 120_003;

@@ -159,6 +159,7 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
         ("banana_m=position_m", &["'banana_m=position_m'", "not understood"]),
         ("force_n=force_n,force_mn=force_n", &["force more than once"]),
         ("force=time_s", &["force without a unit", "n, mn, kn"]),
+        ("position_in=position_m", &["'position_in=position_m'", "not understood", "m, mm, cm, um"]),
     ] {
         assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
     }

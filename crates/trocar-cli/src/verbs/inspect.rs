@@ -38,12 +38,12 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if let Err(reason) = &found.recording {
         console.warn(reason);
     }
-    let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { in_words(&found) };
+    let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { in_words(&found, &args.choosing) };
     console::print(&text)?;
     Ok(Done::doubtful_if(found.recording.is_err() || found.tables.iter().any(|table| table.damage.is_some())))
 }
 
-fn in_words(found: &Inspection) -> String {
+fn in_words(found: &Inspection, choosing: &Choosing) -> String {
     let mut text = format!("{}: {}, {:.3} MB\n", found.file, found.format, 1e-6 * found.bytes as f64);
     for table in &found.tables {
         text.push('\n');
@@ -51,7 +51,7 @@ fn in_words(found: &Inspection) -> String {
     }
     if let Ok(recording) = &found.recording {
         text.push('\n');
-        text.push_str(&recording_in_words(recording));
+        text.push_str(&recording_in_words(recording, choosing));
     }
     text
 }
@@ -121,8 +121,9 @@ fn sparkline(course: &[f64]) -> String {
     format!("{line:<WIDTH$}")
 }
 
-fn recording_in_words(found: &Found) -> String {
-    let mut text = format!("would be read as\n  --columns '{}'\n", found.columns.join(","));
+fn recording_in_words(found: &Found, choosing: &Choosing) -> String {
+    let topics: String = choosing.topic.iter().map(|topic| format!(" --topic '{topic}'")).collect();
+    let mut text = format!("would be read as\n  --columns '{}'{topics}\n", found.columns.join(","));
     for note in &found.notes {
         let _ = writeln!(text, "  note: {note}");
     }

@@ -1,6 +1,6 @@
 //! What there is to identify: a folder, a manifest, or a Parquet data set in which recordings are rows.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -147,14 +147,15 @@ impl Dataset {
     fn folder(root: &Path, group_by: Option<&str>, without: &[PathBuf]) -> Result<Self, DatasetError> {
         let without: Vec<PathBuf> = without.iter().filter_map(|path| path.canonicalize().ok()).collect();
         let mut files = Vec::new();
-        walk(root, &mut files)?;
+        walk(root, &mut files, &mut BTreeSet::new())?;
         files.retain(|file| file.canonicalize().map_or(true, |path| !without.contains(&path)));
         let name = |path: &Path| {
             let parts = path.strip_prefix(root).unwrap_or(path).components();
             parts.map(|part| part.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("/")
         };
         files.sort_by_key(|path| name(path));
-        let (taken, left_out): (Vec<_>, Vec<_>) = files.into_iter().partition(|path| ends_in(path, &ENDINGS));
+        let (taken, left_out): (Vec<_>, Vec<_>) =
+            files.into_iter().partition(|path| ends_in(path, &ENDINGS) || is_bag(path));
         let mut sources = Vec::with_capacity(taken.len());
         for path in taken {
             let group_by = grouping(&path, group_by);
@@ -202,15 +203,27 @@ fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
-/// All files below `folder`, hidden ones left out.
-fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), DatasetError> {
+/// Whether a folder is a ROS 2 bag.
+fn is_bag(folder: &Path) -> bool {
+    folder.join("metadata.yaml").is_file()
+}
+
+/// All files below `folder`, hidden ones left out; a bag folder counts as one. A folder that is reached twice, through a link, counts
+/// once.
+fn walk(folder: &Path, files: &mut Vec<PathBuf>, seen: &mut BTreeSet<PathBuf>) -> Result<(), DatasetError> {
     let failed = |source| DatasetError::Read { path: folder.to_owned(), source };
+    if !seen.insert(folder.canonicalize().map_err(failed)?) {
+        return Ok(());
+    }
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
         if file_name(&path).starts_with(['.', '_']) {
             continue;
         }
-        if path.is_dir() { walk(&path, files)? } else { files.push(path) }
+        match path.is_dir() && !is_bag(&path) {
+            true => walk(&path, files, seen)?,
+            false => files.push(path),
+        }
     }
     Ok(())
 }

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::row::{Cell, DEGREES, Row, parameter_names};
 use crate::cancel;
 use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Ingredient, identify};
-use crate::recording::{ReadOptions, Readings, Recording, RecordingError, read};
+use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
 use crate::summary::{MovingMass, PROGRAM};
 
 /// Memory that an identification holds at its peak, in units of the recording's columns.
@@ -205,8 +205,8 @@ fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
             })?
         }
         Input::Columns { name, readings } => {
-            let flipped = flipped(readings, &config.reading);
-            Recording::from_readings(name, &flipped, config.reading.sensor_limit)?
+            let chosen = cropped(flipped(readings, &config.reading), &config.reading);
+            Recording::from_readings(name, &chosen, config.reading.sensor_limit)?
         }
     };
     let recording = recording.without_glitches();
@@ -227,25 +227,35 @@ fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Reading
     Cow::Owned(Readings { force: readings.force.iter().map(|force| -force).collect(), ..readings.clone() })
 }
 
+/// The readings between the times that are asked for, counted from the first.
+fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Readings> {
+    let (from, to) = (reading.choice.from, reading.choice.to);
+    if from.is_none() && to.is_none() {
+        return readings;
+    }
+    let first = readings.time.iter().copied().find(|time| time.is_finite()).unwrap_or(0.0);
+    let within = from.unwrap_or(f64::NEG_INFINITY)..to.unwrap_or(f64::INFINITY);
+    let kept: Vec<usize> = (0..readings.time.len()).filter(|k| within.contains(&(readings.time[*k] - first))).collect();
+    let cut = |column: &Vec<f64>| kept.iter().filter_map(|k| column.get(*k).copied()).collect();
+    Cow::Owned(Readings {
+        time: cut(&readings.time),
+        position: cut(&readings.position),
+        force: cut(&readings.force),
+        velocity: readings.velocity.as_ref().map(cut),
+    })
+}
+
 /// The hash that the row will have in `sha256`; `None` where the file cannot be read.
 pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
     match input {
         Input::File(path) => sha256_of(path),
-        Input::Columns { readings, .. } => Some(flipped(readings, &config.reading).sha256()),
+        Input::Columns { readings, .. } => Some(cropped(flipped(readings, &config.reading), &config.reading).sha256()),
     }
 }
 
-/// SHA-256 of a file's bytes; `None` where it cannot be read.
+/// The hash of a file as its recording has it; `None` where it cannot be read.
 fn sha256_of(path: &Path) -> Option<String> {
-    let mut file = std::fs::File::open(path).ok()?;
-    let mut hash = Sha256::new();
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        match std::io::Read::read(&mut file, &mut buffer).ok()? {
-            0 => return Some(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()),
-            count => hash.update(&buffer[..count]),
-        }
-    }
+    digest_of(path).ok()
 }
 
 /// The identification, and how it came about.

@@ -157,6 +157,9 @@ impl Slot {
     }
 }
 
+/// Source of a layout that reads every column.
+const ALL_COLUMNS: &str = "the first line";
+
 /// The columns of one file.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
@@ -176,7 +179,12 @@ impl Layout {
     /// Every column as it stands, for who wants to see all of them.
     pub(crate) fn all(names: Vec<String>) -> Self {
         let slots = (0..names.len()).map(|output| Some(Slot { output, per_si: 1.0 })).collect();
-        Self { names, slots, source: "the header", notes: Vec::new() }
+        Self { names, slots, source: ALL_COLUMNS, notes: Vec::new() }
+    }
+
+    /// Whether a cell that is no number counts as a missing one: where all columns are read, most of them do not matter.
+    pub(crate) fn tolerates_text(&self) -> bool {
+        self.source == ALL_COLUMNS
     }
 
     /// What each quantity comes from, as `--columns` would say it.
@@ -341,6 +349,10 @@ impl Given {
             entry.split_once('=').ok_or_else(|| bad("without '=', while others have one: name all by column"))?;
         let reading = recognise(what)
             .ok_or_else(|| bad("not understood, expected time, position, force or velocity in front of '='"))?;
+        if reading.per_si.is_none() && !reading.exact {
+            let units = unit_list(reading.quantity);
+            return Err(bad(&format!("in a unit that is not understood, expected one of {units}")));
+        }
         let column = column.trim();
         let reversed = column.starts_with('-');
         let column = column.trim_start_matches('-').trim().to_owned();

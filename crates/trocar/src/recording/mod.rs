@@ -15,6 +15,7 @@ use collect::Collector;
 use columns::Quantity;
 use line::Line;
 use rows::Rows;
+pub(crate) use rows::digest_of;
 use screen::Count;
 
 pub use crate::error::RecordingError;
@@ -285,7 +286,10 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
 /// As for [`read`], as far as they show before the first row.
 pub fn columns_of(path: &Path, choice: &Choice) -> Result<Vec<String>, RecordingError> {
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
-    Ok(Rows::open(path, choice, &needed, false)?.layout().words())
+    let words = Rows::open(path, choice, &needed, false)?.layout().words();
+    // Columns without names are told in order.
+    let in_order = choice.columns.clone().filter(|columns| !columns.contains('='));
+    Ok(in_order.map_or(words, |columns| vec![columns]))
 }
 
 fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {

@@ -15,6 +15,8 @@ pub struct Pieces {
     file: String,
     name: String,
     rows: Rows<'static>,
+    /// What the file has.
+    columns: Vec<Quantity>,
     /// Rows read and not yet handed on.
     ahead: VecDeque<Row>,
     samples: usize,
@@ -34,7 +36,8 @@ impl Pieces {
         let rows = Rows::open(path, &options.choice, &needed, false)?;
         let name = path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
         let (samples, sensor_limit) = (samples.max(MIN_SAMPLES), options.sensor_limit);
-        Ok(Self { file, name, rows, ahead: VecDeque::new(), samples, sensor_limit, found: 0 })
+        let columns = Quantity::ALL.into_iter().filter(|quantity| rows.layout().has(*quantity)).collect();
+        Ok(Self { file, name, rows, columns, ahead: VecDeque::new(), samples, sensor_limit, found: 0 })
     }
 
     /// Part of the file read so far, 0 to 1 (0 for a stream), and the rows.
@@ -47,20 +50,24 @@ impl Pieces {
     /// # Errors
     /// As for [`read`](super::read).
     pub fn next_piece(&mut self) -> Result<Option<Recording>, RecordingError> {
-        let has_velocity = self.rows.layout().has(Quantity::Velocity);
+        let has_velocity = self.columns.contains(&Quantity::Velocity);
         let mut collector = Collector::new(self.samples.min(1 << 16), has_velocity, None).counting(self.rows.count());
         let first = self.found == 0;
         loop {
             while self.ahead.len() < MIN_SAMPLES {
                 let Some(row) = self.rows.next_row()? else { break };
-                self.ahead.push_back(row);
+                self.found += 1;
+                match self.columns.iter().all(|quantity| row.get(*quantity).is_finite()) {
+                    true => self.ahead.push_back(row),
+                    // Only counted: it makes no sample.
+                    false => collector.add(row),
+                }
             }
             let others_follow = self.ahead.len() == MIN_SAMPLES;
             if collector.len() >= self.samples && others_follow {
                 break;
             }
             let Some(row) = self.ahead.pop_front() else { break };
-            self.found += 1;
             collector.add(row);
         }
         if collector.len() == 0 && !first {

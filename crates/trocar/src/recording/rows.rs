@@ -252,6 +252,24 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
     })
 }
 
+/// The hash that a recording read from `path` will have: of the text, unpacked, of all files of a folder, or of the file.
+pub(crate) fn digest_of(path: &Path) -> Result<String, RecordingError> {
+    let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
+    let mut hash = Sha256::new();
+    if container::open(path)?.is_some() {
+        hash_files(path, &mut hash).map_err(failed)?;
+        return Ok(hex(&hash.finalize()));
+    }
+    let mut text = TextInput::open(path)?.text;
+    let mut bytes = vec![0; HASHED];
+    loop {
+        match text.read(&mut bytes).map_err(failed)? {
+            0 => return Ok(hex(&hash.finalize())),
+            read => hash.update(&bytes[..read]),
+        }
+    }
+}
+
 fn hash_files(path: &Path, hash: &mut Sha256) -> std::io::Result<()> {
     let mut files = vec![path.to_owned()];
     if path.is_dir() {
@@ -300,5 +318,39 @@ impl Crop {
             own.extend(kept.iter().filter_map(|row| all.get(*row)));
         }
         *block = cut;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+    use crate::recording::{ReadOptions, read};
+
+    /// What a journal of recordings is looked up by, without reading them.
+    #[test]
+    fn the_hash_of_a_file_is_that_of_its_recording() {
+        let folder = tempfile::tempdir().unwrap();
+        let text: String = (0..100).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+        let (plain, packed) = (folder.path().join("a.csv"), folder.path().join("a.csv.gz"));
+        std::fs::write(&plain, &text).unwrap();
+        let file = File::create(&packed).unwrap();
+        let mut gzip = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
+        gzip.write_all(text.as_bytes()).unwrap();
+        gzip.finish().unwrap();
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
+        let raw = Choice::columns("time_s,position_mm,force_n");
+        let effort = Choice::columns("position_m=position[insertion],force_n=effort[insertion]");
+        let effort = Choice { topics: vec!["measured_js".into()], ..effort };
+        for (path, choice) in [
+            (plain, raw.clone()),
+            (packed, raw),
+            (fixtures.join("formats/polars.parquet"), Choice::default()),
+            (fixtures.join("bags/split"), effort),
+        ] {
+            let recording = read(&path, &ReadOptions { choice, ..ReadOptions::default() }).unwrap();
+            assert_eq!(digest_of(&path).unwrap(), recording.sha256, "{}", path.display());
+        }
     }
 }

@@ -575,7 +575,8 @@ fn general_line(
     for (k, slot) in layout.slots.iter().enumerate() {
         let Some(Slot { output, per_si }) = slot else { continue };
         let cell = splitter.cell(k);
-        let number = format.number(cell).ok_or_else(|| Fault::NotANumber(k, quoted(cell)))?;
+        let number = format.number(cell).or(layout.tolerates_text().then_some(f64::NAN));
+        let number = number.ok_or_else(|| Fault::NotANumber(k, quoted(cell)))?;
         columns[*output].push(number / per_si);
     }
     Ok(true)

@@ -146,12 +146,16 @@ pub(in super::super) fn distributions(types: &ByType) -> Figure {
 /// Numbers for the specimens: one for each text in the column `specimen`, or one for all.
 fn specimens(records: &[&Record], specimen: Option<&str>) -> Vec<usize> {
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
-    let name = |record: &&Record| specimen.and_then(|by| Some(record.metadata.get(by)?.in_words())).unwrap_or_default();
-    let number = |record: &&Record| {
-        let next = seen.len();
-        *seen.entry(name(record)).or_insert(next)
+    let name = |k: usize| match specimen {
+        // One of which nobody knows what it is is no repeat of any other.
+        Some(by) => known(records[k], by).unwrap_or_else(|| format!("\0{k}")),
+        None => String::new(),
     };
-    records.iter().map(number).collect()
+    let number = |k: usize| {
+        let next = seen.len();
+        *seen.entry(name(k)).or_insert(next)
+    };
+    (0..records.len()).map(number).collect()
 }
 
 /// Parameters against use, and the table of slopes.
@@ -294,12 +298,17 @@ pub(in super::super) fn mixed_effects(types: &ByType, specimen: &str) -> (Table,
     (means, components, missing)
 }
 
+/// The name of a record's specimen, if it has one.
+fn known(record: &Record, specimen: &str) -> Option<String> {
+    record.metadata.get(specimen).filter(|cell| **cell != crate::fleet::Cell::Empty).map(crate::fleet::Cell::in_words)
+}
+
 fn observations(types: &ByType, shown: Shown, specimen: &str) -> Vec<Observation> {
     let mut numbers: BTreeMap<(usize, String), usize> = BTreeMap::new();
     let mut all = Vec::new();
     for kind in 0..types.names.len() {
         for (value, record) in types.values(kind, shown) {
-            let Some(name) = record.metadata.get(specimen).map(crate::fleet::Cell::in_words) else { continue };
+            let Some(name) = known(record, specimen) else { continue };
             let next = numbers.len();
             let specimen = *numbers.entry((kind, name)).or_insert(next);
             all.push(Observation { kind, specimen, value, error: shown.error(record) });
