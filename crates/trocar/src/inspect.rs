@@ -131,7 +131,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
     }
     let container = container::any(path)?;
     let tables = (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
-    let read = recording::read(
+    let read = recording::read_in_words(
         path,
         &ReadOptions { choice: choice.clone(), most_samples: Some(SURVEYED), ..ReadOptions::default() },
     );
@@ -140,9 +140,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
         format: container.format().to_owned(),
         bytes: std::fs::metadata(path).map_or(0, |data| data.len()),
         tables,
-        recording: read
-            .map_err(|error| error.to_string())
-            .map(|recording| Found::of(&recording, recording::columns_of(path, choice).unwrap_or_default())),
+        recording: read.map_err(|error| error.to_string()).map(|(recording, columns)| Found::of(&recording, columns)),
     })
 }
 

@@ -11,6 +11,7 @@ use sha2::{Digest, Sha256};
 use super::row::{Cell, DEGREES, Row, parameter_names};
 use crate::cancel;
 use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Ingredient, identify};
+use crate::recording::rows::Crop;
 use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
 use crate::summary::{MovingMass, PROGRAM};
 
@@ -229,13 +230,7 @@ fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Reading
 
 /// The readings between the times that are asked for, counted from the first.
 fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Readings> {
-    let (from, to) = (reading.choice.from, reading.choice.to);
-    if from.is_none() && to.is_none() {
-        return readings;
-    }
-    let first = readings.time.iter().copied().find(|time| time.is_finite()).unwrap_or(0.0);
-    let within = from.unwrap_or(f64::NEG_INFINITY)..to.unwrap_or(f64::INFINITY);
-    let kept: Vec<usize> = (0..readings.time.len()).filter(|k| within.contains(&(readings.time[*k] - first))).collect();
+    let Some(kept) = Crop::new(&reading.choice).kept(&readings.time) else { return readings };
     let cut = |column: &Vec<f64>| kept.iter().filter_map(|k| column.get(*k).copied()).collect();
     Cow::Owned(Readings {
         time: cut(&readings.time),

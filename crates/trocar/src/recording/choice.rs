@@ -1,6 +1,6 @@
 //! What to take from a file: which columns, from which of its tables, between which times.
 
-use super::columns::{Given, Layout, Quantity, Slot};
+use super::columns::{Given, Layout, Quantity};
 use super::container::{Container, Table};
 use super::{RecordingError, columns};
 
@@ -128,9 +128,4 @@ fn layout_of(file: &str, table: &Table, choice: &Choice, needed: &[Quantity]) ->
         return Err(RecordingError::BadColumns { entry: column.name.clone(), problem });
     }
     Ok(layout)
-}
-
-/// The slots that are read, in the order of the picked columns.
-pub(super) fn read_slots(layout: &Layout) -> Vec<Slot> {
-    layout.slots.iter().flatten().copied().collect()
 }

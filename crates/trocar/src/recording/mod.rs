@@ -243,6 +243,11 @@ impl Recording {
 /// longer than any instrument's, or fewer than [`MIN_SAMPLES`] samples remain. Everything milder ends up in
 /// [`Recording::quality`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingError> {
+    read_in_words(path, options).map(|(recording, _)| recording)
+}
+
+/// The same, with the columns that it was read from in words of `--columns`.
+pub(crate) fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, Vec<String>), RecordingError> {
     let file = path.display().to_string();
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let mut reader = Rows::open(path, &options.choice, &needed, true)?;
@@ -261,7 +266,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
     recording.quality.notes.extend(reader.notes());
     let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
     recording.quality.warnings.extend(reader.warnings().into_iter().map(of_the_file));
-    Ok(recording)
+    // Columns without names are told in order.
+    let in_order = options.choice.columns.clone().filter(|columns| !columns.contains('='));
+    let words = in_order.map_or_else(|| reader.layout().words(), |columns| vec![columns]);
+    Ok((recording, words))
 }
 
 /// [`Quality::position_resolution`] from the first rows of a file alone, in constant memory; 0 if none was found.
@@ -278,18 +286,6 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
         positions.extend(Some(row.get(Quantity::Position)).filter(|position| position.is_finite()));
     }
     Ok(screen::resolution(&positions))
-}
-
-/// What would be read from a file, in words of `--columns`.
-///
-/// # Errors
-/// As for [`read`], as far as they show before the first row.
-pub fn columns_of(path: &Path, choice: &Choice) -> Result<Vec<String>, RecordingError> {
-    let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
-    let words = Rows::open(path, choice, &needed, false)?.layout().words();
-    // Columns without names are told in order.
-    let in_order = choice.columns.clone().filter(|columns| !columns.contains('='));
-    Ok(in_order.map_or(words, |columns| vec![columns]))
 }
 
 fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {

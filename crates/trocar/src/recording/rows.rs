@@ -10,8 +10,8 @@ use std::thread::JoinHandle;
 use sha2::{Digest, Sha256};
 
 use super::block::{Block, Row};
-use super::choice::{Choice, Picked, pick, read_slots};
-use super::columns::{Layout, Quantity, Slot};
+use super::choice::{Choice, Picked, pick};
+use super::columns::{Layout, Quantity};
 use super::container::{self, Batches, Container};
 use super::decompress::TextInput;
 use super::screen::Count;
@@ -71,7 +71,7 @@ impl<'a> Rows<'a> {
     }
 
     fn new(source: Source<'a>, text_file: Option<(u64, Arc<AtomicU64>)>, choice: &Choice) -> Self {
-        let crop = Crop { from: choice.from, to: choice.to, first: None };
+        let crop = Crop::new(choice);
         let mut rows = Self { source, text_file, crop, block: Block::new(Quantity::ALL.len()), next: 0 };
         if choice.flip_force {
             rows.layout_mut().flip_force();
@@ -188,7 +188,6 @@ impl<'a> Rows<'a> {
 /// Rows of one table of a container.
 struct TableRows {
     batches: Box<dyn Batches>,
-    slots: Vec<Slot>,
     layout: Layout,
     raw: Vec<Vec<f64>>,
     rows: Option<u64>,
@@ -213,21 +212,18 @@ impl TableRows {
             let Picked { table, columns, layout } = pick(file, container, choice, needed)?;
             (layout, container.open(table, &columns)?, container.tables()[table].rows)
         };
-        let raw = vec![Vec::new(); read_slots(&layout).len()];
-        let mut own = Self { batches, slots: Vec::new(), layout, raw, rows, read: 0, warnings, hash: None };
+        let raw = vec![Vec::new(); layout.slots.iter().flatten().count()];
+        let mut own = Self { batches, layout, raw, rows, read: 0, warnings, hash: None };
         own.layout.notes.extend_from_slice(container.notes());
         Ok(own)
     }
 
     fn fill(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
         block.clear();
-        if self.slots.is_empty() {
-            self.slots = read_slots(&self.layout);
-        }
         if !self.batches.next(&mut self.raw)? {
             return Ok(false);
         }
-        for (slot, raw) in self.slots.iter().zip(&mut self.raw) {
+        for (slot, raw) in self.layout.slots.iter().flatten().zip(&mut self.raw) {
             let column = &mut block.columns[slot.output];
             std::mem::swap(column, raw);
             if slot.per_si != 1.0 {
@@ -260,14 +256,8 @@ pub(crate) fn digest_of(path: &Path) -> Result<String, RecordingError> {
         hash_files(path, &mut hash).map_err(failed)?;
         return Ok(hex(&hash.finalize()));
     }
-    let mut text = TextInput::open(path)?.text;
-    let mut bytes = vec![0; HASHED];
-    loop {
-        match text.read(&mut bytes).map_err(failed)? {
-            0 => return Ok(hex(&hash.finalize())),
-            read => hash.update(&bytes[..read]),
-        }
-    }
+    hash_stream(TextInput::open(path)?.text, &mut hash).map_err(failed)?;
+    Ok(hex(&hash.finalize()))
 }
 
 fn hash_files(path: &Path, hash: &mut Sha256) -> std::io::Result<()> {
@@ -277,39 +267,45 @@ fn hash_files(path: &Path, hash: &mut Sha256) -> std::io::Result<()> {
         files.retain(|file| file.is_file());
         files.sort();
     }
+    files.into_iter().try_for_each(|file| hash_stream(File::open(file)?, hash))
+}
+
+fn hash_stream(mut stream: impl Read, hash: &mut Sha256) -> std::io::Result<()> {
     let mut bytes = vec![0; HASHED];
-    for file in files {
-        let mut file = File::open(file)?;
-        loop {
-            match file.read(&mut bytes)? {
-                0 => break,
-                read => hash.update(&bytes[..read]),
-            }
+    loop {
+        match stream.read(&mut bytes)? {
+            0 => return Ok(()),
+            read => hash.update(&bytes[..read]),
         }
     }
-    Ok(())
 }
 
 /// Which rows to keep, by their time behind the first.
-struct Crop {
+pub(crate) struct Crop {
     from: Option<f64>,
     to: Option<f64>,
     first: Option<f64>,
 }
 
 impl Crop {
-    fn cut(&mut self, block: &mut Block) {
+    pub(crate) fn new(choice: &Choice) -> Self {
+        Self { from: choice.from, to: choice.to, first: None }
+    }
+
+    /// Places of the next rows that are kept; `None` where all are.
+    pub(crate) fn kept(&mut self, time: &[f64]) -> Option<Vec<usize>> {
         if self.from.is_none() && self.to.is_none() {
-            return;
+            return None;
         }
-        let time = &block.columns[Quantity::Time as usize];
         self.first = self.first.or_else(|| time.iter().copied().find(|t| t.is_finite()));
         let first = self.first.unwrap_or(0.0);
         let (from, to) = (self.from.unwrap_or(f64::NEG_INFINITY), self.to.unwrap_or(f64::INFINITY));
         let kept: Vec<usize> = (0..time.len()).filter(|k| (from..to).contains(&(time[*k] - first))).collect();
-        if kept.len() == time.len() {
-            return;
-        }
+        (kept.len() < time.len()).then_some(kept)
+    }
+
+    fn cut(&mut self, block: &mut Block) {
+        let Some(kept) = self.kept(&block.columns[Quantity::Time as usize]) else { return };
         let mut cut = Block::new(block.columns.len());
         for (k, row) in kept.iter().enumerate() {
             cut.count_from(k, block.line(*row));
