@@ -137,8 +137,8 @@ fn window_around(time: &[f64], k: usize, half: f64, before: &Range<usize>) -> Ra
 /// Moments of the samples in the window about an origin in time and position.
 struct Sums {
     origin: (f64, f64),
-    /// Unit of time that keeps the powers near one.
-    unit: f64,
+    /// Inverse of the unit of time that keeps the powers near one.
+    per_unit: f64,
     /// Sums of powers 0 to 4 of time.
     powers: [f64; 5],
     /// Sums of position times powers 0 to 2 of time.
@@ -152,7 +152,7 @@ impl Sums {
         let span = if inside.is_empty() { 1.0 } else { time[inside.end - 1] - time[inside.start] };
         let mut sums = Self {
             origin: (time[k], position[k]),
-            unit: span,
+            per_unit: 1.0 / span,
             powers: [0.0; 5],
             products: [0.0; 3],
             until: k + inside.len(),
@@ -162,7 +162,7 @@ impl Sums {
     }
 
     fn add(&mut self, time: f64, position: f64, weight: f64) {
-        let t = (time - self.origin.0) / self.unit;
+        let t = (time - self.origin.0) * self.per_unit;
         let x = weight * (position - self.origin.1);
         let mut power = weight;
         for sum in &mut self.powers {
@@ -176,21 +176,20 @@ impl Sums {
 
     /// Slope and curvature at `time`, by orthogonal polynomials: 1, t - mean, and the quadratic orthogonal to both.
     fn fit(&self, time: f64) -> Fit {
-        let [n, s1, s2, s3, s4] = self.powers;
-        let [p0, p1, p2] = self.products;
-        let mean = s1 / n;
+        let per_sample = 1.0 / self.powers[0];
+        let [_, mean, s2, s3, s4] = self.powers.map(|sum| sum * per_sample);
+        let [c0, p1, p2] = self.products.map(|sum| sum * per_sample);
         // Central moments of time, and of position with time.
-        let m2 = s2 / n - mean * mean;
-        let m3 = s3 / n - mean * (3.0 * s2 / n - 2.0 * mean * mean);
-        let m4 = s4 / n - mean * (4.0 * s3 / n - mean * (6.0 * s2 / n - 3.0 * mean * mean));
-        let c0 = p0 / n;
-        let c1 = p1 / n - mean * c0;
-        let c2 = p2 / n - mean * (2.0 * p1 / n - mean * c0) - m2 * c0;
-        let skew = m3 / m2;
-        let linear = c1 / m2;
+        let m2 = s2 - mean * mean;
+        let m3 = s3 - mean * (3.0 * s2 - 2.0 * mean * mean);
+        let m4 = s4 - mean * (4.0 * s3 - mean * (6.0 * s2 - 3.0 * mean * mean));
+        let c1 = p1 - mean * c0;
+        let c2 = p2 - mean * (2.0 * p1 - mean * c0) - m2 * c0;
+        let per_m2 = 1.0 / m2;
+        let skew = m3 * per_m2;
         let curvature = (c2 - skew * c1) / (m4 - m2 * m2 - skew * m3);
-        let t = (time - self.origin.0) / self.unit - mean;
-        let slope = linear + curvature * (2.0 * t - skew);
-        Fit { slope: slope / self.unit, curvature: curvature / (self.unit * self.unit) }
+        let t = (time - self.origin.0) * self.per_unit - mean;
+        let slope = c1 * per_m2 + curvature * (2.0 * t - skew);
+        Fit { slope: slope * self.per_unit, curvature: curvature * self.per_unit * self.per_unit }
     }
 }

@@ -40,11 +40,12 @@ impl Banded {
         product
     }
 
-    /// Column `j` in full.
-    pub(super) fn column(&self, j: usize) -> Vec<f64> {
-        let mut unit = vec![0.0; self.rows.len()];
-        unit[j] = 1.0;
-        self.times(&unit)
+    /// The trace of the product of this and `other`, where one of the two is zero off the band.
+    pub(super) fn trace_of_product(&self, other: &Self) -> f64 {
+        let row = |(a, b): (&[f64; BAND + 1], &[f64; BAND + 1])| {
+            a[0] * b[0] + 2.0 * (1..=BAND).map(|d| a[d] * b[d]).sum::<f64>()
+        };
+        self.rows.iter().zip(&other.rows).map(row).sum()
     }
 
     /// The factor L of L·Lᵀ; `None` for a matrix that is not positive definite.
@@ -89,25 +90,63 @@ impl Factor {
         }
         x
     }
+
+    /// The entries of the inverse of L·Lᵀ = A that lie within the band of A; the others count as zero.
+    ///
+    /// Row i of Lᵀ·A⁻¹ = L⁻¹, which is zero above the diagonal, gives them from those of the rows below (Takahashi's
+    /// equations).
+    pub(super) fn inverse_in_band(&self) -> Banded {
+        let size = self.rows.len();
+        let mut inverse = Banded::zero(size);
+        for i in (0..size).rev() {
+            let last = (i + BAND).min(size - 1);
+            for j in (i..=last).rev() {
+                let entry = |k: usize| inverse.rows[k.max(j)][k.abs_diff(j)];
+                let below: f64 = (i + 1..=last).map(|k| self.rows[k][k - i] * entry(k)).sum();
+                let unit = if i == j { 1.0 / self.rows[i][0] } else { 0.0 };
+                inverse.rows[j][j - i] = (unit - below) / self.rows[i][0];
+            }
+        }
+        inverse
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Solving undoes multiplying, for a matrix that is as far from diagonal as it may be.
-    #[test]
-    fn solving_undoes_multiplying() {
-        let size = 23;
+    /// As far from diagonal as it may be.
+    fn matrix(size: usize) -> Banded {
         let mut matrix = Banded::zero(size);
         for i in 0..size {
             (0..=BAND.min(i)).for_each(|d| matrix.add(i, i - d, if d == 0 { 9.0 } else { ((i * d) as f64).sin() }));
         }
-        let x: Vec<f64> = (0..size).map(|i| (i as f64).cos()).collect();
+        matrix
+    }
+
+    #[test]
+    fn solving_undoes_multiplying() {
+        let matrix = matrix(23);
+        let x: Vec<f64> = (0..23).map(|i| f64::from(i).cos()).collect();
         let found = matrix.factor().expect("diagonally dominant").solve(&matrix.times(&x));
         assert!(found.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-13));
-        assert_eq!(matrix.column(7)[3], matrix.column(3)[7]);
-        assert_eq!(matrix.column(8)[3], 0.0);
         assert!(Banded::zero(3).factor().is_none());
+    }
+
+    /// Column by column, and where a matrix meets its own inverse.
+    #[test]
+    fn the_inverse_is_what_solving_finds() {
+        for size in [1, 3, 23] {
+            let matrix = matrix(size);
+            let factor = matrix.factor().expect("diagonally dominant");
+            let inverse = factor.inverse_in_band();
+            for j in 0..size {
+                let mut unit = vec![0.0; size];
+                unit[j] = 1.0;
+                let column = factor.solve(&unit);
+                assert!((j..size.min(j + BAND + 1)).all(|i| (inverse.rows[i][i - j] - column[i]).abs() < 1e-15));
+            }
+            assert!((matrix.trace_of_product(&inverse) - size as f64).abs() < 1e-12);
+        }
     }
 }

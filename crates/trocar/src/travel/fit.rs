@@ -331,7 +331,7 @@ impl<'a> Data<'a> {
         let offset = offset.iter().map(|o| o - mean).collect();
         let level: Vec<f64> = solved.values.iter().skip(1).step_by(2).map(|l| l / self.force).collect();
         let profile = TravelProfile::new(self.from, self.to, offset, level).ok()?;
-        let effective_parameters = solved.effective_parameters(all, knots);
+        let effective_parameters = solved.effective_parameters(all);
         Some(Candidate {
             profile,
             offset: self.offset + mean,
@@ -436,8 +436,8 @@ impl Solved {
     }
 
     /// Trace of the smoother under the gauge.
-    fn effective_parameters(&self, sums: &Sums, knots: usize) -> f64 {
-        let free: f64 = (0..2 * knots).map(|i| self.factor.solve(&sums.matrix.column(i))[i]).sum();
+    fn effective_parameters(&self, sums: &Sums) -> f64 {
+        let free = self.factor.inverse_in_band().trace_of_product(&sums.matrix);
         free - dot(&self.along, &sums.matrix.times(&self.along)) / dot(&self.gauge, &self.along)
     }
 }
