@@ -16,7 +16,7 @@ const PEAK_TO_COLUMNS: u64 = 5;
 #[command(next_help_heading = "Reading recordings")]
 pub(crate) struct Choosing {
     /// Columns with units, in order, '-' to skip one: time_s,position_mm,-,force_n; or by name, a minus reversing the sign:
-    /// position_mm=x,force_n=-fz
+    /// position_mm=x,force_n=-fz (a name with commas in double quotes)
     #[arg(long, value_name = "NAMES")]
     columns: Option<String>,
     /// Topic of a robot log, group of a MATLAB or HDF5 file to look in; may be repeated (`trocar inspect` shows them)

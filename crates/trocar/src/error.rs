@@ -322,7 +322,7 @@ pub enum RecordingError {
     },
     /// The recording would not fit into the memory allowed.
     #[error(
-        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: cut the recording or keep every n-th row; simulate and validate by parts need no such memory"
+        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: identify from excerpts with --most-samples, or a part with --from-s and --to-s; simulate and validate need no such memory"
     )]
     TooLarge {
         /// File as the caller named it.

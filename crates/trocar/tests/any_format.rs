@@ -80,6 +80,22 @@ fn crop_and_sign_work_in_every_format() {
     assert_eq!(found.quality.notes, ["sign of the force reversed"]);
 }
 
+/// A name that separates nothing, and a topic where there are none.
+#[test]
+fn text_is_chosen_from_as_any_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("quoted.csv");
+    let rows: String = (0..50).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+    std::fs::write(&file, format!("time_s,\"stage, filtered\",\"load (N), raw\"\n{rows}")).unwrap();
+    let columns = "position_mm=\"stage, filtered\",force_n=-\"load (N), raw\"";
+    let found = inspect(&file, &choice(columns, &[])).unwrap().recording.unwrap();
+    assert_eq!(found.columns[1..], columns.split_inclusive("\",").map(|c| c.trim_end_matches(',')).collect::<Vec<_>>());
+    let file = file.to_str().unwrap();
+    assert_eq!(read_with(file, choice(columns, &[])).unwrap().force[3], -3.0);
+    let refused = read_with(file, choice(columns, &["/load"])).unwrap_err();
+    assert!(refused.contains("named '/load'") && refused.contains("one table without a name"), "{refused}");
+}
+
 #[test]
 fn places_in_tables_are_rows() {
     // Position is missing in the rows of `gappy`.
@@ -102,6 +118,7 @@ fn what_cannot_be_chosen_is_explained() {
             choice("", &["runs/second"]),
             &["0 topics or tables are named 'runs/second'", "runs/first"],
         ),
+        ("formats/polars.parquet", choice("", &["/load"]), &["named '/load'", "one table without a name"]),
         ("bags/plain.mcap", choice("time_s,position_m,force_n", &[]), &["in order", "position_m=TOPIC.FIELD"]),
         ("bags/plain.mcap", choice("", &["/load"]), &["no topic is clearly the position", "trocar inspect"]),
         ("bags/plain.mcap", choice("force_n=/psm1/measured_cf.wrench.force.w", &[]), &["wrench.force.w", "one column"]),

@@ -8,7 +8,7 @@ use super::{RecordingError, columns};
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Choice {
     /// Names of the columns: in order, `time_s,position_mm,-,force_n`, or by name, `position_mm=x,force_n=-fz`, where a
-    /// minus reverses the sign. A file without a header needs the first.
+    /// minus reverses the sign and a name with commas stands in double quotes. A file without a header needs the first.
     pub columns: Option<String>,
     /// Topics, groups or other tables to look in; all of them when empty.
     pub topics: Vec<String>,
@@ -94,7 +94,9 @@ pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result
         }
         if own.len() != 1 {
             let names: Vec<String> = tables.iter().map(|table| table.name.clone()).collect();
-            let (file, topic, expected) = (file.to_owned(), topic.clone(), columns::listed(&names));
+            let nameless = names.iter().all(String::is_empty);
+            let expected = if nameless { "one table without a name".to_owned() } else { columns::listed(&names) };
+            let (file, topic) = (file.to_owned(), topic.clone());
             return Err(RecordingError::NoSuchTable { file, topic, found: own.len(), expected });
         }
         found.extend(own);

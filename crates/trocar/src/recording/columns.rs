@@ -193,6 +193,7 @@ impl Layout {
             let mut own = self.slots.iter().zip(&self.names);
             let (slot, name) = own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
             let unit = quantity.units().iter().find(|(_, per_si)| *per_si == slot.per_si.abs())?.0;
+            let name = if name.contains(',') { format!("\"{name}\"") } else { name.clone() };
             Some(format!("{}_{unit}={}{name}", quantity.name(), if slot.per_si < 0.0 { "-" } else { "" }))
         };
         Quantity::ALL.into_iter().filter_map(of).collect()
@@ -331,9 +332,14 @@ pub(crate) struct Given {
 }
 
 impl Given {
-    /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`.
+    /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`; a name in double quotes may hold commas.
     pub(crate) fn parse(mapping: &str) -> Result<Vec<Self>, RecordingError> {
-        let given = mapping.split(',').map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
+        let mut quoted = false;
+        let entries = mapping.split(|c| {
+            quoted ^= c == '"';
+            c == ',' && !quoted
+        });
+        let given = entries.map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
         for (k, entry) in given.iter().enumerate() {
             if given[..k].iter().any(|other| other.quantity == entry.quantity) {
                 let problem = format!("naming {} more than once", entry.quantity.name());
@@ -355,7 +361,9 @@ impl Given {
         }
         let column = column.trim();
         let reversed = column.starts_with('-');
-        let column = column.trim_start_matches('-').trim().to_owned();
+        let column = column.trim_start_matches('-').trim();
+        let unquoted = column.strip_prefix('"').and_then(|column| column.strip_suffix('"'));
+        let column = unquoted.unwrap_or(column).to_owned();
         if column.is_empty() {
             return Err(bad("without the name of a column behind '='"));
         }

@@ -39,6 +39,13 @@ pub struct Table {
     pub columns: Vec<Column>,
 }
 
+impl Table {
+    /// The one table of a text, of unknown length.
+    pub(super) fn without_a_name(columns: Vec<Column>) -> Self {
+        Self { name: String::new(), kind: String::new(), rows: None, columns }
+    }
+}
+
 /// A file that has been opened and understood as far as its tables.
 pub(crate) trait Container {
     /// Name of the format, such as `Parquet`.

@@ -10,9 +10,9 @@ use std::thread::JoinHandle;
 use sha2::{Digest, Sha256};
 
 use super::block::{Block, Row};
-use super::choice::{Choice, Picked, pick};
+use super::choice::{Choice, Picked, allowed, pick};
 use super::columns::{Layout, Quantity};
-use super::container::{self, Batches, Container};
+use super::container::{self, Batches, Container, Table};
 use super::decompress::TextInput;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
@@ -67,6 +67,7 @@ impl<'a> Rows<'a> {
     ) -> Result<Self, RecordingError> {
         let wanted = Wanted::Quantities(choice.columns.as_deref(), needed);
         let reader = TextReader::open(file, input, wanted, is_file, hash)?;
+        allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics)?;
         Ok(Self::new(Source::Text(reader), None, choice))
     }
 

@@ -414,8 +414,7 @@ impl TextTable {
         let columns = described
             .map(|(name, slot)| Column { name: name.clone(), unit: None, is_numeric: slot.is_some() })
             .collect();
-        let table = Table { name: String::new(), kind: String::new(), rows: None, columns };
-        Ok(Self { path: path.to_owned(), format: reader.format, tables: vec![table] })
+        Ok(Self { path: path.to_owned(), format: reader.format, tables: vec![Table::without_a_name(columns)] })
     }
 }
 
