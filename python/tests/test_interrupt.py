@@ -7,13 +7,14 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import trocar
 
-from .conftest import ROD_KG
+from .conftest import CONFORMANCE, ROD_KG
 
 #: Time, s, in which an interruption must arrive on a busy machine.
 ARRIVES = 1.0
@@ -82,3 +83,34 @@ def test_simulate_is_interrupted() -> None:
     # The reading of the arrays alone takes some tenths of a second here.
     assert interrupted(lambda: trocar.simulate(model, times, positions), 0.3) < ARRIVES
     assert len(trocar.simulate(model, times[:10], positions[:10])) == 10
+
+
+@pytest.mark.parametrize("name", ["ems", "leuven"])
+def test_many_models_are_interrupted(name: str) -> None:
+    positions = np.tile(0.02 * (1 - np.cos(np.arange(10_000) * 2e-3 * np.pi)), 20)
+    times = np.arange(len(positions)) * 1e-3
+    models = [trocar.Model.load(CONFORMANCE / "models" / f"{name}.json")] * 10_000
+    out = np.zeros((200, len(times)))
+    works = [
+        lambda: trocar.squared_error_many(models, times, positions, times),
+        lambda: [trocar.simulate_many(models[:200], times, positions, out=out) for _ in range(100)],
+    ]
+    for work in works:
+        assert interrupted(work, 0.3) < ARRIVES
+        # Nobody writes to an array that its owner may have given away.
+        before = time.process_time()
+        written = out.copy()
+        time.sleep(0.2)
+        assert np.array_equal(out, written) and time.process_time() - before < 0.2
+    assert trocar.simulate_many(models[:3], times[:10], positions[:10]).shape == (3, 10)
+
+
+def test_a_sweep_is_interrupted(tmp_path: Path) -> None:
+    document = 'runs = 1000000\n[motion]\nprotocol = "validation"\n[seal]\nhalf_width_m = { uniform = [0.005, 0.009] }\n'
+    works = [lambda: trocar.sweep(document), lambda: trocar.sweep(document, out=tmp_path / "table.parquet")]
+    for work in works:
+        assert interrupted(work, 0.5) < ARRIVES
+        before = time.process_time()
+        time.sleep(2 * ENDS)
+        assert time.process_time() - before < ENDS
+        assert not list(tmp_path.iterdir()), "neither a table nor a half of one"

@@ -35,6 +35,7 @@ from ._core import (
     Recording,
     RecordingError,
     Stepper,
+    SweepError,
     TissueForce,
     TrocarError,
     Tunable,
@@ -43,8 +44,11 @@ from ._core import (
     bench_config,
     read,
     simulate,
+    sweep_config,
 )
-from ._arrays import column as _column
+from ._arrays import column as _column, count as _count
+from ._many import simulate_many, squared_error_many
+from ._sweep import sweep
 from .results import (
     ComparedModel,
     Comparison,
@@ -57,6 +61,7 @@ from .results import (
     RecordingValidation,
     ResultWarning,
     Simulation,
+    SweepTable,
     Validation,
 )
 
@@ -89,6 +94,8 @@ __all__ = [
     "ResultWarning",
     "Simulation",
     "Stepper",
+    "SweepError",
+    "SweepTable",
     "TissueForce",
     "TrocarError",
     "Tunable",
@@ -103,6 +110,10 @@ __all__ = [
     "read",
     "simulate",
     "simulate_full",
+    "simulate_many",
+    "squared_error_many",
+    "sweep",
+    "sweep_config",
     "validate",
 ]
 
@@ -291,14 +302,6 @@ def _recordings(name: str, given: Recordings) -> list[Recording]:
         if not isinstance(item, Recording):
             raise TypeError(f"{name}: expected trocar.Recording, got {type(item).__name__}")
     return found
-
-
-def _count(name: str, value: int) -> int:
-    if isinstance(value, bool) or not hasattr(value, "__index__"):
-        raise TypeError(f"{name} must be a whole number, got {value!r}")
-    if not 0 <= value < 2**64:
-        raise ParameterError(f"{name} must be a whole number from 0 on, got {value}")
-    return value
 
 
 def _degrees(degrees: Sequence[int]) -> tuple[int, int]:

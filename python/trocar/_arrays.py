@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._core import ArrayError
+from ._core import ArrayError, ParameterError
 
 #: Kinds of NumPy's types that are numbers: whole, without sign, floating.
 _NUMBERS = "iuf"
@@ -53,6 +53,15 @@ def _array(name: str, values: Any) -> npt.NDArray[Any]:
         return np.asarray(values.to_numpy() if hasattr(values, "to_numpy") else values)
     except (TypeError, ValueError) as error:
         raise ArrayError(f"{name} must be a row of numbers: {error}") from error
+
+
+def count(name: str, value: int) -> int:
+    """``value`` where it is a whole number that the native part can take."""
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise TypeError(f"{name} must be a whole number, got {value!r}")
+    if not 0 <= value < 2**64:
+        raise ParameterError(f"{name} must be a whole number from 0 on, got {value}")
+    return value
 
 
 def kind(values: Any) -> str:

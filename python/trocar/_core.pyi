@@ -26,6 +26,7 @@ class IdentifyError(TrocarError): ...
 class CompareError(TrocarError): ...
 class NotConverged(CompareError): ...
 class BenchError(TrocarError): ...
+class SweepError(TrocarError): ...
 class InternalError(RuntimeError): ...
 
 @final
@@ -288,6 +289,43 @@ def simulate_full(
     initial_force_n: float | None = None,
     initial_deflection_m: float | None = None,
 ) -> tuple[_Array, tuple[_Array, npt.NDArray[np.bool_]] | None]: ...
+def simulate_many(
+    models: Sequence[Model],
+    parameters: Sequence[tuple[str, _Array]] | None,
+    time_s: npt.ArrayLike,
+    position_m: npt.ArrayLike,
+    *,
+    initial_force_n: float | None,
+    initial_deflection_m: float | None,
+    out: _Array,
+    threads: int,
+) -> None: ...
+def squared_error_many(
+    models: Sequence[Model],
+    parameters: Sequence[tuple[str, _Array]] | None,
+    time_s: npt.ArrayLike,
+    position_m: npt.ArrayLike,
+    force_n: npt.ArrayLike,
+    *,
+    initial_force_n: float | None,
+    initial_deflection_m: float | None,
+    out: _Array,
+    threads: int,
+) -> None: ...
+def sweep(
+    text: str,
+    *,
+    is_json: bool,
+    name: str | None,
+    folder: _Path,
+    model: Model | None,
+    out: _Path | None,
+    traces: _Path | None,
+    seed: int | None,
+    threads: int,
+    progress: Callable[[str, float], object] | None,
+) -> tuple[int, int, str | None, list[tuple[str, Any]] | None]: ...
+def sweep_config() -> str: ...
 def identify(
     recordings: Sequence[Recording],
     held_back: Sequence[Recording],

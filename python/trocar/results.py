@@ -1,4 +1,4 @@
-"""What identify, validate, compare and simulate_full give: plain objects that show themselves in a notebook."""
+"""What identify, validate, compare, simulate_full, sweep and compensate give: plain objects that show themselves in a notebook."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Optional
 
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core, _show
-from ._core import Model
+from ._core import Model, TrocarError
 
 __all__ = [
     "ComparedModel",
@@ -28,6 +29,7 @@ __all__ = [
     "RecordingValidation",
     "ResultWarning",
     "Simulation",
+    "SweepTable",
     "Validation",
 ]
 
@@ -375,6 +377,49 @@ class Simulation:
             return "<trocar.Simulation: no samples>"
         low, high = float(self.force_n.min()), float(self.force_n.max())
         return f"<trocar.Simulation: {len(self)} samples, force {low:.3g} to {high:.3g} N>"
+
+
+@dataclass(frozen=True, eq=False)
+class SweepTable:
+    """The table of a sweep: a row for each run, in memory or in a file."""
+
+    rows: int
+    #: Rows without a result, and the reason of the first of them.
+    failed: int
+    first_failure: Optional[str]
+    #: The file that holds the table; None for one in memory.
+    path: Optional[Path]
+    _table: Optional[dict[str, npt.NDArray[Any]]] = field(repr=False)
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The columns of a table in memory, as ``pandas.DataFrame`` and ``polars.DataFrame`` take them.
+
+        ``run`` and ``seed``, the parameters, the results (nan where there is none) and ``failure`` (None where there is none).
+        """
+        if self._table is None:
+            raise TrocarError(f"the table is in {self.path}: read it from there, or leave out `out` to have it in memory")
+        return dict(self._table)
+
+    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        columns = self.columns()
+        if name not in columns:
+            raise KeyError(f"no column {name!r}; there are {', '.join(columns)}")
+        return columns[name]
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether runs failed."""
+        return self.failed > 0
+
+    def __len__(self) -> int:
+        return self.rows
+
+    def __repr__(self) -> str:
+        where = "" if self.path is None else f" in {self.path}"
+        return f"<trocar.SweepTable: {self.rows} runs{where}, {self.failed} failed>"
+
+    def _repr_html_(self) -> str:
+        return _show.sweep(self)
 
 
 class Drift(NamedTuple):

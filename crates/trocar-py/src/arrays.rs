@@ -1,6 +1,9 @@
 //! Arrays from Python: one that fits is read where it lies, anything else is converted by NumPy, or refused.
 
-use numpy::{BorrowError, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
+use numpy::{
+    BorrowError, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray, PyReadwriteArray1,
+    PyReadwriteArray2, PyUntypedArrayMethods, ndarray,
+};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
@@ -24,22 +27,42 @@ fn borrow<'py>(name: &str, array: &Bound<'py, PyArray1<f64>>) -> PyResult<PyRead
 
 /// A place for `length` results, called `out` in messages.
 pub(crate) fn place<'py>(out: &Bound<'py, PyAny>, length: usize) -> PyResult<PyReadwriteArray1<'py, f64>> {
-    let refuse = |found: String| {
-        ArrayError::new_err(format!("out must be a contiguous, writable NumPy array of {length} float64, got {found}"))
-    };
-    let Ok(array) = out.cast::<PyArray1<f64>>() else {
-        let py = out.py();
-        let kind = py.import(intern!(py, "trocar._arrays"))?.call_method1(intern!(py, "kind"), (out,))?;
-        return Err(refuse(kind.extract()?));
-    };
+    let wanted = format!("{length} float64");
+    let Ok(array) = out.cast::<PyArray1<f64>>() else { return Err(refused(&wanted, &kind(out)?)) };
     if array.len() != length {
-        return Err(refuse(format!("{}", array.len())));
+        return Err(refused(&wanted, &array.len().to_string()));
     }
-    if !(array.is_contiguous() && array.is_aligned()) {
-        return Err(refuse("one with gaps between its numbers".to_owned()));
+    writable(array, &wanted)
+}
+
+/// A place for `rows` rows of `length` results, one after the other.
+pub(crate) fn rows<'py>(out: &Bound<'py, PyAny>, rows: usize, length: usize) -> PyResult<PyReadwriteArray2<'py, f64>> {
+    let wanted = format!("float64 of shape ({rows}, {length})");
+    match out.cast::<PyArray2<f64>>() {
+        Ok(array) if array.shape() == [rows, length] => writable(array, &wanted),
+        _ => Err(refused(&wanted, &kind(out)?)),
+    }
+}
+
+fn writable<'py, D: ndarray::Dimension>(
+    array: &Bound<'py, PyArray<f64, D>>,
+    wanted: &str,
+) -> PyResult<PyReadwriteArray<'py, f64, D>> {
+    if !(array.is_c_contiguous() && array.is_aligned()) {
+        return Err(refused(wanted, "one with gaps between its numbers"));
     }
     array.try_readwrite().map_err(|error| match error {
-        BorrowError::NotWriteable => refuse("a read-only one".to_owned()),
-        _ => ArrayError::new_err("out is in use, by another call or as time_s or position_m of this one"),
+        BorrowError::NotWriteable => refused(wanted, "a read-only one"),
+        _ => ArrayError::new_err("out is in use, by another call or as an array that this one reads"),
     })
+}
+
+fn refused(wanted: &str, found: &str) -> PyErr {
+    ArrayError::new_err(format!("out must be a contiguous, writable NumPy array of {wanted}, got {found}"))
+}
+
+/// What an argument is, in words.
+fn kind(out: &Bound<'_, PyAny>) -> PyResult<String> {
+    let py = out.py();
+    py.import(intern!(py, "trocar._arrays"))?.call_method1(intern!(py, "kind"), (out,))?.extract()
 }

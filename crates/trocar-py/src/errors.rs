@@ -19,6 +19,7 @@ create_exception!(trocar, IdentifyError, TrocarError, "Recordings that no model 
 create_exception!(trocar, CompareError, TrocarError, "Recordings that models cannot be compared on.");
 create_exception!(trocar, NotConverged, CompareError, "A model that could not be fitted from any start.");
 create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot run.");
+create_exception!(trocar, SweepError, TrocarError, "A sweep that cannot be made.");
 create_exception!(trocar, InternalError, PyRuntimeError, "A fault inside trocar; please report it.");
 
 /// An error of the library on its way to Python.
@@ -102,6 +103,19 @@ impl Raise for trocar::bench::ConfigError {
     }
 }
 
+impl Raise for trocar::sweep::SweepError {
+    fn raise(self) -> PyErr {
+        use trocar::sweep::SweepError as E;
+        match self {
+            E::Model(error) => error.raise(),
+            E::Recording(error) => error.raise(),
+            E::Output(error) => error.raise(),
+            E::ReadRig { ref source, .. } => os_error(source, self.to_string()),
+            other => SweepError::new_err(in_python(&other.to_string())),
+        }
+    }
+}
+
 impl Raise for trocar_model::ParamError {
     fn raise(self) -> PyErr {
         ParameterError::new_err(self.to_string())
@@ -141,6 +155,9 @@ pub(crate) fn os_error(source: &io::Error, text: String) -> PyErr {
 
 /// Options as they are called in Python: `--flip-force` is `flip_force=True`, `--columns a,b` is `columns="a,b"`.
 pub(crate) fn in_python(text: &str) -> String {
+    let text = text
+        .replace("`trocar sweep --print-config` prints", "trocar.sweep_config() gives")
+        .replace("`trocar bench --print-config` prints", "trocar.bench_config() gives");
     let mut words = text.split(' ').peekable();
     let mut out: Vec<String> = Vec::new();
     while let Some(word) = words.next() {

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Found, Validated, Compared ─▶ Python results
-//!                  time, position ─▶ simulate, Stepper ◀─ Model
+//!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep
 //! ```
 //! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception with the library's
 //! message; a panic becomes `InternalError` and never reaches the interpreter.
@@ -15,11 +15,13 @@ mod compensate;
 mod errors;
 mod fleet;
 mod identify;
+mod many;
 mod model;
 mod recording;
 mod shared;
 mod simulate;
 mod stepper;
+mod sweep;
 mod validate;
 mod work;
 
@@ -37,12 +39,14 @@ mod _core {
     #[pymodule_export]
     use crate::errors::{
         ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError, MotionError, NotConverged,
-        ParameterError, RecordingError, TrocarError,
+        ParameterError, RecordingError, SweepError, TrocarError,
     };
     #[pymodule_export]
     use crate::fleet::{FleetConfig, FleetTable, fleet_columns, fleet_file, fleet_frame, fleet_source};
     #[pymodule_export]
     use crate::identify::{Found, identify};
+    #[pymodule_export]
+    use crate::many::{simulate_many, squared_error_many};
     #[pymodule_export]
     use crate::model::{Model, Tunable};
     #[pymodule_export]
@@ -51,6 +55,8 @@ mod _core {
     use crate::simulate::{simulate, simulate_full};
     #[pymodule_export]
     use crate::stepper::Stepper;
+    #[pymodule_export]
+    use crate::sweep::{sweep, sweep_config};
     #[pymodule_export]
     use crate::validate::{Validated, validate};
 

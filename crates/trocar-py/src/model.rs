@@ -64,17 +64,17 @@ impl Model {
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct Tunable {
     /// Name, with its unit at the end; where a model has several elements, `element_0_` and so on stands before it.
-    name: String,
+    pub(crate) name: String,
     /// Present value.
     value: f64,
     /// Unit in SI; "1" for a pure number.
-    unit: &'static str,
+    pub(crate) unit: &'static str,
     /// What it is.
     description: &'static str,
     /// Least value allowed.
-    least: f64,
+    pub(crate) least: f64,
     /// Whether the least value itself is left out.
-    above_least: bool,
+    pub(crate) above_least: bool,
 }
 
 #[pymethods]
@@ -86,7 +86,7 @@ impl Tunable {
     }
 }
 
-fn tunables(seal: &Seal) -> Vec<Tunable> {
+pub(crate) fn tunables(seal: &Seal) -> Vec<Tunable> {
     let named = |t: trocar_model::Tunable| Tunable {
         name: t.element.map_or_else(|| t.name.to_owned(), |element| format!("element_{element}_{}", t.name)),
         value: t.value,
@@ -237,7 +237,7 @@ impl Model {
     }
 }
 
-fn unknown(name: &str, known: &[Tunable]) -> PyErr {
+pub(crate) fn unknown(name: &str, known: &[Tunable]) -> PyErr {
     let names: Vec<&str> = known.iter().map(|tunable| tunable.name.as_str()).collect();
     ParameterError::new_err(format!("no parameter {name:?} to tune; there are {}", names.join(", ")))
 }

@@ -4,6 +4,7 @@ use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
+use trocar::many::ensemble::Start;
 use trocar::recording::LONGEST_STROKE;
 use trocar_model::{Deformation, Mode, Trocar, TrocarState};
 
@@ -34,7 +35,7 @@ pub(crate) fn simulate<'py>(
     let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run = Run::new(py, &trocar, time, position, Start { initial_force_n, initial_deflection_m })?;
+    let mut run = Run::new(py, &trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let result = match out {
         Some(out) => out.clone(),
         None => PyArray1::<f64>::zeros(py, time.len(), false).into_any(),
@@ -62,7 +63,7 @@ pub(crate) fn simulate_full<'py>(
     let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run = Run::new(py, &trocar, time, position, Start { initial_force_n, initial_deflection_m })?;
+    let mut run = Run::new(py, &trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let tells = run.state.deformation().is_some();
     let mut rows = vec![Row::default(); time.len()];
     run.chunks(py, &mut rows, Row::take)?;
@@ -91,29 +92,14 @@ impl Row {
 }
 
 /// How the seal stands at the first sample.
-struct Start {
-    initial_force_n: Option<f64>,
-    initial_deflection_m: Option<f64>,
-}
-
-impl Start {
-    fn state(&self, trocar: &Trocar<'_>, position: f64) -> PyResult<TrocarState> {
-        match (self.initial_force_n, self.initial_deflection_m) {
-            (None, None) => Ok(trocar.rest(position)),
-            (Some(force), None) => {
-                finite("initial_force_n", force, "N")?;
-                Ok(trocar.rest_at_force(position, force))
-            }
-            (None, Some(deflection)) => {
-                finite("initial_deflection_m", deflection, "m")?;
-                trocar.rest_at_deflection(position, deflection).ok_or_else(|| {
-                    ParameterError::new_err(
-                        "initial_deflection_m is for EMS elements; a classical model has no deflection",
-                    )
-                })
-            }
-            _ => Err(PyTypeError::new_err("give initial_force_n or initial_deflection_m, not both")),
+pub(crate) fn start(initial_force_n: Option<f64>, initial_deflection_m: Option<f64>) -> PyResult<Start> {
+    match (initial_force_n, initial_deflection_m) {
+        (None, None) => Ok(Start::Undeformed),
+        (Some(force), None) => finite("initial_force_n", force, "N").map(|()| Start::Force(force)),
+        (None, Some(deflection)) => {
+            finite("initial_deflection_m", deflection, "m").map(|()| Start::Deflection(deflection))
         }
+        _ => Err(PyTypeError::new_err("give initial_force_n or initial_deflection_m, not both")),
     }
 }
 
@@ -133,12 +119,10 @@ impl<'a> Run<'a> {
         position: &'a [f64],
         start: Start,
     ) -> PyResult<Self> {
-        if time.len() != position.len() {
-            let (t, x) = (time.len(), position.len());
-            return Err(MotionError::new_err(format!("position_m has {x} samples, expected {t} as time_s has")));
-        }
-        py.detach(|| check(time, position)).map_err(MotionError::new_err)?;
-        let state = start.state(trocar, position.first().copied().unwrap_or(0.0))?;
+        check_motion(py, time, position)?;
+        let state = start.state(trocar, position.first().copied().unwrap_or(0.0)).ok_or_else(|| {
+            ParameterError::new_err("initial_deflection_m is for EMS elements; a classical model has no deflection")
+        })?;
         Ok(Self { trocar, time, position, state })
     }
 
@@ -164,6 +148,15 @@ impl<'a> Run<'a> {
         }
         Ok(())
     }
+}
+
+/// Refuses a motion that a model cannot follow.
+pub(crate) fn check_motion(py: Python<'_>, time: &[f64], position: &[f64]) -> PyResult<()> {
+    if time.len() != position.len() {
+        let (t, x) = (time.len(), position.len());
+        return Err(MotionError::new_err(format!("position_m has {x} samples, expected {t} as time_s has")));
+    }
+    py.detach(|| check(time, position)).map_err(MotionError::new_err)
 }
 
 /// What a model cannot follow, in words: where, found, expected.

@@ -4,6 +4,7 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::Builder;
 use std::time::Duration;
 
 use pyo3::prelude::*;
@@ -44,14 +45,52 @@ pub(crate) fn run<T: Send + 'static>(
 ) -> PyResult<T> {
     let news = News::default();
     let (cancel, report) = (Cancel::default(), Report(news.clone()));
-    let (sender, mut receiver) = mpsc::channel();
+    let (sender, receiver) = mpsc::channel();
     let (flag, threads) = (cancel.clone(), how.threads);
     let task = move || {
         let outcome = catch_unwind(AssertUnwindSafe(|| flag.run(threads, || work(&report))));
         // Nobody listens any more to work that was called off.
         let _ = sender.send(outcome);
     };
-    std::thread::Builder::new().name("trocar".to_owned()).spawn(task)?;
+    thread().spawn(task)?;
+    outcome(py, receiver, &cancel, how.progress.as_ref(), &news)
+}
+
+/// The same for work on memory of the caller, such as arrays of Python: an exception ends the wait once the work has ended, some
+/// ten milliseconds later.
+pub(crate) fn run_borrowing<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let cancel = Cancel::default();
+    let (sender, receiver) = mpsc::channel();
+    let flag = cancel.clone();
+    let task = move || {
+        let outcome = catch_unwind(AssertUnwindSafe(|| flag.run(threads, work)));
+        // As above.
+        let _ = sender.send(outcome);
+    };
+    std::thread::scope(|scope| {
+        let worker = thread().spawn_scoped(scope, task)?;
+        let done = outcome(py, receiver, &cancel, None, &News::default());
+        // Its panics were caught; other threads of Python run until it has ended.
+        let _ = py.detach(|| worker.join());
+        done
+    })
+}
+
+fn thread() -> Builder {
+    Builder::new().name("trocar".to_owned())
+}
+
+/// What the work sends when it has ended.
+type Ended<T> = Result<Result<T, Stopped>, Box<dyn Any + Send>>;
+
+/// Waits for the work, and calls it off where somebody interrupts.
+fn outcome<T: Send>(
+    py: Python<'_>,
+    mut receiver: Receiver<Ended<T>>,
+    cancel: &Cancel,
+    progress: Option<&Py<PyAny>>,
+    news: &News,
+) -> PyResult<T> {
     loop {
         let outcome;
         (receiver, outcome) = py.detach(move || wait(receiver));
@@ -61,14 +100,14 @@ pub(crate) fn run<T: Send + 'static>(
             Ok(Err(panic)) => return Err(InternalError::new_err(panic_in_words(panic.as_ref()))),
             Err(RecvTimeoutError::Disconnected) => return Err(InternalError::new_err("the work was lost")),
             Err(RecvTimeoutError::Timeout) => {
-                let told = py.check_signals().and_then(|()| tell(py, how.progress.as_ref(), &news));
+                let told = py.check_signals().and_then(|()| tell(py, progress, news));
                 told.inspect_err(|_| cancel.cancel())?;
             }
         }
     }
 }
 
-fn wait<T>(receiver: Receiver<T>) -> (Receiver<T>, Result<T, RecvTimeoutError>) {
+fn wait<T: Send>(receiver: Receiver<T>) -> (Receiver<T>, Result<T, RecvTimeoutError>) {
     let outcome = receiver.recv_timeout(POLL);
     (receiver, outcome)
 }

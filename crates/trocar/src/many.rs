@@ -1,7 +1,10 @@
 //! Many models under one motion, with the widest vectors of the processor and on all its cores.
 //!
 //! [`trocar_model::batch`] does the work; this module chooses at run time among machine codes for the vectors that processors
-//! have (on x86-64: SSE2, AVX2). All give the same bits, and so does any number of threads.
+//! have (on x86-64: SSE2, AVX2). All give the same bits, and so does any number of threads. [`ensemble`] runs whole trocars, with
+//! their profiles along the way, made from columns of parameters.
+
+pub mod ensemble;
 
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;

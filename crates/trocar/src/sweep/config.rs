@@ -142,6 +142,10 @@ impl<'de> Visitor<'de> for ChoiceVisitor {
         Ok(Choice { law: Law::Fixed(value as f64), relative: false })
     }
 
+    fn visit_u64<E>(self, value: u64) -> Result<Choice, E> {
+        Ok(Choice { law: Law::Fixed(value as f64), relative: false })
+    }
+
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Choice, A::Error> {
         Form::deserialize(MapAccessDeserializer::new(map))?.choice().map_err(serde::de::Error::custom)
     }
@@ -186,17 +190,23 @@ impl SweepConfig {
     /// [`SweepError`] with the place: no TOML, an unknown key, a form or a number that makes no sense.
     pub fn from_toml(text: &str) -> Result<Self, SweepError> {
         let config: Self = toml::from_str(text).map_err(|error| SweepError::Syntax(error.to_string()))?;
-        for (name, choice) in config.seal.iter().chain(&config.rig) {
+        config.check(text)?;
+        Ok(config)
+    }
+
+    /// That its numbers make sense; `text` is what it was read from, empty where there is none.
+    pub(crate) fn check(&self, text: &str) -> Result<(), SweepError> {
+        for (name, choice) in self.seal.iter().chain(&self.rig) {
             if let Some(wanted) = choice.law.fault() {
                 return Err(SweepError::Form { line: line_of(text, name), key: name.clone(), wanted });
             }
         }
-        if config.runs == 0 {
+        if self.runs == 0 {
             return Err(SweepError::NoRuns { line: line_of(text, "runs") });
         }
-        config.check_motion()?;
-        match config.rows() {
-            Some(_) => Ok(config),
+        self.check_motion()?;
+        match self.rows() {
+            Some(_) => Ok(()),
             None => Err(SweepError::TooMany { limit: MAX_ROWS }),
         }
     }

@@ -54,8 +54,8 @@ pub enum SweepError {
     /// The document is no TOML, or has other keys or kinds of values.
     #[error("{0}\nhint: `trocar sweep --print-config` prints an example with every key")]
     Syntax(String),
-    /// A form whose numbers make no sense.
-    #[error("line {line}: {key}: expected {wanted}")]
+    /// A form whose numbers make no sense. Here as below, line 0 is one that is not known.
+    #[error("{}{key}: expected {wanted}", at(*line))]
     Form {
         /// Line of the document.
         line: usize,
@@ -65,7 +65,7 @@ pub enum SweepError {
         wanted: &'static str,
     },
     /// No run at all.
-    #[error("line {line}: runs must be 1 or more")]
+    #[error("{}runs must be 1 or more", at(*line))]
     NoRuns {
         /// Line of the document.
         line: usize,
@@ -91,7 +91,7 @@ pub enum SweepError {
         unknown: String,
     },
     /// A parameter that the model does not have.
-    #[error("line {line}: [seal] has no {key:?} for this model\n\nhint: it has {known}")]
+    #[error("{}[seal] has no {key:?} for this model\n\nhint: it has {known}", at(*line))]
     UnknownParameter {
         /// Line of the document.
         line: usize,
@@ -102,7 +102,8 @@ pub enum SweepError {
     },
     /// A key that the rig does not have, or that is no number there.
     #[error(
-        "line {line}: [rig] has no number {key:?}\n\nhint: `trocar bench --print-config` prints them; write \"rod.mass_kg\""
+        "{}[rig] has no number {key:?}\n\nhint: `trocar bench --print-config` prints them; write \"rod.mass_kg\"",
+        at(*line)
     )]
     UnknownRigKey {
         /// Line of the document.
@@ -155,6 +156,11 @@ pub enum SweepError {
     Output(#[from] OutputError),
 }
 
+/// The place in a document, where it is known.
+fn at(line: usize) -> String {
+    if line == 0 { String::new() } else { format!("line {line}: ") }
+}
+
 /// A sweep, ready to run.
 pub struct Sweep {
     config: SweepConfig,
@@ -193,10 +199,25 @@ impl Sweep {
     /// # Errors
     /// [`SweepError`] with the place: the document, a name that model or rig does not have, a file.
     pub fn new(text: &str, folder: &FilePath) -> Result<Self, SweepError> {
-        let config = SweepConfig::from_toml(text)?;
-        let model = match &config.model {
-            Some(path) => ModelFile::read(&folder.join(path))?,
-            None => ModelFile::plausible_10_5_mm()?,
+        Self::of(SweepConfig::from_toml(text)?, text, folder, None)
+    }
+
+    /// The same with a document that has been read already, from `text` (for the lines in messages; empty where there is
+    /// none), and of `model` in place of the one that it names.
+    ///
+    /// # Errors
+    /// As for [`Sweep::new`].
+    pub fn of(
+        config: SweepConfig,
+        text: &str,
+        folder: &FilePath,
+        model: Option<ModelFile>,
+    ) -> Result<Self, SweepError> {
+        config.check(text)?;
+        let model = match (model, &config.model) {
+            (Some(model), _) => model,
+            (None, Some(path)) => ModelFile::read(&folder.join(path))?,
+            (None, None) => ModelFile::plausible_10_5_mm()?,
         };
         let seal = *model.trocar()?.seal();
         let mut present = Vec::new();
@@ -259,6 +280,25 @@ impl Sweep {
         mut report: impl FnMut(u64),
     ) -> Result<Summary, SweepError> {
         let mut table = TableWriter::create(out, &self.fields())?;
+        let summary = self.each(traces, |done, columns| {
+            table.write(columns)?;
+            report(done);
+            Ok(())
+        })?;
+        table.commit()?;
+        Ok(summary)
+    }
+
+    /// The same for somebody who takes the table piece by piece: the number of rows done and the columns of those that are new,
+    /// in the order of [`Sweep::fields`].
+    ///
+    /// # Errors
+    /// Of `take`, and [`SweepError::Output`] for a trace that cannot be written.
+    pub fn each(
+        &self,
+        traces: Option<&FilePath>,
+        mut take: impl FnMut(u64, &[Column]) -> Result<(), SweepError>,
+    ) -> Result<Summary, SweepError> {
         let mut summary = Summary { rows: self.rows(), ..Summary::default() };
         let window = WINDOW * rayon::current_num_threads() as u64;
         for from in (0..self.rows()).step_by(window as usize) {
@@ -268,14 +308,13 @@ impl Sweep {
             let parts: Result<Vec<Vec<Row>>, SweepError> = tasks.par_iter().map(part).collect();
             let rows: Vec<Row> = parts?.into_iter().flatten().collect();
             summary.see(&rows);
-            table.write(&self.columns(from, &rows))?;
-            report(to);
+            take(to, &self.columns(from, &rows))?;
         }
-        table.commit()?;
         Ok(summary)
     }
 
-    fn fields(&self) -> Vec<Field> {
+    /// Columns of the table.
+    pub fn fields(&self) -> Vec<Field> {
         let whole = ["run", "seed"].map(|name| Field::new(name, Kind::Whole));
         let parameters = self.config.seal.keys().chain(self.config.rig.keys()).map(Field::number);
         let results = RESULTS.map(Field::number);

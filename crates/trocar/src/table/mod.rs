@@ -121,8 +121,12 @@ impl Column {
         }
     }
 
+    /// Appends the cells of `other`; of another kind than this column's, they are left out.
+    pub fn append(&mut self, other: &Self) {
+        self.extend(other, 0, other.len());
+    }
+
     /// Appends the cells of `other`, which is of the same kind, from row `from` to before row `to`.
-    #[cfg(feature = "parquet")]
     fn extend(&mut self, other: &Self, from: usize, to: usize) {
         match (self, other) {
             (Self::Number(all), Self::Number(more)) => all.extend_from_slice(&more[from..to]),

@@ -1,0 +1,206 @@
+//! `simulate_many` and `squared_error_many`: many models along one motion; `trocar._many` wraps them.
+
+use numpy::PyReadonlyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyAny;
+use trocar::many::ensemble::{Ensemble, Motion, Refusal, Tuned, forces, squared_errors};
+use trocar_model::{ParamError, Trocar};
+
+use crate::arrays::{column, place, rows};
+use crate::errors::{ArrayError, MotionError, ParameterError, RecordingError};
+use crate::model::{Model, Tunable, tunables, unknown};
+use crate::shared::number;
+use crate::simulate::{check_motion, start};
+use crate::work::run_borrowing;
+
+/// Forces of models along a motion into `out`, a row for each: those listed, or one with columns of parameters.
+#[pyfunction]
+#[pyo3(signature = (models, parameters, time_s, position_m, *, initial_force_n, initial_deflection_m, out, threads))]
+#[allow(clippy::too_many_arguments)] // keywords in Python
+pub(crate) fn simulate_many(
+    py: Python<'_>,
+    models: Vec<Py<Model>>,
+    parameters: Option<Vec<(String, Bound<'_, PyAny>)>>,
+    time_s: &Bound<'_, PyAny>,
+    position_m: &Bound<'_, PyAny>,
+    initial_force_n: Option<f64>,
+    initial_deflection_m: Option<f64>,
+    out: &Bound<'_, PyAny>,
+    threads: usize,
+) -> PyResult<()> {
+    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = (time.as_slice()?, position.as_slice()?);
+    check_motion(py, time, position)?;
+    let start = start(initial_force_n, initial_deflection_m)?;
+    let turned = parameters.map(|columns| Turned::read(&models, columns)).transpose()?;
+    let models = Models::new(&models, turned.as_ref())?;
+    let mut out = rows(out, models.count(), time.len())?;
+    let out = out.as_slice_mut()?;
+    let done = run_borrowing(py, threads, || forces(&models, start, &Motion::new(time, position), out))?;
+    done.map_err(|refusal| raise(refusal, turned.as_ref()))
+}
+
+/// Sums of the squared errors of models against readings into `out`, one for each.
+#[pyfunction]
+#[pyo3(signature = (models, parameters, time_s, position_m, force_n, *, initial_force_n, initial_deflection_m, out,
+    threads))]
+#[allow(clippy::too_many_arguments)] // keywords in Python
+pub(crate) fn squared_error_many(
+    py: Python<'_>,
+    models: Vec<Py<Model>>,
+    parameters: Option<Vec<(String, Bound<'_, PyAny>)>>,
+    time_s: &Bound<'_, PyAny>,
+    position_m: &Bound<'_, PyAny>,
+    force_n: &Bound<'_, PyAny>,
+    initial_force_n: Option<f64>,
+    initial_deflection_m: Option<f64>,
+    out: &Bound<'_, PyAny>,
+    threads: usize,
+) -> PyResult<()> {
+    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = (time.as_slice()?, position.as_slice()?);
+    check_motion(py, time, position)?;
+    let force = column("force_n", force_n)?;
+    let force = force.as_slice()?;
+    check_readings(force, time.len())?;
+    let start = start(initial_force_n, initial_deflection_m)?;
+    let turned = parameters.map(|columns| Turned::read(&models, columns)).transpose()?;
+    let models = Models::new(&models, turned.as_ref())?;
+    let mut out = place(out, models.count())?;
+    let out = out.as_slice_mut()?;
+    let work = || squared_errors(&models, start, &Motion::new(time, position), force, out);
+    run_borrowing(py, threads, work)?.map_err(|refusal| raise(refusal, turned.as_ref()))
+}
+
+fn check_readings(force: &[f64], samples: usize) -> PyResult<()> {
+    if force.len() != samples {
+        let found = force.len();
+        return Err(MotionError::new_err(format!("force_n has {found} samples, expected {samples} as time_s has")));
+    }
+    match force.iter().position(|force| force.is_infinite()) {
+        None => Ok(()),
+        Some(i) => Err(RecordingError::new_err(format!(
+            "sample {i}: force_n is {} N, expected a finite number, or nan where there is no reading",
+            force[i]
+        ))),
+    }
+}
+
+/// The models of a call.
+enum Models<'a> {
+    Listed(Vec<&'a Model>),
+    Tuned(Tuned<'a>),
+}
+
+impl<'a> Models<'a> {
+    fn new(models: &'a [Py<Model>], turned: Option<&'a Turned<'_>>) -> PyResult<Self> {
+        let Some(turned) = turned else {
+            return Ok(Self::Listed(models.iter().map(Py::get).collect()));
+        };
+        let columns = turned.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
+        Ok(Self::Tuned(Tuned::new(base(models)?.trocar(), columns.collect::<PyResult<_>>()?)))
+    }
+}
+
+impl Ensemble for Models<'_> {
+    fn count(&self) -> usize {
+        match self {
+            Self::Listed(models) => models.len(),
+            Self::Tuned(tuned) => tuned.count(),
+        }
+    }
+
+    fn trocar(&self, index: usize) -> Result<Trocar<'_>, ParamError> {
+        match self {
+            Self::Listed(models) => Ok(models[index].trocar()),
+            Self::Tuned(tuned) => tuned.trocar(index),
+        }
+    }
+}
+
+/// The model that parameters belong to.
+fn base(models: &[Py<Model>]) -> PyResult<&Model> {
+    match models {
+        [model] => Ok(model.get()),
+        _ => Err(PyTypeError::new_err(format!("parameters belong to one model, got {} models", models.len()))),
+    }
+}
+
+/// Columns of parameters in place of those of the model.
+struct Turned<'py> {
+    columns: Vec<Column<'py>>,
+}
+
+/// Values of one parameter, one for each model.
+struct Column<'py> {
+    law: Tunable,
+    place: usize,
+    values: PyReadonlyArray1<'py, f64>,
+}
+
+impl<'py> Turned<'py> {
+    fn read(models: &[Py<Model>], given: Vec<(String, Bound<'py, PyAny>)>) -> PyResult<Self> {
+        let base = base(models)?.trocar();
+        let mut columns: Vec<Column<'_>> = Vec::new();
+        for (name, values) in given {
+            let mut known = tunables(base.seal());
+            let found = known.iter().position(|tunable| tunable.name == name);
+            let place = found.ok_or_else(|| unknown(&name, &known))?;
+            if columns.iter().any(|column| column.place == place) {
+                return Err(ParameterError::new_err(format!("parameters: {name} is there twice")));
+            }
+            let column = Column { law: known.swap_remove(place), place, values: column(&name, &values)? };
+            column.check(columns.first())?;
+            columns.push(column);
+        }
+        if columns.is_empty() {
+            let names: Vec<String> = tunables(base.seal()).into_iter().map(|tunable| tunable.name).collect();
+            return Err(ParameterError::new_err(format!("parameters has no column; there are {}", names.join(", "))));
+        }
+        Ok(Self { columns })
+    }
+}
+
+impl Column<'_> {
+    /// As many values as the `first` has, each in its range.
+    fn check(&self, first: Option<&Self>) -> PyResult<()> {
+        let Tunable { name, least, above_least, .. } = &self.law;
+        let values = self.values.as_slice()?;
+        if let Some(first) = first
+            && let (found, expected) = (values.len(), first.values.as_slice()?.len())
+            && found != expected
+        {
+            let other = &first.law.name;
+            return Err(ArrayError::new_err(format!("{name} has {found} values, expected {expected} as {other} has")));
+        }
+        let fits = |value: &f64| value.is_finite() && (value > least || (value == least && !above_least));
+        let Some(model) = values.iter().position(|value| !fits(value)) else { return Ok(()) };
+        let (wanted, unit) = (if *above_least { "above" } else { "at least" }, self.unit());
+        Err(ParameterError::new_err(format!(
+            "{name} of model {model} must be finite and {wanted} {least}{unit}, got {}{unit}",
+            number(values[model])
+        )))
+    }
+
+    fn unit(&self) -> String {
+        if self.law.unit == "1" { String::new() } else { format!(" {}", self.law.unit) }
+    }
+}
+
+fn raise(refusal: Refusal, turned: Option<&Turned<'_>>) -> PyErr {
+    let columns = turned.map_or(&[][..], |turned| &turned.columns);
+    match refusal {
+        Refusal::Parameter { index, why } => {
+            let value = |column: &Column<'_>| {
+                let value = column.values.as_slice().ok()?.get(index)?;
+                Some(format!("{} = {}{}", column.law.name, number(*value), column.unit()))
+            };
+            let values: Vec<String> = columns.iter().filter_map(value).collect();
+            ParameterError::new_err(format!("model {index} with {}: {why}", values.join(", ")))
+        }
+        Refusal::NoDeflection { index } => ParameterError::new_err(format!(
+            "initial_deflection_m is for EMS elements; model {index} is a classical one and has no deflection"
+        )),
+    }
+}

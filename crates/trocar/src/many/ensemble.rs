@@ -1,0 +1,452 @@
+//! Many trocars along one motion: all their forces, or how far each is from a recording.
+//!
+//! Trocars are made when their turn comes ([`Ensemble`]): a hundred thousand draws of parameters take the memory of a few dozen
+//! models. **Every force has the bits of [`Trocar::step_to`]**, whatever runs as vectors, on any number of threads.
+//!
+//! Memory: 24 bytes for each sample of the motion, and for each thread some hundred kilobytes of models.
+
+use std::array;
+
+use rayon::prelude::*;
+use thiserror::Error;
+use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, blocks};
+use trocar_model::{Element, ParamError, Seal, SealState, State, Travel, Trocar, TrocarState};
+
+use super::{TASK, run};
+use crate::cancel;
+
+/// Samples between two looks at whether the work was called off.
+const PIECE: usize = 2048;
+
+/// Samples that wait until they are written, row by row: of 16 rows at once each would go to a place of its own in memory, and for
+/// some numbers of samples all of them to the same corner of the cache.
+const TILE: usize = 32;
+
+/// Trocars by number.
+pub trait Ensemble: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// Trocar `index`, from 0.
+    ///
+    /// # Errors
+    /// [`ParamError`] for parameters that make none.
+    fn trocar(&self, index: usize) -> Result<Trocar<'_>, ParamError>;
+}
+
+/// One trocar with other parameters: a column of values, one for each of the ensemble, for every parameter that is turned.
+#[derive(Debug, Clone)]
+pub struct Tuned<'a> {
+    base: Trocar<'a>,
+    present: Vec<f64>,
+    columns: Vec<(usize, &'a [f64])>,
+    count: usize,
+}
+
+impl<'a> Tuned<'a> {
+    /// `columns` by their place among [`Seal::tunables`]; there are as many trocars as the shortest has values, and one
+    /// without columns.
+    pub fn new(base: Trocar<'a>, columns: Vec<(usize, &'a [f64])>) -> Self {
+        let present = base.seal().tunables().map(|tunable| tunable.value).collect();
+        let count = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(1);
+        Self { base, present, columns, count }
+    }
+}
+
+impl Ensemble for Tuned<'_> {
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn trocar(&self, index: usize) -> Result<Trocar<'_>, ParamError> {
+        let mut values = self.present.clone();
+        for (place, column) in &self.columns {
+            if let (Some(value), Some(new)) = (values.get_mut(*place), column.get(index)) {
+                *value = *new;
+            }
+        }
+        Ok(self.base.with_seal(self.base.seal().tuned(&values)?))
+    }
+}
+
+/// How every seal stands at the first sample, at rest there.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Start {
+    /// Undeformed.
+    #[default]
+    Undeformed,
+    /// With this force, N ([`Trocar::rest_at_force`]).
+    Force(f64),
+    /// With this deflection, m ([`Trocar::rest_at_deflection`]).
+    Deflection(f64),
+}
+
+impl Start {
+    /// `trocar` at `position`, m; `None` for a deflection of a classical model.
+    pub fn state(self, trocar: &Trocar<'_>, position: f64) -> Option<TrocarState> {
+        match self {
+            Self::Undeformed => Some(trocar.rest(position)),
+            Self::Force(force) => Some(trocar.rest_at_force(position, force)),
+            Self::Deflection(deflection) => trocar.rest_at_deflection(position, deflection),
+        }
+    }
+}
+
+/// Why an ensemble cannot be run.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum Refusal {
+    /// Parameters that make no model.
+    #[error("model {index}: {why}")]
+    Parameter {
+        /// Number of the model, from 0.
+        index: usize,
+        /// What is wrong.
+        why: ParamError,
+    },
+    /// A classical model was to start with a deflection.
+    #[error("model {index} is a classical one, which has no deflection to start with")]
+    NoDeflection {
+        /// Number of the model, from 0.
+        index: usize,
+    },
+}
+
+/// A motion as [`Trocar::step_to`] follows it from sample to sample.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Motion {
+    /// Of the instrument at each sample, m.
+    position: Vec<f64>,
+    /// Displacement (m) and duration (s) to each sample but the first.
+    steps: Vec<(f64, f64)>,
+}
+
+impl Motion {
+    /// Samples at `time` (s) and `position` (m), as many as the shorter has. The first is the start; one that no model can follow
+    /// (no time passes, or a number is not finite) changes nothing.
+    pub fn new(time: &[f64], position: &[f64]) -> Self {
+        let start = position.first().copied().filter(|x| x.is_finite()).unwrap_or(0.0);
+        let mut now = (time.first().copied().unwrap_or(0.0), start);
+        let samples = time.len().min(position.len());
+        let mut motion = Self { position: Vec::with_capacity(samples), steps: Vec::with_capacity(samples) };
+        motion.position.extend((samples > 0).then_some(start));
+        for (&t, &x) in time.iter().zip(position).skip(1) {
+            let (duration, displacement) = (t - now.0, x - now.1);
+            let velocity = displacement / duration;
+            let follows = duration > 0.0 && duration.is_finite() && velocity.is_finite();
+            now = (t, if follows { x } else { now.1 });
+            motion.position.push(now.1);
+            motion.steps.push((displacement, duration));
+        }
+        motion
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.position.len()
+    }
+}
+
+/// The force of each trocar at each sample of `motion` into `forces`, N: trocar i at sample k at `i * motion.samples() + k`; on all
+/// threads. What does not fit is left out.
+///
+/// # Errors
+/// [`Refusal`] of the first trocar that cannot be run; nothing is written then.
+pub fn forces(ensemble: &impl Ensemble, start: Start, motion: &Motion, forces: &mut [f64]) -> Result<(), Refusal> {
+    check(ensemble, start)?;
+    let samples = motion.samples();
+    if samples > 0 {
+        each_part(ensemble, start, motion, samples, forces, |part, rows| {
+            for (row, force) in rows.chunks_exact_mut(samples).zip(&part.at_start) {
+                row[0] = *force;
+            }
+            part.run(motion, Rows::new(rows, samples));
+        });
+    }
+    Ok(())
+}
+
+/// Σ(`measured` - F)² over the samples of `motion` that have a finite reading (N), the first among them, for each trocar into
+/// `sums`, N²; on all threads. What does not fit is left out.
+///
+/// # Errors
+/// [`Refusal`] of the first trocar that cannot be run; nothing is written then.
+pub fn squared_errors(
+    ensemble: &impl Ensemble,
+    start: Start,
+    motion: &Motion,
+    measured: &[f64],
+    sums: &mut [f64],
+) -> Result<(), Refusal> {
+    check(ensemble, start)?;
+    each_part(ensemble, start, motion, 1, sums, |part, sums| {
+        let first = measured.first().filter(|reading| reading.is_finite());
+        for (sum, force) in sums.iter_mut().zip(&part.at_start) {
+            *sum = first.map_or(0.0, |reading| (reading - force) * (reading - force));
+        }
+        part.run(motion, Sums { measured, sums, own: [0.0; LANES], from: 0 });
+    });
+    Ok(())
+}
+
+/// That every trocar can be made and started.
+fn check(ensemble: &impl Ensemble, start: Start) -> Result<(), Refusal> {
+    let fault = |index: usize| {
+        cancel::check();
+        match ensemble.trocar(index) {
+            Err(why) => Some(Refusal::Parameter { index, why }),
+            Ok(trocar) if matches!((start, trocar.seal()), (Start::Deflection(_), Seal::Classical(_))) => {
+                Some(Refusal::NoDeflection { index })
+            }
+            Ok(_) => None,
+        }
+    };
+    (0..ensemble.count()).into_par_iter().find_map_first(fault).map_or(Ok(()), Err)
+}
+
+/// Does `work` on parts of the ensemble, each with its part of `places`, `width` for each trocar.
+fn each_part<E: Ensemble>(
+    ensemble: &E,
+    start: Start,
+    motion: &Motion,
+    width: usize,
+    places: &mut [f64],
+    work: impl Fn(Part, &mut [f64]) + Sync,
+) {
+    let at = motion.position.first().copied().unwrap_or(0.0);
+    let count = ensemble.count().min(places.len() / width);
+    let task = task(count);
+    let parts = places[..count * width].par_chunks_mut(task * width).enumerate();
+    parts.for_each(|(k, places)| {
+        let trocars = (k * task..count.min((k + 1) * task)).flat_map(|index| ensemble.trocar(index));
+        work(Part::of(trocars, start, at), places);
+    });
+}
+
+/// Trocars of one task. Few of them are spread over the threads: a core that steps them one by one is no slower than a vector
+/// of which most is empty.
+fn task(count: usize) -> usize {
+    let each = count.div_ceil(rayon::current_num_threads().max(1)).min(TASK);
+    if each > LANES { each.next_multiple_of(LANES) } else { each.max(1) }
+}
+
+/// The trocars of a task where the motion begins.
+struct Part<'a> {
+    seals: Vec<Seal>,
+    states: Vec<SealState>,
+    travels: Vec<Option<Travel<'a>>>,
+    at_start: Vec<f64>,
+}
+
+impl<'a> Part<'a> {
+    fn of(trocars: impl Iterator<Item = Trocar<'a>>, start: Start, at: f64) -> Self {
+        let mut part = Self { seals: Vec::new(), states: Vec::new(), travels: Vec::new(), at_start: Vec::new() };
+        for trocar in trocars {
+            let state = start.state(&trocar, at).unwrap_or_else(|| trocar.rest(at));
+            part.seals.push(*trocar.seal());
+            part.states.push(*state.seal());
+            part.travels.push(trocar.travel());
+            part.at_start.push(state.force());
+        }
+        part
+    }
+
+    /// Along the whole motion.
+    fn run(mut self, motion: &Motion, sink: impl Sink) {
+        let single = |(seal, state): (&Seal, &SealState)| seal.single(state).map(|(element, state)| (*element, *state));
+        let singles: Option<Vec<(Element, State)>> = self.seals.iter().zip(&self.states).map(single).collect();
+        match singles {
+            // A quarter of the memory of seals that might have four elements.
+            Some(singles) => {
+                let (elements, mut states): (Vec<_>, Vec<_>) = singles.into_iter().unzip();
+                along(&elements, &mut states, &self.travels, motion, sink);
+            }
+            None => along(&self.seals, &mut self.states, &self.travels, motion, sink),
+        }
+    }
+}
+
+fn along<M: Many>(
+    models: &[M],
+    states: &mut [M::State],
+    travels: &[Option<Travel<'_>>],
+    motion: &Motion,
+    sink: impl Sink,
+) {
+    let mut places = vec![Lanes::EMPTY; blocks(models.len())];
+    let Some(mut batch) = Batch::new(models, states, &mut places) else { return };
+    let mut observer = Along { travels, way: Way::Free, position: &[], sink };
+    for (k, steps) in motion.steps.chunks(PIECE).enumerate() {
+        cancel::check();
+        let from = 1 + k * PIECE;
+        observer.position = &motion.position[from..];
+        observer.sink.go_on(from);
+        run(&mut batch, steps, &mut observer);
+    }
+}
+
+/// Where the forces of a block end up.
+trait Sink {
+    /// The next sample is number `sample` of the motion.
+    fn go_on(&mut self, sample: usize);
+
+    /// A block of `count` trocars from `first` on comes next.
+    fn begin(&mut self, first: usize, count: usize);
+
+    /// Its forces at `sample`, counted from [`Sink::go_on`].
+    fn take(&mut self, sample: usize, forces: &[f64; LANES]);
+
+    /// The block has come to the end of the piece.
+    fn end(&mut self, first: usize, count: usize);
+}
+
+/// Takes the forces of the seals along the way to those of the trocars.
+struct Along<'a, S> {
+    travels: &'a [Option<Travel<'a>>],
+    way: Way<'a>,
+    /// After each step of the piece, m.
+    position: &'a [f64],
+    sink: S,
+}
+
+/// How the forces of a block depend on the position.
+enum Way<'a> {
+    Free,
+    Shared(Travel<'a>),
+    Own([Option<Travel<'a>>; LANES]),
+}
+
+impl<'a> Way<'a> {
+    fn of(travels: &[Option<Travel<'a>>]) -> Self {
+        let first = travels.first().copied().flatten();
+        match (travels.iter().all(|travel| *travel == first), first) {
+            (true, None) => Self::Free,
+            (true, Some(travel)) => Self::Shared(travel),
+            (false, _) => Self::Own(array::from_fn(|lane| travels.get(lane).copied().flatten())),
+        }
+    }
+
+    /// [`Travel::apply`] for each lane.
+    #[inline(always)]
+    fn apply(&self, position: f64, forces: &mut [f64; LANES]) {
+        match self {
+            Self::Free => {}
+            Self::Shared(travel) => {
+                let (offset, level) = (travel.offset(position), travel.level(position));
+                for force in forces {
+                    *force = offset + level * *force;
+                }
+            }
+            Self::Own(travels) => {
+                for (force, travel) in forces.iter_mut().zip(travels) {
+                    *force = travel.map_or(*force, |travel| travel.apply(position, *force));
+                }
+            }
+        }
+    }
+}
+
+impl<S: Sink> Observe for Along<'_, S> {
+    fn begin(&mut self, first: usize, count: usize) {
+        self.way = Way::of(&self.travels[first..first + count]);
+        self.sink.begin(first, count);
+    }
+
+    #[inline(always)]
+    fn see(&mut self, sample: usize, lanes: &Lanes) {
+        let mut forces = *lanes.forces();
+        self.way.apply(self.position[sample], &mut forces);
+        self.sink.take(sample, &forces);
+    }
+
+    fn end(&mut self, first: usize, count: usize) {
+        self.sink.end(first, count);
+    }
+}
+
+/// Writes the forces, a row for each trocar.
+struct Rows<'a> {
+    rows: &'a mut [f64],
+    samples: usize,
+    tile: [[f64; LANES]; TILE],
+    /// Samples in the tile.
+    waiting: usize,
+    /// Number of the first of these, and of the first of the piece.
+    from: usize,
+    piece: usize,
+    first: usize,
+    count: usize,
+}
+
+impl<'a> Rows<'a> {
+    fn new(rows: &'a mut [f64], samples: usize) -> Self {
+        Self { rows, samples, tile: [[0.0; LANES]; TILE], waiting: 0, from: 0, piece: 0, first: 0, count: 0 }
+    }
+
+    #[inline(always)]
+    fn write(&mut self) {
+        let rows = self.rows.chunks_exact_mut(self.samples).skip(self.first).take(self.count);
+        for (lane, row) in rows.enumerate() {
+            for (place, forces) in row[self.from..].iter_mut().zip(&self.tile[..self.waiting]) {
+                *place = forces[lane % LANES];
+            }
+        }
+        self.from += self.waiting;
+        self.waiting = 0;
+    }
+}
+
+impl Sink for Rows<'_> {
+    fn go_on(&mut self, sample: usize) {
+        self.piece = sample;
+    }
+
+    fn begin(&mut self, first: usize, count: usize) {
+        (self.first, self.count, self.from) = (first, count, self.piece);
+    }
+
+    #[inline(always)]
+    fn take(&mut self, _: usize, forces: &[f64; LANES]) {
+        self.tile[self.waiting] = *forces;
+        self.waiting += 1;
+        if self.waiting == TILE {
+            self.write();
+        }
+    }
+
+    fn end(&mut self, _: usize, _: usize) {
+        self.write();
+    }
+}
+
+/// Sums up what the readings differ by.
+struct Sums<'a> {
+    measured: &'a [f64],
+    sums: &'a mut [f64],
+    own: [f64; LANES],
+    from: usize,
+}
+
+impl Sink for Sums<'_> {
+    fn go_on(&mut self, sample: usize) {
+        self.from = sample;
+    }
+
+    fn begin(&mut self, first: usize, count: usize) {
+        self.own[..count].copy_from_slice(&self.sums[first..first + count]);
+    }
+
+    #[inline(always)]
+    fn take(&mut self, sample: usize, forces: &[f64; LANES]) {
+        if let Some(reading) = self.measured.get(self.from + sample)
+            && reading.is_finite()
+        {
+            for (sum, force) in self.own.iter_mut().zip(forces) {
+                *sum += (reading - force) * (reading - force);
+            }
+        }
+    }
+
+    fn end(&mut self, first: usize, count: usize) {
+        self.sums[first..first + count].copy_from_slice(&self.own[..count]);
+    }
+}

@@ -1,0 +1,98 @@
+"""Many models along one motion; the package shows these functions as its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from ._arrays import column, count as count_of, names, series
+from ._core import Model
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+#: One model or several.
+Models = Union[Model, Iterable[Model]]
+_Array = npt.NDArray[np.float64]
+_Columns = Optional[list[tuple[str, _Array]]]
+
+
+def simulate_many(
+    models: Models,
+    time_s: ArrayLike,
+    position_m: ArrayLike,
+    *,
+    parameters: Any = None,
+    initial_force_n: Optional[float] = None,
+    initial_deflection_m: Optional[float] = None,
+    out: Optional[_Array] = None,
+    threads: int = 0,
+) -> _Array:
+    """Forces of many models along one motion, N: an array of a row for each model, a column for each sample.
+
+    Each row is what ``simulate`` gives for that model, bit for bit; the models are stepped side by side, on all cores.
+
+    :param models: a list of models; or one model, of which ``parameters`` makes many
+    :param parameters: columns of values by the names of ``Model.tunables``, as a dictionary, a data frame or a record array: row i
+        makes the model ``model.tuned(**row)``. A single number is that of all rows. Hundreds of thousands are no burden: none
+        becomes an object of Python
+    :param out: takes the result: a contiguous, writable array of float64 of that shape
+    :param threads: to work on; 0 takes one for each processor
+    """
+    own, columns, count = _ensemble(models, parameters)
+    time, position = column("time_s", time_s), column("position_m", position_m)
+    if out is None:
+        out = np.empty((count, len(time)))
+    options = {"initial_force_n": initial_force_n, "initial_deflection_m": initial_deflection_m}
+    _core.simulate_many(own, columns, time, position, **options, out=out, threads=count_of("threads", threads))
+    return out
+
+
+def squared_error_many(
+    models: Models,
+    time_s: ArrayLike,
+    position_m: ArrayLike,
+    force_n: ArrayLike,
+    *,
+    parameters: Any = None,
+    initial_force_n: Optional[float] = None,
+    initial_deflection_m: Optional[float] = None,
+    out: Optional[_Array] = None,
+    threads: int = 0,
+) -> _Array:
+    """Sum of the squared errors of many models against readings, N²: the residual sum of squares of each.
+
+    What a Monte Carlo of one's own, an ABC sampler or a particle filter wants of each draw; no force is kept. Each is
+    Σ(force_n - simulate(model, ...))², summed from the first sample to the last; the rms error is its square root over that of the
+    number of readings. The forces are those on the seal: take the sensor's offset and the inertia of a moving mass out
+    before. A reading of nan is left out.
+
+    :param models: as for ``simulate_many``, with ``parameters``
+    :param force_n: measured forces, N
+    """
+    own, columns, count = _ensemble(models, parameters)
+    if out is None:
+        out = np.empty(count)
+    arrays = (column("time_s", time_s), column("position_m", position_m), column("force_n", force_n))
+    options = {"initial_force_n": initial_force_n, "initial_deflection_m": initial_deflection_m}
+    _core.squared_error_many(own, columns, *arrays, **options, out=out, threads=count_of("threads", threads))
+    return out
+
+
+def _ensemble(models: Models, parameters: Any) -> tuple[list[Model], _Columns, int]:
+    """Models, columns of parameters, and how many models these make."""
+    own = [models] if isinstance(models, Model) else list(models)
+    for item in own:
+        if not isinstance(item, Model):
+            raise TypeError(f"models: expected trocar.Model, got {type(item).__name__}")
+    if parameters is None:
+        return own, None, len(own)
+    given = [(name, series(parameters, index)) for index, name in enumerate(names(parameters))]
+    counts = {name: len(values) for name, values in given if np.ndim(values) > 0}
+    count = next(iter(counts.values()), 1)
+    columns = [(name, column(name, values if name in counts else [values])) for name, values in given]
+    return own, [(name, c if name in counts else np.full(count, c[0])) for name, c in columns], count
