@@ -163,7 +163,7 @@ def test_an_out_that_is_read_from_is_refused(model: trocar.Model) -> None:
     assert np.array_equal(widths, np.linspace(5e-3, 9e-3, 3))
 
 
-WIDTHS = np.linspace(5e-3, 9e-3, 5)
+WIDTHS = np.array([5.5e-3, 6e-3, 7.5e-3, 8e-3, 9e-3])
 
 
 def with_one(value: float) -> np.ndarray:
@@ -186,7 +186,7 @@ def with_one(value: float) -> np.ndarray:
         (
             {"half_width_m": WIDTHS, "friction_lag_s": [0, 0, 0.5, 0, 0]},
             trocar.ParameterError,
-            "model 2 with half_width_m = 0.007 m, friction_lag_s = 0.5 s: friction_lag = 0.5 s needs a creep_velocity above 0",
+            "model 2 with half_width_m = 0.0075 m, friction_lag_s = 0.5 s: friction_lag = 0.5 s needs a creep_velocity above 0",
         ),
         (
             {"half_width_m": WIDTHS, "seal_damping_n_s_m": [0.0, 1.0]},
@@ -253,6 +253,7 @@ def test_the_example_of_the_documentation_runs() -> None:
     text = (ROOT / "docs" / "python.md").read_text().split("## Many models", 1)[1]
     names: dict[str, Any] = {}
     exec(text.split("```python\n", 1)[1].split("```", 1)[0], names)
-    # The recording comes from a seal 8 mm wide with 3 N.
-    assert abs(names["width_m"] - 8e-3) < 3 * names["width_std_m"] < 1e-3
-    assert names["band_n"].shape == (2, len(names["strokes"]))
+    assert abs(names["width_m"] - 8e-3) < 2 * names["width_std_m"] < 1e-3
+    # N rms: little above the noise that was put on.
+    assert 0.049 < names["rms_n"].min() < 0.055
+    assert names["band_n"].shape == (2, 4000)

@@ -77,9 +77,17 @@ def squared_error_many(
     own, columns, count = _ensemble(models, parameters)
     if out is None:
         out = np.empty(count)
-    arrays = (column("time_s", time_s), column("position_m", position_m), column("force_n", force_n))
-    options = {"initial_force_n": initial_force_n, "initial_deflection_m": initial_deflection_m}
-    _core.squared_error_many(own, columns, *arrays, **options, out=out, threads=count_of("threads", threads))
+    _core.squared_error_many(
+        own,
+        columns,
+        time_s,
+        position_m,
+        force_n,
+        initial_force_n=initial_force_n,
+        initial_deflection_m=initial_deflection_m,
+        out=out,
+        threads=count_of("threads", threads),
+    )
     return out
 
 
