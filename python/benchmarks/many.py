@@ -2,8 +2,8 @@
 
     python python/benchmarks/many.py
 
-``crates/trocar-py/check --bench`` builds the package and calls this. Printed are medians, ns per seal and sample, and the median of
-the ratios of neighbouring turns; the loop makes no models, those are there already.
+``crates/trocar-py/check --bench`` builds the package and calls this. Printed are medians, ns per seal and sample, and the medians of
+the ratios of neighbouring works to the loop: of models that are there already, and with ``tuned`` for each.
 """
 
 from __future__ import annotations
@@ -41,6 +41,10 @@ def measure(viscous: float) -> None:
         for own, row in zip(models, loops):
             trocar.simulate(own, time_s, position_m, out=row)
 
+    def tuned_loop() -> None:
+        for width, row in zip(draws["half_width_m"].tolist(), loops):
+            trocar.simulate(model.tuned(half_width_m=width), time_s, position_m, out=row)
+
     def many(threads: int) -> Callable[[], object]:
         return lambda: trocar.simulate_many(model, time_s, position_m, parameters=draws, out=forces, threads=threads)
 
@@ -48,11 +52,14 @@ def measure(viscous: float) -> None:
         options = {"parameters": draws, "threads": threads}
         return lambda: trocar.squared_error_many(model, time_s, position_m, readings, **options)
 
-    listed = lambda: trocar.simulate_many(models, time_s, position_m, out=forces, threads=1)  # noqa: E731
+    def listed() -> object:
+        return trocar.simulate_many(models, time_s, position_m, out=forces, threads=1)
+
     works: dict[str, Callable[[], object]] = {
         "loop over simulate": loop,
-        "simulate_many, 1 thread": many(1),
+        "loop over tuned and simulate": tuned_loop,
         "simulate_many of a list, 1 thread": listed,
+        "simulate_many, 1 thread": many(1),
         f"simulate_many, {os.cpu_count()} threads": many(0),
         "squared_error_many, 1 thread": squares(1),
         f"squared_error_many, {os.cpu_count()} threads": squares(0),
@@ -69,8 +76,8 @@ def measure(viscous: float) -> None:
     print(f"\n{SEALS} seals, {SAMPLES} samples, viscous damping {viscous:g} N s/m, medians of {TURNS} turns")
     for name in works:
         cost = statistics.median(turn[name] for turn in turns)
-        ratio = statistics.median(turn["loop over simulate"] / turn[name] for turn in turns)
-        print(f"{name:36} {cost:6.2f} ns per seal and sample, {ratio:5.2f} times as fast as the loop")
+        to = [statistics.median(turn[first] / turn[name] for turn in turns) for first in list(works)[:2]]
+        print(f"{name:34} {cost:6.2f} ns per seal and sample; the loops take {to[0]:5.2f} and {to[1]:5.2f} times as long")
 
 
 if __name__ == "__main__":

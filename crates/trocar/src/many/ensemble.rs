@@ -6,6 +6,8 @@
 //! Memory: 24 bytes for each sample of the motion, and for each thread some hundred kilobytes of models.
 
 use std::array;
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 use thiserror::Error;
@@ -111,6 +113,15 @@ pub enum Refusal {
     },
 }
 
+impl Refusal {
+    /// Number of the model, from 0.
+    pub fn index(&self) -> usize {
+        match self {
+            Self::Parameter { index, .. } | Self::NoDeflection { index } => *index,
+        }
+    }
+}
+
 /// A motion as [`Trocar::step_to`] follows it from sample to sample.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Motion {
@@ -150,26 +161,25 @@ impl Motion {
 /// threads. What does not fit is left out.
 ///
 /// # Errors
-/// [`Refusal`] of the first trocar that cannot be run; nothing is written then.
+/// [`Refusal`] of the first trocar that cannot be run; those of others may have been written then.
 pub fn forces(ensemble: &impl Ensemble, start: Start, motion: &Motion, forces: &mut [f64]) -> Result<(), Refusal> {
-    check(ensemble, start)?;
     let samples = motion.samples();
-    if samples > 0 {
-        each_part(ensemble, start, motion, samples, forces, |part, rows| {
-            for (row, force) in rows.chunks_exact_mut(samples).zip(&part.at_start) {
-                row[0] = *force;
-            }
-            part.run(motion, Rows::new(rows, samples));
-        });
+    if samples == 0 {
+        return Ok(());
     }
-    Ok(())
+    each_part(ensemble, start, motion, samples, forces, |part, rows| {
+        for (row, force) in rows.chunks_exact_mut(samples).zip(&part.at_start) {
+            row[0] = *force;
+        }
+        part.run(motion, Rows::new(rows, samples));
+    })
 }
 
 /// Σ(`measured` - F)² over the samples of `motion` that have a finite reading (N), the first among them, for each trocar into
 /// `sums`, N²; on all threads. What does not fit is left out.
 ///
 /// # Errors
-/// [`Refusal`] of the first trocar that cannot be run; nothing is written then.
+/// [`Refusal`] of the first trocar that cannot be run; those of others may have been written then.
 pub fn squared_errors(
     ensemble: &impl Ensemble,
     start: Start,
@@ -177,33 +187,17 @@ pub fn squared_errors(
     measured: &[f64],
     sums: &mut [f64],
 ) -> Result<(), Refusal> {
-    check(ensemble, start)?;
     each_part(ensemble, start, motion, 1, sums, |part, sums| {
         let first = measured.first().filter(|reading| reading.is_finite());
         for (sum, force) in sums.iter_mut().zip(&part.at_start) {
             *sum = first.map_or(0.0, |reading| (reading - force) * (reading - force));
         }
         part.run(motion, Sums { measured, sums, own: [0.0; LANES], from: 0 });
-    });
-    Ok(())
+    })
 }
 
-/// That every trocar can be made and started.
-fn check(ensemble: &impl Ensemble, start: Start) -> Result<(), Refusal> {
-    let fault = |index: usize| {
-        cancel::check();
-        match ensemble.trocar(index) {
-            Err(why) => Some(Refusal::Parameter { index, why }),
-            Ok(trocar) if matches!((start, trocar.seal()), (Start::Deflection(_), Seal::Classical(_))) => {
-                Some(Refusal::NoDeflection { index })
-            }
-            Ok(_) => None,
-        }
-    };
-    (0..ensemble.count()).into_par_iter().find_map_first(fault).map_or(Ok(()), Err)
-}
-
-/// Does `work` on parts of the ensemble, each with its part of `places`, `width` for each trocar.
+/// Does `work` on parts of the ensemble, each with its part of `places`, `width` for each trocar; the first refusal in the order
+/// of the ensemble.
 fn each_part<E: Ensemble>(
     ensemble: &E,
     start: Start,
@@ -211,15 +205,28 @@ fn each_part<E: Ensemble>(
     width: usize,
     places: &mut [f64],
     work: impl Fn(Part, &mut [f64]) + Sync,
-) {
+) -> Result<(), Refusal> {
     let at = motion.position.first().copied().unwrap_or(0.0);
     let count = ensemble.count().min(places.len() / width);
     let task = task(count);
+    let first_refused = AtomicUsize::new(usize::MAX);
+    let part = |(k, places): (usize, &mut [f64])| {
+        if k > first_refused.load(Ordering::Relaxed) {
+            return None;
+        }
+        match Part::of(ensemble, k * task..count.min((k + 1) * task), start, at) {
+            Ok(part) => {
+                work(part, places);
+                None
+            }
+            Err(refusal) => {
+                first_refused.fetch_min(k, Ordering::Relaxed);
+                Some(refusal)
+            }
+        }
+    };
     let parts = places[..count * width].par_chunks_mut(task * width).enumerate();
-    parts.for_each(|(k, places)| {
-        let trocars = (k * task..count.min((k + 1) * task)).flat_map(|index| ensemble.trocar(index));
-        work(Part::of(trocars, start, at), places);
-    });
+    parts.filter_map(part).min_by_key(|refusal| refusal.index()).map_or(Ok(()), Err)
 }
 
 /// Trocars of one task. Few of them are spread over the threads: a core that steps them one by one is no slower than a vector
@@ -238,16 +245,17 @@ struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    fn of(trocars: impl Iterator<Item = Trocar<'a>>, start: Start, at: f64) -> Self {
+    fn of(ensemble: &'a impl Ensemble, indices: Range<usize>, start: Start, at: f64) -> Result<Self, Refusal> {
         let mut part = Self { seals: Vec::new(), states: Vec::new(), travels: Vec::new(), at_start: Vec::new() };
-        for trocar in trocars {
-            let state = start.state(&trocar, at).unwrap_or_else(|| trocar.rest(at));
+        for index in indices {
+            let trocar = ensemble.trocar(index).map_err(|why| Refusal::Parameter { index, why })?;
+            let state = start.state(&trocar, at).ok_or(Refusal::NoDeflection { index })?;
             part.seals.push(*trocar.seal());
             part.states.push(*state.seal());
             part.travels.push(trocar.travel());
             part.at_start.push(state.force());
         }
-        part
+        Ok(part)
     }
 
     /// Along the whole motion.
