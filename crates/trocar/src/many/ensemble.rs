@@ -5,7 +5,6 @@
 //!
 //! Memory: 24 bytes for each sample of the motion, and for each thread some hundred kilobytes of models.
 
-use std::array;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -320,16 +319,16 @@ struct Along<'a, S> {
 enum Way<'a> {
     Free,
     Shared(Travel<'a>),
-    Own([Option<Travel<'a>>; LANES]),
+    Own(&'a [Option<Travel<'a>>]),
 }
 
 impl<'a> Way<'a> {
-    fn of(travels: &[Option<Travel<'a>>]) -> Self {
+    fn of(travels: &'a [Option<Travel<'a>>]) -> Self {
         let first = travels.first().copied().flatten();
         match (travels.iter().all(|travel| *travel == first), first) {
             (true, None) => Self::Free,
             (true, Some(travel)) => Self::Shared(travel),
-            (false, _) => Self::Own(array::from_fn(|lane| travels.get(lane).copied().flatten())),
+            (false, _) => Self::Own(travels),
         }
     }
 
@@ -345,7 +344,7 @@ impl<'a> Way<'a> {
                 }
             }
             Self::Own(travels) => {
-                for (force, travel) in forces.iter_mut().zip(travels) {
+                for (force, travel) in forces.iter_mut().zip(*travels) {
                     *force = travel.map_or(*force, |travel| travel.apply(position, *force));
                 }
             }
