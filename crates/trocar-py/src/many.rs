@@ -90,7 +90,7 @@ fn check_readings(force: &[f64], samples: usize) -> PyResult<()> {
 /// The models of a call.
 enum Models<'a> {
     Listed(Vec<&'a Model>),
-    Tuned(Tuned<'a>),
+    Tuned(Box<Tuned<'a>>),
 }
 
 impl<'a> Models<'a> {
@@ -99,7 +99,7 @@ impl<'a> Models<'a> {
             return Ok(Self::Listed(models.iter().map(Py::get).collect()));
         };
         let columns = turned.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
-        Ok(Self::Tuned(Tuned::new(base(models)?.trocar(), columns.collect::<PyResult<_>>()?)))
+        Ok(Self::Tuned(Box::new(Tuned::new(base(models)?.trocar(), columns.collect::<PyResult<_>>()?))))
     }
 }
 
