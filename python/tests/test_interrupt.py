@@ -91,9 +91,12 @@ def test_many_models_are_interrupted(name: str) -> None:
     times = np.arange(len(positions)) * 1e-3
     models = [trocar.Model.load(CONFORMANCE / "models" / f"{name}.json")] * 10_000
     out = np.zeros((20, len(times)))
+    many = {models[0].tunables[0].name: np.full(20_000_000, models[0].tunables[0].value)}
     works = [
         lambda: trocar.squared_error_many(models, times, positions, times),
         lambda: [trocar.simulate_many(models[:20], times, positions, out=out) for _ in range(1000)],
+        # More to make than to run.
+        lambda: trocar.squared_error_many(models[0], [0], [0], [0], parameters=many),
     ]
     for work in works:
         assert interrupted(work, 0.3) < ARRIVES

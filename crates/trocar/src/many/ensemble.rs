@@ -210,6 +210,7 @@ fn each_part<E: Ensemble>(
     let task = task(count);
     let first_refused = AtomicUsize::new(usize::MAX);
     let part = |(k, places): (usize, &mut [f64])| {
+        cancel::check();
         if k > first_refused.load(Ordering::Relaxed) {
             return None;
         }
