@@ -16,6 +16,9 @@ from speed import ENDS, LUGRE, MAXWELL_SLIP, PERIOD, STARTS
 # Samples of the 80-bit solution, and of the programs that take a tenth of a millisecond and more per sample.
 EXACT_SAMPLES = 50_000
 FEW_SAMPLES = 5_000
+# Seals side by side, and samples of each.
+SEALS = 1024
+SEAL_SAMPLES = 4_000
 ORIGIN = {"kind": "hand_made", "program": "reference/peers", "note": "made up, for comparing programs"}
 LONG = numpy.longdouble
 
@@ -61,6 +64,16 @@ def by_trocar(model, positions):
     out = numpy.full(positions.size, numpy.nan)
     nanoseconds, _ = timed(lambda: trocar.simulate(model, times, positions, out=out), positions.size - 1)
     return nanoseconds, out[1:]
+
+
+def by_trocar_many(model, widths, positions):
+    """The same for seals of these half widths, seal after seal, in one call."""
+    times = PERIOD * numpy.arange(positions.size)
+    out, draws = numpy.full((widths.size, positions.size), numpy.nan), {"half_width_m": widths}
+    options = {"parameters": draws, "threads": 1, "out": out}
+    samples = widths.size * (positions.size - 1)
+    nanoseconds, _ = timed(lambda: trocar.simulate_many(model, times, positions, **options), samples)
+    return nanoseconds, out[:, 1:].ravel()
 
 
 # The exact solutions in 80-bit numbers.
@@ -172,6 +185,19 @@ def ems_loop(scalars, joins, branches, displacements, forces):
         )
 
 
+@numba.njit
+def ems_seals_loop(scalars, joins, branches, displacements, forces):
+    for seal in range(scalars.shape[0]):
+        c, kappa, coulomb, beta, end = scalars[seal, 0], scalars[seal, 1], scalars[seal, 2], scalars[seal, 3], scalars[seal, 4]
+        ems_loop((c, kappa, coulomb, beta, end), joins[seal], branches[seal], displacements, forces[seal])
+
+
+def ems_by_numba_many(numbers, displacements):
+    forces = numpy.full((numbers[0].shape[0], displacements.size), numpy.nan)  # Memory already touched.
+    nanoseconds, _ = timed(lambda: ems_seals_loop(*numbers, displacements, forces), forces.size)
+    return nanoseconds, forces.ravel()
+
+
 def exact_ems(numbers, displacements):
     scalars, joins, branches = numbers
     scalars, joins, branches = [LONG(x) for x in scalars], joins.astype(LONG), branches.astype(LONG)
@@ -227,6 +253,11 @@ def cases(samples):
     for loop, numbers in ((speed.maxwell_slip_loop, bank), (speed.lugre_loop, (*lugre, PERIOD)), (ems_loop, ems)):
         speed.by_numba(loop, displacements[:9], *numbers)  # Compiles.
     by_solve_ivp(lugre, few[:9], "RK45", 1e-6)
+    widths = numpy.linspace(5.6e-3, 10.4e-3, SEALS)
+    seals = [ems_numbers(plausible.tuned(half_width_m=width)) for width in widths.tolist()]
+    seals = [numpy.array(numbers) for numbers in zip(*seals)]
+    short = positions[: SEAL_SAMPLES + 1]
+    ems_by_numba_many(seals, displacements[:9])  # Compiles.
     yield (
         f"Maxwell-Slip, {len(elements)} elements",
         {
@@ -255,4 +286,12 @@ def cases(samples):
             "Numba": (lambda: speed.by_numba(ems_loop, displacements, *ems), ENDS),
         },
         (exact_ems(ems, first),),
+    )
+    yield (
+        f"EMS, constant friction, {SEALS} seals along one motion of {SEAL_SAMPLES} samples, per seal and sample",
+        {
+            "trocar, `simulate_many`": (lambda: by_trocar_many(plausible, widths, short), ENDS),
+            "Numba": (lambda: ems_by_numba_many(seals, numpy.diff(short)), ENDS),
+        },
+        (exact_ems([number[0] for number in seals], numpy.diff(short)),),
     )
