@@ -384,6 +384,41 @@ pub enum RecordingError {
         /// Name of the column.
         column: String,
     },
+    /// The files that a recording lies in have a column of one name and of different kinds.
+    #[error(
+        "{file}: column '{column}' holds {of_first} in {first} and {of_second} in {second}\n\nhint: write the files again with one schema"
+    )]
+    PartsDiffer {
+        /// The recording.
+        file: String,
+        /// Name of the column.
+        column: String,
+        /// A file of the recording.
+        first: String,
+        /// What the column holds there.
+        of_first: &'static str,
+        /// Another one.
+        second: String,
+        /// What the column holds there.
+        of_second: &'static str,
+    },
+    /// The files that a recording lies in do not follow each other in time.
+    #[error(
+        "{file}: its rows in {second} begin at {from} s, before those in {first} end at {until} s\n\nhint: two recordings under one name \
+         need names of their own; rows in no order have to be sorted by recording and time before they are written"
+    )]
+    PartsOverlap {
+        /// The recording.
+        file: String,
+        /// The file that begins first.
+        first: String,
+        /// Its last time, s.
+        until: f64,
+        /// The file that begins before that.
+        second: String,
+        /// Its first time, s.
+        from: f64,
+    },
     /// A table or column that was asked for by name is not in the file.
     #[error("{file}: no {what} called '{name}', found {found}")]
     NoSuchColumn {

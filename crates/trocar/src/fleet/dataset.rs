@@ -1,15 +1,18 @@
 //! What there is to identify: a folder, a manifest, or a Parquet data set in which recordings are rows.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::one::Input;
+use super::parts::{self, Group};
 use super::row::Cell;
 use crate::error::TableError;
-use crate::recording::{Choice, Readings, RecordingError, TableColumn, TableColumns};
+use crate::recording::{ReadOptions, RecordingError};
 use crate::table::{self, Column, Table};
 
 /// Endings of files that may be recordings.
@@ -17,6 +20,9 @@ const ENDINGS: [&str; 18] = [
     "csv", "tsv", "txt", "dat", "gz", "zst", "parquet", "pq", "arrow", "feather", "ipc", "mat", "h5", "hdf5", "mcap",
     "db3", "bag", "log",
 ];
+
+/// Endings of files that may hold rows of several recordings.
+const ROWS: [&str; 2] = ["parquet", "pq"];
 
 /// Name that Hive gives to a missing value.
 const HIVE_NONE: &str = "__HIVE_DEFAULT_PARTITION__";
@@ -87,8 +93,10 @@ pub struct Dataset {
     pub left_out: Vec<String>,
 }
 
-/// A file with one recording, or with several.
-#[derive(Debug, Clone, PartialEq)]
+/// The unit of work: a file with one recording, or with several, and what they have in other files.
+///
+/// A recording with rows in several files belongs to the source of the first of them by name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Source {
     /// Name in the table: the path as seen from the data set.
     pub name: String,
@@ -98,6 +106,21 @@ pub struct Source {
     pub metadata: Metadata,
     /// The column that tells several recordings apart.
     pub group_by: Option<String>,
+    /// All files that its recordings have rows in, in the order of their names; empty where it is one file.
+    pub parts: Vec<Part>,
+    /// Recordings with rows in it that belong to another source.
+    pub elsewhere: Vec<String>,
+}
+
+/// A file of a data set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Part {
+    /// The path as seen from the data set.
+    pub name: String,
+    /// Where it is.
+    pub path: PathBuf,
+    /// What the folders say.
+    pub metadata: Metadata,
 }
 
 /// One recording of a source.
@@ -105,20 +128,17 @@ pub(super) struct Job {
     pub(super) name: String,
     pub(super) path: PathBuf,
     pub(super) metadata: Metadata,
+    /// What is doubtful about how it was put together.
+    pub(super) warning: Option<String>,
     /// `None` for a file that is one recording.
-    group: Option<Group>,
-}
-
-/// Rows of a table.
-struct Group {
-    table: Arc<Table>,
-    rows: Vec<usize>,
-    by: String,
+    pub(super) group: Option<Group>,
 }
 
 impl Dataset {
-    /// What there is at `path`; `group_by` names the column of Parquet files that tells recordings apart (`recording`
-    /// where a file has that), and `without` are files that are no part of it.
+    /// What there is at `path`; `group_by` names the column of Parquet files, or the key of folders, that tells recordings apart
+    /// (`recording` where there is that), and `without` are files that are no part of it.
+    ///
+    /// Of Parquet files with that column, the column is read.
     ///
     /// # Errors
     /// [`DatasetError`] when there is nothing to identify, or a manifest is wrong.
@@ -127,7 +147,7 @@ impl Dataset {
         if std::fs::metadata(path).map_err(failed)?.is_dir() {
             return Self::folder(path, group_by, without);
         }
-        let is_parquet = ends_in(path, &["parquet", "pq"]);
+        let is_parquet = ends_in(path, &ROWS);
         let names = if is_parquet { table::names(path)? } else { header(path)? };
         if names.iter().any(|name| name == "path") {
             let rows = if is_parquet { table::read(path)? } else { text_table(path)? };
@@ -135,10 +155,8 @@ impl Dataset {
         }
         let group = group_by.unwrap_or(RECORDING);
         if is_parquet && names.iter().any(|name| name == group) {
-            let name = file_name(path);
-            let source =
-                Source { name, path: path.to_owned(), metadata: Metadata::new(), group_by: Some(group.to_owned()) };
-            return Ok(Self { sources: vec![source], left_out: Vec::new() });
+            let part = Part { name: file_name(path), path: path.to_owned(), metadata: Metadata::new() };
+            return Ok(Self { sources: vec![Source::of(part, Some(group))], left_out: Vec::new() });
         }
         let found = names.join(", ");
         Err(DatasetError::NoDataset { path: path.to_owned(), group: group.to_owned(), found })
@@ -156,23 +174,23 @@ impl Dataset {
         files.sort_by_key(|path| name(path));
         let (taken, left_out): (Vec<_>, Vec<_>) =
             files.into_iter().partition(|path| ends_in(path, &ENDINGS) || is_bag(path));
-        let mut sources = Vec::with_capacity(taken.len());
-        for path in taken {
-            let group_by = grouping(&path, group_by);
+        let file = |path: PathBuf| {
             let name = name(&path);
-            sources.push(Source { metadata: hive(&name), name, path, group_by });
-        }
+            Part { metadata: hive(&name), name, path }
+        };
+        let mut files: Vec<Part> = taken.into_iter().map(file).collect();
+        settle_kinds(&mut files);
+        let sources = sources(files, group_by.unwrap_or(RECORDING));
         if sources.is_empty() {
             return Err(DatasetError::Empty { path: root.to_owned() });
         }
-        settle_kinds(&mut sources);
         Ok(Self { sources, left_out: left_out.iter().map(|path| name(path)).collect() })
     }
 
     fn manifest(path: &Path, table: &Table) -> Result<Self, DatasetError> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut seen = BTreeMap::new();
-        let mut sources = Vec::with_capacity(table.rows());
+        let mut files = Vec::with_capacity(table.rows());
         for row in 0..table.rows() {
             let wrong = |problem| DatasetError::Row { path: path.to_owned(), row: row + 1, problem };
             let mut metadata: Metadata = table.fields.iter().cloned().zip(cells(table, row)).collect();
@@ -184,13 +202,13 @@ impl Dataset {
                 return Err(wrong(format!("{name} stands in row {first} already")));
             }
             let path = folder.join(&name);
-            sources.push(Source { name, path, metadata, group_by: None });
+            files.push(Part { name, path, metadata });
         }
-        if sources.is_empty() {
+        if files.is_empty() {
             return Err(DatasetError::Empty { path: path.to_owned() });
         }
-        settle_kinds(&mut sources);
-        Ok(Self { sources, left_out: Vec::new() })
+        settle_kinds(&mut files);
+        Ok(Self { sources: files.into_iter().map(|file| Source::of(file, None)).collect(), left_out: Vec::new() })
     }
 }
 
@@ -228,37 +246,114 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>, seen: &mut BTreeSet<PathBuf>) -
     Ok(())
 }
 
-/// The column by which the recordings of a Parquet file are told apart, if it holds several.
-fn grouping(path: &Path, group_by: Option<&str>) -> Option<String> {
-    if !ends_in(path, &["parquet", "pq"]) {
-        return None;
-    }
-    let group = group_by.unwrap_or(RECORDING);
-    // A file that cannot be read becomes a row that says so.
-    let names = table::names(path).ok()?;
-    names.iter().any(|name| name == group).then(|| group.to_owned())
+/// What tells the recordings of a file apart.
+enum Holds {
+    /// It is one recording, or does not say.
+    One,
+    /// It is a part of the recording that this folder is.
+    PartOf(String),
+    /// Values of a column, in the order in which they appear; `None` where they cannot be read.
+    Several(Option<Vec<String>>),
 }
 
-/// What folders called `key=value` say.
+/// The files as units of work: each recording belongs to the first file that has rows of it.
+fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
+    let holds: Vec<Holds> = files.par_iter().map(|file| holds(file, by)).collect();
+    let mut folders: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    let mut begun: HashMap<&str, usize> = HashMap::new();
+    let mut goes_on: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); files.len()];
+    let mut elsewhere: Vec<Vec<String>> = vec![Vec::new(); files.len()];
+    for (k, holds) in holds.iter().enumerate() {
+        match holds {
+            Holds::PartOf(folder) => folders.entry(folder).or_default().push(k),
+            // Rows without a value are not those of another file without one.
+            Holds::Several(Some(values)) => values.iter().filter(|value| !value.is_empty()).for_each(|value| {
+                let first = *begun.entry(value).or_insert(k);
+                if first != k {
+                    goes_on[first].extend([first, k]);
+                    elsewhere[k].push(value.clone());
+                }
+            }),
+            Holds::One | Holds::Several(None) => {}
+        }
+    }
+    let mut sources = Vec::with_capacity(files.len());
+    for (k, holds) in holds.iter().enumerate() {
+        let parts = |of: &mut dyn Iterator<Item = &usize>| of.map(|part| files[*part].clone()).collect::<Vec<Part>>();
+        match holds {
+            Holds::Several(Some(values)) if values.len() == elsewhere[k].len() => {}
+            Holds::Several(_) => {
+                let (parts, elsewhere) = (parts(&mut goes_on[k].iter()), std::mem::take(&mut elsewhere[k]));
+                sources.push(Source { parts, elsewhere, ..Source::of(files[k].clone(), Some(by)) });
+            }
+            Holds::PartOf(folder) if folders[folder.as_str()].len() > 1 => {
+                let all = &folders[folder.as_str()];
+                if all[0] == k {
+                    sources.push(Source::folder(folder, parts(&mut all.iter())));
+                }
+            }
+            Holds::One | Holds::PartOf(_) => sources.push(Source::of(files[k].clone(), None)),
+        }
+    }
+    sources
+}
+
+/// What a file holds, as far as that is told by the column or the folder's key called `by`.
+fn holds(file: &Part, by: &str) -> Holds {
+    if !ends_in(&file.path, &ROWS) {
+        return Holds::One;
+    }
+    // A file that cannot be read becomes a row that says so.
+    let names = table::names(&file.path).unwrap_or_default();
+    if names.iter().any(|name| name == by) {
+        return Holds::Several(parts::values(file, by).ok());
+    }
+    let folders: Vec<&str> = file.name.split('/').collect();
+    let is_key = |folder: &&str| key_value(folder).is_some_and(|(key, value)| key == by && value != Cell::Empty);
+    match folders[..folders.len() - 1].iter().position(is_key) {
+        Some(at) => Holds::PartOf(folders[..=at].join("/")),
+        None => Holds::One,
+    }
+}
+
+/// What folders called `key=value` say; inner ones go first.
 fn hive(name: &str) -> Metadata {
-    let pairs = name.split('/').rev().skip(1).filter_map(|folder| folder.split_once('='));
-    let cell = |value: &str| if value == HIVE_NONE || value.is_empty() { Cell::Empty } else { Cell::text(value) };
-    pairs.map(|(key, value)| (key.to_owned(), cell(value))).collect()
+    name.split('/').rev().skip(1).filter_map(key_value).collect()
+}
+
+/// What a folder called `key=value` says.
+fn key_value(folder: &str) -> Option<(String, Cell)> {
+    let (key, value) = folder.split_once('=')?;
+    let cell = if value == HIVE_NONE || value.is_empty() { Cell::Empty } else { Cell::text(unescaped(value)) };
+    Some((unescaped(key), cell))
+}
+
+/// With `%20` and the like, which engines write for what a folder's name may not hold, taken back.
+fn unescaped(text: &str) -> String {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, others @ ..] = rest {
+        let escaped = others.get(..2).filter(|_| *first == b'%').and_then(|code| std::str::from_utf8(code).ok());
+        let byte = escaped.and_then(|code| u8::from_str_radix(code, 16).ok());
+        bytes.push(byte.unwrap_or(*first));
+        rest = if byte.is_some() { &others[2..] } else { others };
+    }
+    String::from_utf8(bytes).unwrap_or_else(|_| text.to_owned())
 }
 
 /// Text columns that hold numbers throughout become numbers.
-fn settle_kinds(sources: &mut [Source]) {
-    let mut names: Vec<String> = sources.iter().flat_map(|source| source.metadata.keys().cloned()).collect();
+fn settle_kinds(files: &mut [Part]) {
+    let mut names: Vec<String> = files.iter().flat_map(|file| file.metadata.keys().cloned()).collect();
     names.sort_unstable();
     names.dedup();
     for name in names {
-        let texts = || sources.iter().filter_map(|source| source.metadata.get(&name)).filter_map(Cell::as_text);
+        let texts = || files.iter().filter_map(|file| file.metadata.get(&name)).filter_map(Cell::as_text);
         let whole = texts().all(|text| text.parse::<i64>().is_ok());
         let number = texts().all(|text| text.parse::<f64>().is_ok_and(f64::is_finite));
         if !number {
             continue;
         }
-        for cell in sources.iter_mut().filter_map(|source| source.metadata.get_mut(&name)) {
+        for cell in files.iter_mut().filter_map(|file| file.metadata.get_mut(&name)) {
             if let Cell::Text(text) = cell {
                 *cell = match (whole, text.parse::<i64>(), text.parse::<f64>()) {
                     (true, Ok(value), _) => Cell::Integer(value),
@@ -335,36 +430,52 @@ fn fields(bytes: &[u8]) -> Vec<Vec<String>> {
 }
 
 impl Source {
+    fn of(Part { name, path, metadata }: Part, group_by: Option<&str>) -> Self {
+        let group_by = group_by.map(str::to_owned);
+        Self { name, path, metadata, group_by, parts: Vec::new(), elsewhere: Vec::new() }
+    }
+
+    /// A folder whose files are one recording.
+    fn folder(name: &str, parts: Vec<Part>) -> Self {
+        let depth = name.split('/').count();
+        let first = &parts[0];
+        let above = first.name.split('/').count() - depth;
+        let path = first.path.ancestors().nth(above).unwrap_or(&first.path).to_owned();
+        let (metadata, _) = in_common(parts.iter().map(|part| &part.metadata));
+        Self { name: name.to_owned(), path, metadata, group_by: None, parts, elsewhere: Vec::new() }
+    }
+
     /// The recordings in it.
     ///
     /// # Errors
-    /// In words, where the file cannot be read.
-    pub(super) fn jobs(&self) -> Result<Vec<Job>, String> {
-        let Some(by) = &self.group_by else { return Ok(vec![self.whole()]) };
-        let table = Arc::new(table::read(&self.path).map_err(|error| error.to_string())?);
-        let Some(column) = table.column(by) else { return Ok(vec![self.whole()]) };
-        let mut order: Vec<String> = Vec::new();
-        let mut rows: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-        for row in 0..table.rows() {
-            let value = cell(column, row).in_words();
-            let own = rows.entry(value.clone()).or_default();
-            if own.is_empty() {
-                order.push(value);
-            }
-            own.push(row);
+    /// [`RecordingError`] where a file cannot be read.
+    pub(super) fn jobs(&self) -> Result<Vec<Job>, RecordingError> {
+        match self.group_by.is_none() && self.parts.is_empty() {
+            true => Ok(vec![self.whole()]),
+            false => parts::jobs(self),
         }
-        let job = |value: String| Job {
-            name: format!("{}#{value}", self.name),
-            path: self.path.clone(),
-            metadata: self.metadata.clone(),
-            group: rows.remove(&value).map(|rows| Group { table: Arc::clone(&table), rows, by: by.clone() }),
-        };
-        Ok(order.into_iter().map(job).collect())
     }
 
     pub(super) fn whole(&self) -> Job {
-        Job { name: self.name.clone(), path: self.path.clone(), metadata: self.metadata.clone(), group: None }
+        let (name, path, metadata) = (self.name.clone(), self.path.clone(), self.metadata.clone());
+        Job { name, path, metadata, warning: None, group: None }
     }
+}
+
+/// What all of them say alike, and the names of what they say differently.
+pub(super) fn in_common<'a>(all: impl Iterator<Item = &'a Metadata>) -> (Metadata, BTreeSet<String>) {
+    let mut all = all.peekable();
+    let mut common = all.peek().map_or_else(Metadata::new, |first| (*first).clone());
+    let mut differing = BTreeSet::new();
+    for metadata in all {
+        for name in common.keys().chain(metadata.keys()) {
+            if common.get(name) != metadata.get(name) {
+                differing.insert(name.clone());
+            }
+        }
+    }
+    common.retain(|name, _| !differing.contains(name));
+    (common, differing)
 }
 
 impl Job {
@@ -376,30 +487,11 @@ impl Job {
     /// What is handed to the identification; the constant columns of a group become metadata.
     ///
     /// # Errors
-    /// [`RecordingError`] where a group has no columns of time, position and force.
-    pub(super) fn input(&mut self, choice: &Choice) -> Result<Input, RecordingError> {
-        let Some(group) = self.group.take() else { return Ok(Input::File(self.path.clone())) };
-        let varies = |column: &Column| group.rows.iter().any(|row| cell(column, *row) != cell(column, group.rows[0]));
-        let mut names = Vec::new();
-        let mut columns = Vec::new();
-        let by_order = choice.columns.as_ref().is_some_and(|names| !names.contains('='));
-        for (name, column) in group.table.fields.iter().zip(&group.table.columns) {
-            let (varies, is_text) = (varies(column), matches!(column, Column::Text(_) | Column::Truth(_)));
-            if !varies {
-                self.metadata.insert(name.clone(), cell(column, group.rows[0]));
-            }
-            if *name != group.by && (by_order || (varies && !is_text)) {
-                names.push(name.clone());
-                columns.push(column);
-            }
+    /// [`RecordingError`] where a group has no columns of time, position and force, or cannot be read.
+    pub(super) fn input(&mut self, reading: &ReadOptions) -> Result<Input, RecordingError> {
+        match &self.group {
+            Some(group) => group.input(&self.name, reading, &mut self.metadata),
+            None => Ok(Input::File(self.path.clone())),
         }
-        let found = TableColumns::find(&self.name, &names, choice.columns.as_deref())?;
-        let take = |column: TableColumn| {
-            let number = |row: &usize| cell(columns[column.index], *row).as_number().unwrap_or(f64::NAN);
-            group.rows.iter().map(|row| number(row) / column.per_si).collect()
-        };
-        let [time, position, force] = found.needed.map(take);
-        let readings = Readings { time, position, force, velocity: found.velocity.map(take) };
-        Ok(Input::Columns { name: self.name.clone(), readings })
     }
 }

@@ -80,6 +80,16 @@ impl Config {
         digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
+    /// How to read what is handed to the identification, which holds it once more.
+    pub(super) fn reading_ahead(&self) -> ReadOptions {
+        self.reading_of_columns(PEAK_TO_COLUMNS + 1)
+    }
+
+    /// How to read columns that may take one part in `parts` of the memory.
+    fn reading_of_columns(&self, parts: u64) -> ReadOptions {
+        ReadOptions { memory_limit: self.reading.memory_limit.map(|bytes| bytes / parts), ..self.reading.clone() }
+    }
+
     fn options(&self) -> IdentifyOptions {
         IdentifyOptions {
             bootstrap: self.bootstrap,
@@ -103,10 +113,12 @@ pub enum Input {
         /// The columns.
         readings: Readings,
     },
+    /// A recording as it was read, with its name.
+    Recording(Box<Recording>),
 }
 
 /// Why a row holds no parameters: the kind, for counting, and the whole message.
-struct Failure {
+pub(super) struct Failure {
     kind: &'static str,
     message: String,
 }
@@ -119,6 +131,12 @@ impl From<RecordingError> for Failure {
             _ => "cannot_read",
         };
         Self { kind, message: error.to_string() }
+    }
+}
+
+impl From<String> for Failure {
+    fn from(message: String) -> Self {
+        Self { kind: "cannot_read", message }
     }
 }
 
@@ -170,10 +188,10 @@ fn fail(row: &mut Row, failure: Failure) {
 }
 
 /// The row of a recording that did not come as far as [`identify_one`].
-pub(super) fn refused(name: &str, config: &Config, message: String) -> Row {
+pub(super) fn refused(name: &str, config: &Config, failure: impl Into<Failure>) -> Row {
     let mut row = Row::empty();
     describe(&mut row, &Input::File(name.into()), config);
-    fail(&mut row, Failure { kind: "cannot_read", message });
+    fail(&mut row, failure.into());
     row
 }
 
@@ -186,6 +204,7 @@ fn describe(row: &mut Row, input: &Input, config: &Config) {
     let path = match input {
         Input::File(path) => path.display().to_string(),
         Input::Columns { name, .. } => name.clone(),
+        Input::Recording(recording) => recording.name.clone(),
     };
     row.set("path", Cell::text(path));
     row.set("program", Cell::text(PROGRAM));
@@ -197,11 +216,7 @@ fn describe(row: &mut Row, input: &Input, config: &Config) {
 fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
     let recording = match input {
         Input::File(path) => {
-            let options = ReadOptions {
-                memory_limit: config.reading.memory_limit.map(|bytes| bytes / PEAK_TO_COLUMNS),
-                ..config.reading.clone()
-            };
-            read(path, &options).inspect_err(|_| {
+            read(path, &config.reading_of_columns(PEAK_TO_COLUMNS)).inspect_err(|_| {
                 row.set("sha256", sha256_of(path).map_or(Cell::Empty, Cell::Text));
             })?
         }
@@ -209,6 +224,7 @@ fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
             let chosen = cropped(flipped(readings, &config.reading), &config.reading);
             Recording::from_readings(name, &chosen, config.reading.sensor_limit)?
         }
+        Input::Recording(recording) => Recording::clone(recording),
     };
     let recording = recording.without_glitches();
     data(row, &recording);
@@ -245,6 +261,7 @@ pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
     match input {
         Input::File(path) => sha256_of(path),
         Input::Columns { readings, .. } => Some(cropped(flipped(readings, &config.reading), &config.reading).sha256()),
+        Input::Recording(recording) => Some(recording.sha256.clone()),
     }
 }
 
@@ -319,6 +336,15 @@ fn rms(values: &[f64]) -> f64 {
 fn warnings(row: &mut Row, all: Vec<String>) {
     row.set("warning_count", Cell::count(all.len()));
     row.set("warnings", if all.is_empty() { Cell::Empty } else { Cell::text(all.join("\n")) });
+}
+
+/// One more warning, which leaves the status as it is.
+pub(super) fn warn(row: &mut Row, message: &str) {
+    let count = row.number("warning_count").unwrap_or(0.0) as usize;
+    let all: Vec<&str> = row.text("warnings").into_iter().chain([message]).collect();
+    let all = Cell::text(all.join("\n"));
+    row.set("warning_count", Cell::count(count + 1));
+    row.set("warnings", all);
 }
 
 fn parameter(row: &mut Row, name: &str, estimate: &Estimate) {

@@ -7,7 +7,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use super::dataset::{Dataset, Job, Metadata};
 use super::journal::{Entry, Journal, Place, journal_path};
-use super::one::{Config, hash_of, identify_one, is_passing, refused};
+use super::one::{Config, hash_of, identify_one, is_passing, refused, warn};
 use super::row::{Cell, Row, columns};
 use crate::cancel::{self, Cancel, Stopped};
 use crate::error::OutputError;
@@ -239,9 +239,9 @@ impl<'a> Queue<'a> {
                 left.opening -= 1;
                 match jobs {
                     Ok(jobs) => left.jobs.extend(jobs.into_iter().enumerate().map(|(k, job)| ((source, k), job))),
-                    Err(message) => {
+                    Err(error) => {
                         let job = opened.whole();
-                        let row = refused(&opened.name, config, message);
+                        let row = refused(&opened.name, config, error);
                         // A receiver that is gone is noticed with the next recording.
                         let _ = sender.send(Finished::now((source, 0), job.metadata, job.name, row, config));
                     }
@@ -266,10 +266,10 @@ impl Finished {
 
 /// One recording: taken over where it is the one in the journal, else identified.
 fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, Place>) -> Finished {
-    let input = match job.input(&config.reading.choice) {
+    let input = match job.input(&config.reading_ahead()) {
         Ok(input) => input,
         Err(error) => {
-            let row = refused(&job.name, config, error.to_string());
+            let row = refused(&job.name, config, error);
             return Finished::now(order, job.metadata, job.name, row, config);
         }
     };
@@ -286,6 +286,9 @@ fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, 
         // No folder of this machine.
         let reason = reason.replace(&job.path.display().to_string(), &job.name);
         row.set("reason", Cell::text(reason));
+    }
+    if let Some(warning) = &job.warning {
+        warn(&mut row, warning);
     }
     Finished::now(order, job.metadata, job.name, row, config)
 }

@@ -46,6 +46,11 @@ fn coin(group: u64, level: u32) -> u64 {
     (z ^ (z >> 31)) & 1
 }
 
+/// Most rows that are held where `most` are asked for: an excerpt is the least that can be dropped.
+pub(super) fn held(most: Option<usize>) -> usize {
+    most.map_or(usize::MAX, |most| most.max(2 * EXCERPT))
+}
+
 impl Collector {
     /// For about `capacity` rows; of more than `most`, excerpts.
     pub(super) fn new(capacity: usize, has_velocity: bool, most: Option<usize>) -> Self {
@@ -57,9 +62,7 @@ impl Collector {
             velocity: has_velocity.then(column),
             lines: Lines::default(),
         };
-        // An excerpt is the least that can be dropped.
-        let most = most.map_or(usize::MAX, |most| most.max(2 * EXCERPT));
-        let excerpts = Excerpts { most, level: 0, seen: 0, held: Vec::new() };
+        let excerpts = Excerpts { most: held(most), level: 0, seen: 0, held: Vec::new() };
         Self { columns, non_finite: RowList::default(), excerpts }
     }
 

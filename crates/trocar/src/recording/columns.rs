@@ -286,13 +286,23 @@ impl TableColumns {
     /// # Errors
     /// [`RecordingError`] where a column or its unit is missing or unclear.
     pub fn find(table: &str, names: &[String], mapping: Option<&str>) -> Result<Self, RecordingError> {
+        Self::find_with_units(table, names, &[], mapping)
+    }
+
+    /// The same with the units that are declared beside the names; empty where none is.
+    pub(crate) fn find_with_units(
+        table: &str,
+        names: &[String],
+        units: &[String],
+        mapping: Option<&str>,
+    ) -> Result<Self, RecordingError> {
         let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
         let layout = match mapping {
-            Some(mapping) if mapping.contains('=') => {
-                Layout::from_header(table, "", names.to_vec(), &[], &Given::parse(mapping)?, &needed)?
+            Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
+            mapping => {
+                let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
+                Layout::from_header(table, "", names.to_vec(), units, &given, &needed)?
             }
-            Some(mapping) => Layout::from_mapping(mapping, &needed)?,
-            None => Layout::from_header(table, "", names.to_vec(), &[], &[], &needed)?,
         };
         if layout.slots.len() != names.len() {
             let problem = format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());

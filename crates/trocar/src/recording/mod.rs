@@ -10,10 +10,14 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
+#[cfg(feature = "parquet")]
+use block::Block;
 use block::Row;
 use collect::Collector;
 use columns::Quantity;
 use line::Line;
+#[cfg(feature = "parquet")]
+use rows::Crop;
 use rows::Rows;
 pub(crate) use rows::digest_of;
 use screen::Count;
@@ -173,6 +177,34 @@ impl Recording {
         collector.finish(&name, name.clone(), readings.sha256(), sensor_limit)
     }
 
+    /// A recording from blocks of rows in SI units, cropped and thinned like one from a file, whatever its length; `next` replaces the
+    /// rows of a block, `false` at the end. Its hash is that of the hashes of its columns, each as in [`Readings`].
+    ///
+    /// # Errors
+    /// Those of `next`, and as for [`Recording::from_columns`].
+    #[cfg(feature = "parquet")]
+    pub(crate) fn from_blocks(
+        name: &str,
+        has_velocity: bool,
+        options: &ReadOptions,
+        next: &mut dyn FnMut(&mut Block) -> Result<bool, RecordingError>,
+    ) -> Result<Self, RecordingError> {
+        let mut collector = Collector::new(0, has_velocity, options.most_samples).counting(Count::Samples);
+        let mut crop = Crop::new(&options.choice);
+        let mut hashes = vec![Sha256::new(); if has_velocity { 4 } else { 3 }];
+        let mut block = Block::new(Quantity::ALL.len());
+        while next(&mut block)? {
+            crop.cut(&mut block);
+            for (hash, column) in hashes.iter_mut().zip(&block.columns) {
+                column.iter().for_each(|value| hash.update(value.to_le_bytes()));
+            }
+            collector.take(&block);
+        }
+        let mut whole = Sha256::new();
+        hashes.into_iter().for_each(|hash| whole.update(hash.finalize()));
+        collector.finish(name, name.to_owned(), text::hex(&whole.finalize()), options.sensor_limit)
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.time.len()
@@ -288,7 +320,14 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
     Ok(screen::resolution(&positions))
 }
 
-fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
+/// Most rows that are held where `most` samples are asked for.
+#[cfg(feature = "parquet")]
+pub(crate) fn most_held(most: Option<usize>) -> u64 {
+    collect::held(most) as u64
+}
+
+/// Refuses what would not fit.
+pub(crate) fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
     const MB: u64 = 1_000_000;
     let needed = rows * columns * size_of::<f64>() as u64;
     match limit {

@@ -305,7 +305,7 @@ impl Crop {
         (kept.len() < time.len()).then_some(kept)
     }
 
-    fn cut(&mut self, block: &mut Block) {
+    pub(super) fn cut(&mut self, block: &mut Block) {
         let Some(kept) = self.kept(&block.columns[Quantity::Time as usize]) else { return };
         let mut cut = Block::new(block.columns.len());
         for (k, row) in kept.iter().enumerate() {

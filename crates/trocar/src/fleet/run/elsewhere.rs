@@ -17,13 +17,10 @@ use crate::fleet::journal::{Entry, Journal, Place, journal_path};
 use crate::fleet::one::{Config, refused};
 use crate::fleet::row::Cell;
 
-/// A file of the data set on its way to a worker, with what is known of it already.
+/// A unit of work on its way to a worker, with what is known of it already.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Order {
-    name: String,
-    path: PathBuf,
-    metadata: Metadata,
-    group_by: Option<String>,
+    source: Source,
     /// Hashes of recordings done before, by name.
     known: BTreeMap<String, String>,
 }
@@ -42,15 +39,14 @@ struct Part {
 /// # Errors
 /// Text that is no order.
 pub fn identify_source(order: &str, config: &Config) -> Result<String, serde_json::Error> {
-    let Order { name, path, metadata, group_by, known } = serde_json::from_str(order)?;
-    let source = Source { name, path, metadata, group_by };
+    let Order { source, known } = serde_json::from_str(order)?;
     let place = |(name, sha256): (String, String)| (name, Place { at: 0, length: 0, sha256 });
     let before: HashMap<String, Place> = known.into_iter().map(place).collect();
     let parts: Vec<Part> = match source.jobs() {
         Ok(jobs) => jobs.into_iter().map(|job| part(job.name.clone(), finish((0, 0), job, config, &before))).collect(),
-        Err(message) => {
+        Err(error) => {
             let whole = source.whole();
-            let row = refused(&whole.name, config, message);
+            let row = refused(&whole.name, config, error);
             vec![part(whole.name.clone(), Finished::now((0, 0), whole.metadata, whole.name, row, config))]
         }
     };
@@ -101,9 +97,8 @@ impl Collector {
             }
         }
         let order = |source: &Source| {
-            let Source { name, path, metadata, group_by } = source.clone();
-            let known = known.remove(name.as_str()).unwrap_or_default();
-            serde_json::to_string(&Order { name, path, metadata, group_by, known })
+            let known = known.remove(source.name.as_str()).unwrap_or_default();
+            serde_json::to_string(&Order { source: source.clone(), known })
         };
         self.sources.iter().map(order).collect()
     }

@@ -24,7 +24,7 @@ mod message;
 #[cfg(any(feature = "mcap", feature = "rosbag"))]
 mod ordered;
 #[cfg(feature = "parquet")]
-pub(super) mod parquet;
+pub(crate) mod parquet;
 #[cfg(feature = "rosbag")]
 pub(super) mod rosbag;
 #[cfg(any(feature = "mcap", feature = "rosbag"))]

@@ -26,6 +26,8 @@ use super::{Source, read_at, read_exact_at};
 use crate::recording::RecordingError;
 use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table};
 
+pub(crate) mod select;
+
 /// Numbers decoded ahead of what is handed on, over all columns: 32 MB. Several row groups at once keep all cores busy
 /// where there are fewer columns than cores, or one more.
 const AHEAD: usize = 1 << 22;
@@ -84,7 +86,7 @@ impl Read for At {
 }
 
 /// An open file.
-pub(in crate::recording) struct Parquet {
+pub(crate) struct Parquet {
     source: Source,
     input: Arc<Input>,
     metadata: Arc<ParquetMetaData>,

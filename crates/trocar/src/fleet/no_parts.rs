@@ -1,0 +1,26 @@
+//! In place of the reading of rows of Parquet files, where this build has no feature for it.
+
+use super::dataset::{Job, Metadata, Part, Source};
+use super::one::Input;
+use crate::recording::{ReadOptions, RecordingError};
+
+/// The rows of one recording: there are none.
+pub(super) enum Group {}
+
+impl Group {
+    pub(super) fn input(&self, _: &str, _: &ReadOptions, _: &mut Metadata) -> Result<Input, RecordingError> {
+        match *self {}
+    }
+}
+
+pub(super) fn values(file: &Part, _: &str) -> Result<Vec<String>, RecordingError> {
+    Err(refused(&file.name))
+}
+
+pub(super) fn jobs(source: &Source) -> Result<Vec<Job>, RecordingError> {
+    Err(refused(&source.name))
+}
+
+fn refused(file: &str) -> RecordingError {
+    RecordingError::NoFeature { file: file.to_owned(), format: "Parquet", feature: "parquet" }
+}

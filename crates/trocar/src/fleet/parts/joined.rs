@@ -1,0 +1,100 @@
+//! Columns of the files of a recording, joined by name.
+
+use std::collections::HashMap;
+
+use super::{Cells, Taken, cell, is_in};
+use crate::fleet::row::Cell;
+use crate::recording::RecordingError;
+
+/// A column of several files.
+pub(super) struct Joined {
+    pub(super) name: String,
+    /// As declared beside the name in the first file that has it.
+    pub(super) unit: String,
+    /// Its place in each file, and what its cells are, if they are read; `None` where a file does not have it.
+    pub(super) places: Vec<Option<(usize, Option<Cells>)>>,
+}
+
+/// All columns of the files, in the order of the first.
+pub(super) fn joined(parts: &[Taken<'_>]) -> Vec<Joined> {
+    let mut columns: Vec<Joined> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
+    for (k, part) in parts.iter().enumerate() {
+        for column in part.parquet.columns() {
+            let at = *known.entry(column.name.clone()).or_insert_with(|| {
+                let unit = column.unit.clone().unwrap_or_default();
+                columns.push(Joined { name: column.name.clone(), unit, places: vec![None; parts.len()] });
+                columns.len() - 1
+            });
+            let place = part.parquet.place(&column.name);
+            columns[at].places[k] = place.map(|place| (place, part.parquet.cells(place)));
+        }
+    }
+    columns
+}
+
+impl Joined {
+    /// Whether it holds numbers or moments in one of the files.
+    pub(super) fn is_numeric(&self) -> bool {
+        let is_numeric = |cells: Cells| matches!(cells, Cells::Number | Cells::Whole | Cells::Moment(_));
+        self.places.iter().flatten().any(|(_, cells)| cells.is_some_and(is_numeric))
+    }
+
+    /// What stands in all its cells; `None` where they vary, or are moments.
+    pub(super) fn constant(&self, parts: &[Taken<'_>]) -> Result<Option<Cell>, RecordingError> {
+        let mut first: Option<Cell> = None;
+        let is_told = |cells: Option<Cells>| cells.is_some_and(|cells| !matches!(cells, Cells::Moment(_)));
+        if !self.places.iter().all(|place| place.is_some_and(|(_, cells)| is_told(cells))) {
+            return Ok(None);
+        }
+        for (part, (place, _)) in parts.iter().zip(self.places.iter().flatten()) {
+            let mut same = true;
+            part.select(*place).runs(&mut |value, _| {
+                match &first {
+                    Some(first) => same = is_in(value, first),
+                    None => first = Some(cell(value)),
+                }
+                same
+            })?;
+            if !same {
+                return Ok(None);
+            }
+        }
+        Ok(first)
+    }
+
+    /// Refuses a column whose cells are not numbers, or not of one kind in all files.
+    pub(super) fn check(&self, name: &str, parts: &[Taken<'_>]) -> Result<(), RecordingError> {
+        let mut all = parts.iter().zip(&self.places).filter_map(|(part, place)| Some((part, (*place)?)));
+        let Some((first, (place, cells))) = all.next() else { return Ok(()) };
+        for (second, (_, other)) in all {
+            if words(other) != words(cells) {
+                return Err(RecordingError::PartsDiffer {
+                    file: name.to_owned(),
+                    column: self.name.clone(),
+                    first: first.name.to_owned(),
+                    of_first: words(cells),
+                    second: second.name.to_owned(),
+                    of_second: words(other),
+                });
+            }
+        }
+        match cells {
+            Some(Cells::Number | Cells::Whole | Cells::Moment(_)) => Ok(()),
+            _ => Err(first.parquet.not_numeric(place)),
+        }
+    }
+}
+
+/// What a column holds, for messages.
+fn words(cells: Option<Cells>) -> &'static str {
+    match cells {
+        Some(Cells::Number | Cells::Whole) => "numbers",
+        Some(Cells::Truth) => "true and false",
+        Some(Cells::Text) => "text",
+        Some(Cells::Moment(1e3)) => "moments in ms",
+        Some(Cells::Moment(1e6)) => "moments in us",
+        Some(Cells::Moment(_)) => "moments in ns",
+        None => "what is not read",
+    }
+}

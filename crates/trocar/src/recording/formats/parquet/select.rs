@@ -1,0 +1,295 @@
+//! Some rows of some columns, whatever they hold: recordings that are rows of files.
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use parquet::basic::{ConvertedType, LogicalType, Type as Physical};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::{ByteArray, DataType};
+use parquet::errors::{ParquetError, Result as Decoded};
+
+use super::{Cursor, Parquet, fill, refused};
+use crate::recording::RecordingError;
+use crate::recording::container::{BATCH_ROWS, Column};
+use crate::recording::formats::Source;
+use crate::recording::formats::scale::Scale;
+
+/// What the cells of a column are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Cells {
+    Number,
+    Whole,
+    Truth,
+    Text,
+    /// Whole numbers that are moments, so many to a second.
+    Moment(f64),
+}
+
+/// A cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Value<'a> {
+    Missing,
+    Number(f64),
+    Whole(i64),
+    Truth(bool),
+    Text(&'a str),
+}
+
+impl Parquet {
+    /// Opens the file at `path`, which is called `name` in messages.
+    pub(crate) fn named(path: &Path, name: &str) -> Result<Self, RecordingError> {
+        let failed = |source| RecordingError::Open { file: name.to_owned(), source };
+        let file = File::open(path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        Self::open(file, length, Source { file: name.to_owned(), format: "Parquet" })
+    }
+
+    /// Its columns; those of nested fields by their paths.
+    pub(crate) fn columns(&self) -> &[Column] {
+        &self.tables[0].columns
+    }
+
+    /// Number of rows.
+    pub(crate) fn rows(&self) -> u64 {
+        self.tables[0].rows.unwrap_or(0)
+    }
+
+    /// Place of a column by its name; `None` where there is none, or one that says nothing but that its cells are missing.
+    pub(crate) fn place(&self, name: &str) -> Option<usize> {
+        let place = self.columns().iter().position(|column| column.name == name)?;
+        let descriptor = self.metadata.file_metadata().schema_descr().column(place);
+        (!matches!(descriptor.logical_type_ref(), Some(LogicalType::Unknown))).then_some(place)
+    }
+
+    /// What the cells of a column are; `None` for what is not read.
+    pub(crate) fn cells(&self, column: usize) -> Option<Cells> {
+        let descriptor = self.metadata.file_metadata().schema_descr().column(column);
+        let is_text = descriptor.converted_type() == ConvertedType::UTF8
+            || matches!(descriptor.logical_type_ref(), Some(LogicalType::String));
+        match (descriptor.physical_type(), self.scales[column]) {
+            (Physical::BYTE_ARRAY, _) if is_text && descriptor.max_rep_level() == 0 => Some(Cells::Text),
+            (_, None) => None,
+            (Physical::BOOLEAN, _) => Some(Cells::Truth),
+            (_, Some(Scale::Since { per_second, .. })) => Some(Cells::Moment(per_second)),
+            (Physical::INT32 | Physical::INT64, Some(Scale::One | Scale::Unsigned)) => Some(Cells::Whole),
+            _ => Some(Cells::Number),
+        }
+    }
+
+    /// The error of a column that holds no numbers.
+    pub(crate) fn not_numeric(&self, column: usize) -> RecordingError {
+        self.source.not_numeric(&self.columns()[column].name)
+    }
+
+    /// Where ranges of rows, in order, lie in the row groups, in pieces of at most [`BATCH_ROWS`].
+    pub(crate) fn plan(&self, ranges: &[Range<u64>]) -> Arc<[Piece]> {
+        let mut pieces = Vec::new();
+        let mut ranges = ranges.iter().cloned().filter(|range| !range.is_empty()).peekable();
+        let mut first = 0;
+        for (group, metadata) in self.metadata.row_groups().iter().enumerate() {
+            let end = first + u64::try_from(metadata.num_rows()).unwrap_or(0);
+            while let Some(range) = ranges.peek_mut().filter(|range| range.start < end) {
+                let to = range.end.min(end).min(range.start + BATCH_ROWS as u64);
+                pieces.push(Piece { group, rows: (range.start - first) as usize..(to - first) as usize });
+                range.start = to;
+                if range.is_empty() {
+                    ranges.next();
+                }
+            }
+            first = end;
+        }
+        pieces.into()
+    }
+}
+
+/// Rows of a row group.
+#[derive(Debug, Clone)]
+pub(crate) struct Piece {
+    group: usize,
+    pub(crate) rows: Range<usize>,
+}
+
+/// Some rows of a column, piece by piece.
+pub(crate) struct Selected {
+    parquet: Arc<Parquet>,
+    column: usize,
+    pieces: Arc<[Piece]>,
+    next: usize,
+    /// Row group, the row in front of which the cursor stands, and the cursor.
+    open: Option<(usize, usize, Cursor)>,
+}
+
+impl Selected {
+    pub(crate) fn new(parquet: Arc<Parquet>, column: usize, pieces: Arc<[Piece]>) -> Self {
+        Self { parquet, column, pieces, next: 0, open: None }
+    }
+
+    /// Appends the numbers of the next piece; moments in seconds since `origin`. `false` at the end.
+    pub(crate) fn numbers(&mut self, origin: i64, numbers: &mut Vec<f64>) -> Result<bool, RecordingError> {
+        let scale = match self.parquet.scales[self.column] {
+            Some(Scale::Since { per_second, .. }) => Scale::Since { origin, per_second },
+            Some(scale) => scale,
+            None => return Err(self.parquet.not_numeric(self.column)),
+        };
+        let found = self.guarded(|own| {
+            let Some((cursor, rows)) = own.advance()? else { return Ok(None) };
+            let mut piece = Vec::new();
+            cursor.read(rows, scale, &mut piece)?;
+            Ok(Some(piece))
+        })?;
+        numbers.extend(found.iter().flatten());
+        Ok(found.is_some())
+    }
+
+    /// Hands the cells to `take` until it has enough: each with the number of rows on which it stands. Moments are whole numbers.
+    pub(crate) fn runs(&mut self, take: &mut dyn FnMut(Value<'_>, usize) -> bool) -> Result<(), RecordingError> {
+        let cells = self.parquet.cells(self.column).ok_or_else(|| self.parquet.not_numeric(self.column))?;
+        let scale = self.parquet.scales[self.column].filter(|_| cells != Cells::Text).unwrap_or(Scale::One);
+        loop {
+            let more = self.guarded(|own| match own.advance()? {
+                Some((cursor, rows)) if cells == Cells::Number => cursor.runs_of_numbers(rows, scale, take).map(Some),
+                Some((cursor, rows)) => cursor.runs(rows, scale == Scale::Unsigned, take).map(Some),
+                None => Ok(None),
+            })?;
+            if more != Some(true) {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Goes on to the next piece: the cursor stands in front of it; and its rows.
+    fn advance(&mut self) -> Decoded<Option<(&mut Cursor, usize)>> {
+        let Some(Piece { group, rows }) = self.pieces.get(self.next) else { return Ok(None) };
+        self.next += 1;
+        if self.open.as_ref().is_none_or(|(open, _, _)| open != group) {
+            self.open = Some((*group, 0, self.parquet.cursor(*group, self.column)?));
+        }
+        let Some((_, at, cursor)) = &mut self.open else { return Ok(None) };
+        cursor.skip(rows.start - *at)?;
+        *at = rows.end;
+        Ok(Some((cursor, rows.len())))
+    }
+
+    /// With the column's name in errors; somebody else's decoder may panic on a damaged file.
+    fn guarded<T>(&mut self, read: impl FnOnce(&mut Self) -> Decoded<T>) -> Result<T, RecordingError> {
+        let parquet = self.parquet.clone();
+        parquet.check_packing(self.column)?;
+        let name = &parquet.columns()[self.column].name;
+        let place = match self.pieces.get(self.next) {
+            Some(piece) => format!("row group {}, column {name}", piece.group),
+            None => format!("column {name}"),
+        };
+        let source = &parquet.source;
+        source.guard(place.clone(), || read(self).map_err(|error| refused(source, place, error)))
+    }
+}
+
+impl Cursor {
+    /// Leaves rows out.
+    fn skip(&mut self, rows: usize) -> Decoded<()> {
+        if rows == 0 {
+            return Ok(());
+        }
+        let skipped = match &mut self.reader {
+            ColumnReader::BoolColumnReader(reader) => reader.skip_records(rows),
+            ColumnReader::Int32ColumnReader(reader) => reader.skip_records(rows),
+            ColumnReader::Int64ColumnReader(reader) => reader.skip_records(rows),
+            ColumnReader::Int96ColumnReader(reader) => reader.skip_records(rows),
+            ColumnReader::FloatColumnReader(reader) => reader.skip_records(rows),
+            ColumnReader::DoubleColumnReader(reader) => reader.skip_records(rows),
+            ColumnReader::ByteArrayColumnReader(reader) => reader.skip_records(rows),
+            ColumnReader::FixedLenByteArrayColumnReader(reader) => reader.skip_records(rows),
+        }?;
+        if skipped != rows {
+            return Err(ParquetError::General(format!("{skipped} of {rows} rows")));
+        }
+        self.left -= rows;
+        Ok(())
+    }
+
+    /// Runs of equal numbers in the next `rows` rows; whether more are wanted.
+    fn runs_of_numbers(
+        &mut self,
+        rows: usize,
+        scale: Scale,
+        take: &mut dyn FnMut(Value<'_>, usize) -> bool,
+    ) -> Decoded<bool> {
+        let mut numbers = Vec::new();
+        self.read(rows, scale, &mut numbers)?;
+        let value = |number: &f64| Ok(if number.is_finite() { Value::Number(*number) } else { Value::Missing });
+        told(&numbers, value, take)
+    }
+
+    /// Runs of equal cells of any other kind in the next `rows` rows; whether more are wanted.
+    fn runs(&mut self, rows: usize, unsigned: bool, take: &mut dyn FnMut(Value<'_>, usize) -> bool) -> Decoded<bool> {
+        let (present, levels) = (self.present, &mut self.levels);
+        self.left -= rows;
+        match &mut self.reader {
+            ColumnReader::BoolColumnReader(reader) => {
+                told(&all(reader, rows, present, levels)?, |cell| Ok(cell.map_or(Value::Missing, Value::Truth)), take)
+            }
+            ColumnReader::Int32ColumnReader(reader) => {
+                let whole = |cell: i32| if unsigned { i64::from(cell as u32) } else { i64::from(cell) };
+                let value = |cell: &Option<i32>| Ok(cell.map_or(Value::Missing, |cell| Value::Whole(whole(cell))));
+                told(&all(reader, rows, present, levels)?, value, take)
+            }
+            ColumnReader::Int64ColumnReader(reader) => {
+                let value = |cell: &Option<i64>| match cell {
+                    Some(cell) if unsigned && *cell < 0 => {
+                        Err(ParquetError::General("a whole number of 2^63 or more".into()))
+                    }
+                    cell => Ok(cell.map_or(Value::Missing, Value::Whole)),
+                };
+                told(&all(reader, rows, present, levels)?, value, take)
+            }
+            ColumnReader::Int96ColumnReader(reader) => {
+                let value = |cell: &Option<parquet::data_type::Int96>| {
+                    Ok(cell.map_or(Value::Missing, |cell| Value::Whole(cell.to_nanos())))
+                };
+                told(&all(reader, rows, present, levels)?, value, take)
+            }
+            ColumnReader::ByteArrayColumnReader(reader) => {
+                told(&all(reader, rows, present, levels)?, text, take)
+            }
+            _ => Err(ParquetError::General("bytes where cells should be".into())),
+        }
+    }
+}
+
+fn text(cell: &Option<ByteArray>) -> Decoded<Value<'_>> {
+    let Some(bytes) = cell else { return Ok(Value::Missing) };
+    let text = std::str::from_utf8(bytes.data());
+    text.map(Value::Text).map_err(|_| ParquetError::General("text that is not UTF-8".into()))
+}
+
+/// The next `rows` cells; `None` where one is missing.
+fn all<T: DataType>(
+    reader: &mut ColumnReaderImpl<T>,
+    rows: usize,
+    present: i16,
+    levels: &mut Vec<i16>,
+) -> Decoded<Vec<Option<T::T>>> {
+    let mut values = Vec::new();
+    fill(reader, rows, present, levels, &mut values)?;
+    if present == 0 || values.len() == rows {
+        return Ok(values.into_iter().map(Some).collect());
+    }
+    let mut values = values.into_iter();
+    Ok(levels.iter().map(|level| if *level < present { None } else { values.next() }).collect())
+}
+
+/// Hands on runs of equal cells; whether more are wanted.
+fn told<'a, T: PartialEq>(
+    cells: &'a [T],
+    value: impl Fn(&'a T) -> Decoded<Value<'a>>,
+    take: &mut dyn FnMut(Value<'_>, usize) -> bool,
+) -> Decoded<bool> {
+    for run in cells.chunk_by(|a, b| a == b) {
+        if !take(value(&run[0])?, run.len()) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
