@@ -1,4 +1,4 @@
-"""Writes the partitioned data sets that tests/fleet.rs reads, with pyarrow.dataset and polars: their layouts, names and encodings.
+"""Writes the partitioned data sets that tests/fleet_partitioned.rs reads, with pyarrow.dataset and polars: their layouts, names and encodings.
 
 Three recordings, 16 to 18, of an instrument going to and fro by 30 mm at 20, 50 and 100 mm/s, every 10 ms, against a friction of
 (2 + 0.5 n) N (n = 0, 1, 2), stiff over the first 2 mm, and 4 N s/m. The same rows in each data set:
