@@ -64,12 +64,57 @@ fn failures_are_rows() {
 #[cfg(unix)]
 #[test]
 fn kills_change_nothing() {
+    killed_again_and_again(&place(), "set", 3);
+}
+
+/// The same where recordings are cut by the ends of files; and the numbers are those of one file.
+#[cfg(unix)]
+#[test]
+fn kills_change_nothing_of_recordings_in_several_files() {
     let place = place();
-    place.run("fleet set --out whole.parquet --threads 1 --quiet").ends_with(3);
+    let path = |kind: &str, n: usize| format!("set/trocar_type={kind}/insertion_count={n}/strokes.csv");
+    let paths: Vec<String> = ["a", "b"].iter().flat_map(|kind| [0, 20, 40].map(|n| path(kind, n))).collect();
+    grouped(&place, &paths.iter().collect::<Vec<_>>());
+    sharded(&place, &table::read(place.path("rows.parquet")).unwrap(), 5);
+    killed_again_and_again(&place, "shards", 0);
+    let of_shards = table::read(place.path("whole.parquet")).unwrap();
+    place.run("fleet rows.parquet --out one.parquet --quiet").ends_with(0);
+    let of_one = table::read(place.path("one.parquet")).unwrap();
+    for name in ["sha256", "coulomb_force_n", "status", "lubricant"] {
+        assert_eq!(of_shards.column(name), of_one.column(name), "{name}");
+    }
+}
+
+/// Rows in files of one length, in the folder `shards`.
+#[cfg(unix)]
+fn sharded(place: &Place, rows: &Table, files: usize) {
+    let fields = rows.fields.iter().zip(&rows.columns).map(|(name, column)| Field::new(name, column.kind()));
+    let fields: Vec<Field> = fields.collect();
+    fs::create_dir(place.path("shards")).unwrap();
+    let size = rows.rows().div_ceil(files);
+    for file in 0..files {
+        let range = file * size..((file + 1) * size).min(rows.rows());
+        let cut = |column: &Column| match column {
+            Column::Number(cells) => Column::Number(cells[range.clone()].to_vec()),
+            Column::Text(cells) => Column::Text(cells[range.clone()].to_vec()),
+            other => panic!("{other:?}"),
+        };
+        let mut writer = TableWriter::create(place.path(&format!("shards/part-{file}.parquet")), &fields).unwrap();
+        writer.write(&rows.columns.iter().map(cut).collect::<Vec<_>>()).unwrap();
+        writer.commit().unwrap();
+    }
+}
+
+#[cfg(unix)]
+fn killed_again_and_again(place: &Place, set: &str, code: i32) {
+    place.run(&format!("fleet {set} --out whole.parquet --threads 1 --quiet")).ends_with(code);
     let mut kills = 0;
     while !place.path("t.parquet").exists() {
-        let mut child =
-            place.command("fleet set --out t.parquet --threads 2 --quiet").stderr(Stdio::null()).spawn().unwrap();
+        let mut child = place
+            .command(&format!("fleet {set} --out t.parquet --threads 2 --quiet"))
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
         let done = |text: String| text.lines().count();
         let before = fs::read_to_string(place.path("t.parquet.journal")).map_or(0, done);
         let begun = Instant::now();

@@ -215,11 +215,9 @@ fn describe(row: &mut Row, input: &Input, config: &Config) {
 
 fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
     let recording = match input {
-        Input::File(path) => {
-            read(path, &config.reading_of_columns(PEAK_TO_COLUMNS)).inspect_err(|_| {
-                row.set("sha256", sha256_of(path).map_or(Cell::Empty, Cell::Text));
-            })?
-        }
+        Input::File(path) => read(path, &config.reading_of_columns(PEAK_TO_COLUMNS)).inspect_err(|_| {
+            row.set("sha256", sha256_of(path).map_or(Cell::Empty, Cell::Text));
+        })?,
         Input::Columns { name, readings } => {
             let chosen = cropped(flipped(readings, &config.reading), &config.reading);
             Recording::from_readings(name, &chosen, config.reading.sensor_limit)?

@@ -250,9 +250,7 @@ impl Cursor {
                 };
                 told(&all(reader, rows, present, levels)?, value, take)
             }
-            ColumnReader::ByteArrayColumnReader(reader) => {
-                told(&all(reader, rows, present, levels)?, text, take)
-            }
+            ColumnReader::ByteArrayColumnReader(reader) => told(&all(reader, rows, present, levels)?, text, take),
             _ => Err(ParquetError::General("bytes where cells should be".into())),
         }
     }
