@@ -163,6 +163,35 @@ def test_a_manifest_and_groups_of_rows_give_the_same_numbers(
         assert differ <= {"path", "recording", "sha256"}
 
 
+@pytest.fixture(scope="module")
+def partitioned(strokes: list[trocar.Recording], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same rows in one file, in files that cut recordings, and in folders of several files: as polars writes them."""
+    root = tmp_path_factory.mktemp("partitioned")
+    rows = polars.concat(polars.DataFrame({"trial": [f"t{n}"] * len(r), **frame(r)}) for n, r in enumerate(strokes[:4]))
+    (root / "one").mkdir()
+    rows.write_parquet(root / "one" / "all.parquet")
+    by_rows = polars.PartitionBy(root / "files", max_rows_per_file=len(rows) // 5 + 1, approximate_bytes_per_file=None)
+    rows.lazy().sink_parquet(by_rows, mkdir=True, maintain_order=True)
+    by_trial = polars.PartitionBy(root / "folders", key="trial", include_key=False, max_rows_per_file=len(rows) // 10)
+    rows.lazy().sink_parquet(by_trial, mkdir=True, maintain_order=True)
+    return root
+
+
+def test_the_files_of_a_partitioned_data_set_do_not_matter(partitioned: Path, tmp_path: Path) -> None:
+    tables = []
+    for layout in ["one", "files", "folders"]:
+        out = tmp_path / f"{layout}.parquet"
+        outcome = fleet.identify_dataset(partitioned / layout, out, group_by="trial", engine="serial")
+        assert (outcome.recordings, outcome.ok) == (4, 4), outcome
+        tables.append(table(out))
+    assert len(list((partitioned / "files").iterdir())) == 5
+    assert len(list((partitioned / "folders" / "trial=t0").iterdir())) > 1
+    assert [row["path"] for row in tables[2]] == ["trial=t0", "trial=t1", "trial=t2", "trial=t3"]
+    for one, *others in zip(*tables):
+        for row in others:
+            assert {name for name in one if one[name] != row[name]} <= {"path", "recording"}
+
+
 def test_an_interrupted_run_goes_on(folder: Path, tmp_path: Path) -> None:
     def interrupt(done: int, of: int) -> None:
         if done == 3:
@@ -237,6 +266,19 @@ def test_a_killed_worker_changes_nothing(folder: Path, tmp_path: Path, client: A
     alone = tmp_path / "serial.parquet"
     fleet.identify_dataset(folder, alone, engine="serial")
     assert out.read_bytes() == alone.read_bytes()
+
+
+def test_recordings_in_several_files_survive_a_killed_worker(partitioned: Path, tmp_path: Path, client: Any) -> None:
+    for layout in ["files", "folders"]:
+        alone, out = tmp_path / f"{layout}_alone.parquet", tmp_path / f"{layout}.parquet"
+        fleet.identify_dataset(partitioned / layout, alone, group_by="trial", engine="serial")
+
+        def kill(done: int, of: int) -> None:
+            if done == 1:
+                os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+
+        fleet.identify_dataset(partitioned / layout, out, group_by="trial", client=client, progress=kill)
+        assert out.read_bytes() == alone.read_bytes()
 
 
 def test_a_file_that_kills_its_workers_is_given_up(folder: Path, tmp_path: Path, client: Any) -> None:

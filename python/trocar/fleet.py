@@ -140,10 +140,11 @@ def identify_dataset(
     kept in a journal beside ``out``: an interrupted call, made again, goes on where it was; so does ``trocar fleet``.
 
     :param dataset: a folder (folders in it named ``key=value`` become columns), a manifest (CSV or Parquet with a column ``path``,
-        relative to it; its other columns are kept), or a Parquet file; workers must see it under the same path
+        relative to it; its other columns are kept), or a Parquet file; workers must see it under the same path. Parquet files of a
+        folder may be the parts of a partitioned data set, with rows of one recording in several of them
     :param out: the table: .parquet, .csv, .csv.gz, .csv.zst or .arrow; it appears whole or not at all
-    :param group_by: the column that tells recordings apart where Parquet files hold rows of several; by default ``recording``
-        where there is one
+    :param group_by: the column, or the key of folders, that tells recordings apart where Parquet files hold rows of several;
+        by default ``recording`` where there is one
     :param engine: ``dask``, or ``serial`` for this process alone
     :param client: a ``distributed.Client`` of a running cluster; by default a cluster of processes on this machine
     :param workers: processes of that cluster; by default one for each processor

@@ -136,7 +136,7 @@ impl FleetTable {
         Ok(Self { collector: Mutex::new(Some(collector)), names, left_out })
     }
 
-    /// Files of the data set, each with one recording or with several.
+    /// The units of work, each a file with one recording or with several, or a folder of one.
     #[getter]
     fn names(&self) -> Vec<String> {
         self.names.clone()
@@ -148,7 +148,7 @@ impl FleetTable {
         self.left_out.clone()
     }
 
-    /// One for each file, for `fleet_source`.
+    /// One for each unit of work, for `fleet_source`.
     fn orders(&self) -> PyResult<Vec<String>> {
         let orders = self.open().as_ref().map(Collector::orders).transpose();
         let wrong = |error| ParameterError::new_err(format!("a path of the data set is no text: {error}"));

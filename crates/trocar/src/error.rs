@@ -392,13 +392,13 @@ pub enum RecordingError {
         /// The recording.
         file: String,
         /// Name of the column.
-        column: String,
+        column: Box<str>,
         /// A file of the recording.
-        first: String,
+        first: Box<str>,
         /// What the column holds there.
         of_first: &'static str,
         /// Another one.
-        second: String,
+        second: Box<str>,
         /// What the column holds there.
         of_second: &'static str,
     },

@@ -17,9 +17,9 @@ use crate::progress::Progress;
 /// Identify every recording of a data set by itself, on all cores, to one table
 ///
 /// DATASET is a folder of recordings (folders called key=value become columns), a manifest (CSV or Parquet with a column
-/// 'path' and any columns beside it), or Parquet files in which recordings are rows, told apart by --group-by. A recording
-/// that fails is a row with its reason. Stopped or killed, the same command goes on where it was. Ends with exit code 3
-/// when recordings failed.
+/// 'path' and any columns beside it), or Parquet files in which recordings are rows, told apart by --group-by, also in several
+/// files or in folders by recording. A recording that fails is a row with its reason. Stopped or killed, the same command
+/// goes on where it was. Ends with exit code 3 when recordings failed.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder of recordings, manifest, or Parquet file
@@ -31,7 +31,7 @@ pub(crate) struct Args {
     /// How far to go with each recording
     #[arg(long, value_enum, default_value_t = Far::Quick)]
     depth: Far,
-    /// Column of Parquet files that tells recordings apart [default: recording, where there is one]
+    /// Column of Parquet files, or key of folders, that tells recordings apart [default: recording, where there is one]
     #[arg(long, value_name = "COLUMN")]
     group_by: Option<String>,
     /// Resamples of the bootstrap over cycles; 0 takes the quicker jackknife

@@ -53,6 +53,9 @@ struct Rows {
     ranges: Vec<Range<u64>>,
 }
 
+/// A value, and the rows on which it stands.
+type Found = (String, Vec<Range<u64>>);
+
 /// The values of a column, in the order in which they appear.
 ///
 /// # Errors
@@ -62,12 +65,12 @@ pub(super) fn values(file: &Part, by: &str) -> Result<Vec<String>, RecordingErro
 }
 
 /// The values of a column in the order in which they appear, and the rows on which each stands; empty for a missing one.
-fn ranges(parquet: &Arc<Parquet>, by: &str) -> Result<Vec<(String, Vec<Range<u64>>)>, RecordingError> {
+fn ranges(parquet: &Arc<Parquet>, by: &str) -> Result<Vec<Found>, RecordingError> {
     let rows = 0..parquet.rows();
     let Some(place) = parquet.place(by) else {
         return Ok(if rows.is_empty() { Vec::new() } else { vec![(String::new(), vec![rows])] });
     };
-    let mut found: Vec<(String, Vec<Range<u64>>)> = Vec::new();
+    let mut found: Vec<Found> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut at = 0;
     Selected::new(parquet.clone(), place, parquet.plan(&[rows])).runs(&mut |value, rows| {
@@ -120,7 +123,7 @@ pub(super) fn jobs(source: &Source) -> Result<Vec<Job>, RecordingError> {
         let file = Arc::new(Opened { part: part.clone(), held });
         let own = match group_by {
             Some(by) => ranges(&parquet, by)?,
-            None => vec![(String::new(), vec![0..parquet.rows()])],
+            None => vec![(String::new(), std::iter::once(0..parquet.rows()).collect())],
         };
         for (value, ranges) in own {
             let begins = k == 0 && group_by.is_some() && !elsewhere.contains(value.as_str());

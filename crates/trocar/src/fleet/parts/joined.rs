@@ -71,10 +71,10 @@ impl Joined {
             if words(other) != words(cells) {
                 return Err(RecordingError::PartsDiffer {
                     file: name.to_owned(),
-                    column: self.name.clone(),
-                    first: first.name.to_owned(),
+                    column: self.name.as_str().into(),
+                    first: first.name.into(),
                     of_first: words(cells),
-                    second: second.name.to_owned(),
+                    second: second.name.into(),
                     of_second: words(other),
                 });
             }

@@ -86,7 +86,7 @@ impl Parquet {
     /// Where ranges of rows, in order, lie in the row groups, in pieces of at most [`BATCH_ROWS`].
     pub(crate) fn plan(&self, ranges: &[Range<u64>]) -> Arc<[Piece]> {
         let mut pieces = Vec::new();
-        let mut ranges = ranges.iter().cloned().filter(|range| !range.is_empty()).peekable();
+        let mut ranges = ranges.iter().filter(|range| !range.is_empty()).cloned().peekable();
         let mut first = 0;
         for (group, metadata) in self.metadata.row_groups().iter().enumerate() {
             let end = first + u64::try_from(metadata.num_rows()).unwrap_or(0);
