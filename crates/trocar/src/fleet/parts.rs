@@ -19,7 +19,7 @@ mod joined;
 mod stream;
 
 /// Files that a source keeps open; those of a larger one are opened for each recording.
-const HELD_OPEN: usize = 16;
+const HELD_OPEN: usize = 4;
 
 /// A file with rows of recordings.
 struct Opened {
