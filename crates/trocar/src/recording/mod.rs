@@ -320,6 +320,12 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
     Ok(screen::resolution(&positions))
 }
 
+/// Refuses topics, which rows of a table do not have.
+#[cfg(feature = "parquet")]
+pub(crate) fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
+    choice::allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
+}
+
 /// Most rows that are held where `most` samples are asked for.
 #[cfg(feature = "parquet")]
 pub(crate) fn most_held(most: Option<usize>) -> u64 {

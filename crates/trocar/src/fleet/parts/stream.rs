@@ -6,7 +6,9 @@ use crate::fleet::one::Input;
 use crate::recording::block::Block;
 use crate::recording::columns::Quantity;
 use crate::recording::container::BATCH_ROWS;
-use crate::recording::{ReadOptions, Readings, Recording, RecordingError, TableColumns, check_memory, most_held};
+use crate::recording::{
+    ReadOptions, Readings, Recording, RecordingError, TableColumns, check_memory, check_topics, most_held,
+};
 
 /// A column that is read, and how many of its unit make one SI unit.
 struct Chosen<'a> {
@@ -21,6 +23,7 @@ pub(super) fn input(
     offered: &[&Joined],
     reading: &ReadOptions,
 ) -> Result<Input, RecordingError> {
+    check_topics(name, &reading.choice)?;
     let names: Vec<String> = offered.iter().map(|column| column.name.clone()).collect();
     let units: Vec<String> = offered.iter().map(|column| column.unit.clone()).collect();
     let found = TableColumns::find_with_units(name, &names, &units, reading.choice.columns.as_deref())?;

@@ -327,6 +327,10 @@ mod tests {
         }
     }
 
+    fn value_of(value: Value<'_>) -> Option<i64> {
+        if let Value::Whole(value) = value { Some(value) } else { None }
+    }
+
     /// `tests/formats/make.py`: a note on every row but each fourth, words of a dictionary, a list that is not read.
     #[test]
     fn cells_come_as_they_are() {
@@ -350,14 +354,14 @@ mod tests {
         assert!(cells("unsigned").unwrap_err().contains("2^63"));
         let moments = parquet.place("stamp").unwrap();
         assert_eq!(parquet.cells(moments), Some(Cells::Moment(1e9)));
-        let mut first = None;
-        let mut selected = Selected::new(parquet.clone(), moments, parquet.plan(&[2..3]));
-        selected
-            .runs(&mut |value, _| {
-                first = if let Value::Whole(raw) = value { Some(raw) } else { None };
-                true
-            })
-            .unwrap();
-        assert_eq!(first, Some(1_700_000_000_123_456_789 + 2 * 10_000_001));
+        let mut all = Vec::new();
+        let mut selected = Selected::new(parquet.clone(), moments, parquet.plan(&[2..3, 5..6]));
+        let told = selected.runs(&mut |value, _| {
+            all.push(value_of(value));
+            all.len() < 2
+        });
+        told.unwrap();
+        let moment = |row: i64| Some(1_700_000_000_123_456_789 + row * 10_000_001);
+        assert_eq!(all, [moment(2), moment(5)]);
     }
 }
