@@ -198,29 +198,34 @@ fn faults_are_rows() {
     assert!(reason.contains("'force_n' holds numbers in part-0.parquet and text in part-1.parquet"), "{reason}");
 }
 
-/// Folders below a recording may differ: what they say is not known of it. Two recordings of one name are noticed.
+/// Folders below a recording may differ: what they say is not known of it. Folders beside it make another one.
 #[test]
 fn recordings_that_cross_folders() {
     let place = TempDir::new().unwrap();
     let all = rows();
-    // Midnight within the second recording; `%3A` is a colon.
-    for (day, range) in [("day=mon%3A1", 0..1500), ("day=tue", 1500..all.rows())] {
-        write(&place.path().join("a").join(day).join("part.parquet"), &all, range, &ALL);
+    // Midnight; `%3A` is a colon.
+    for (day, range) in [("day=mon%3A1", 0..700), ("day=tue", 700..1029)] {
+        write(&place.path().join("a/recording=1").join(day).join("part.parquet"), &all, range, &ALL[2..]);
     }
     let (_, table) = fleet_of(&place.path().join("a"), &Config::default());
-    assert_eq!(texts(&table, "day"), ["mon:1", "", "tue"]);
-    assert!(texts(&table, "warnings")[1].ends_with("differ in day: left out of the table"));
+    assert_eq!(texts(&table, "path"), ["recording=1"]);
+    assert!(table.column("day").is_none_or(|_| texts(&table, "day") == [""]));
     let (_, one) = fleet_of(&fixture("one"), &Config::default());
-    assert_eq!(said(&one, &["warnings", "warning_count"]), said(&table, &["day", "warnings", "warning_count"]));
+    assert_eq!(texts(&table, "sha256")[0], texts(&one, "sha256")[0]);
+    // Both sites count from 1.
     for site in ["a", "b"] {
         write(&place.path().join(format!("b/site={site}/part.parquet")), &all, 0..1029, &ALL);
     }
-    let (_, table) = fleet_of(&place.path().join("b"), &Config::default());
+    let (fleet, table) = fleet_of(&place.path().join("b"), &Config::default());
+    assert_eq!((texts(&table, "site"), fleet.tally.failed), (vec!["a".to_owned(), "b".to_owned()], 0));
+    assert_eq!(texts(&table, "sha256"), [texts(&one, "sha256")[0].clone(), texts(&one, "sha256")[0].clone()]);
+    // Twice in one place: two recordings of one name are noticed.
+    for part in 0..2 {
+        write(&place.path().join(format!("d/part-{part}.parquet")), &all, 0..1029, &ALL);
+    }
+    let (_, table) = fleet_of(&place.path().join("d"), &Config::default());
     let reason = &texts(&table, "reason")[0];
-    assert!(
-        reason.contains("rows in site=b/part.parquet begin at 0 s, before those in site=a/part.parquet end"),
-        "{reason}"
-    );
+    assert!(reason.contains("rows in part-1.parquet begin at 0 s, before those in part-0.parquet end"), "{reason}");
     // A key above the recording's is part of its name.
     for site in ["a", "b"] {
         for (part, range) in [(0, 0..500), (1, 500..1029)] {

@@ -260,7 +260,7 @@ enum Holds {
 fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
     let holds: Vec<Holds> = files.par_iter().map(|file| holds(file, by)).collect();
     let mut folders: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-    let mut begun: HashMap<&str, usize> = HashMap::new();
+    let mut begun: HashMap<(Vec<&str>, &str), usize> = HashMap::new();
     let mut goes_on: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); files.len()];
     let mut elsewhere: Vec<Vec<String>> = vec![Vec::new(); files.len()];
     for (k, holds) in holds.iter().enumerate() {
@@ -268,7 +268,7 @@ fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
             Holds::PartOf(folder) => folders.entry(folder).or_default().push(k),
             // Rows without a value are not those of another file without one.
             Holds::Several(Some(values)) => values.iter().filter(|value| !value.is_empty()).for_each(|value| {
-                let first = *begun.entry(value).or_insert(k);
+                let first = *begun.entry((keys(&files[k].name), value)).or_insert(k);
                 if first != k {
                     goes_on[first].extend([first, k]);
                     elsewhere[k].push(value.clone());
@@ -319,6 +319,11 @@ fn holds(file: &Part, by: &str) -> Holds {
 /// What folders called `key=value` say; inner ones go first.
 fn hive(name: &str) -> Metadata {
     name.split('/').rev().skip(1).filter_map(key_value).collect()
+}
+
+/// The folders called `key=value` that a file lies in: equal values elsewhere are other recordings.
+fn keys(name: &str) -> Vec<&str> {
+    name.split('/').rev().skip(1).filter(|folder| key_value(folder).is_some()).collect()
 }
 
 /// What a folder called `key=value` says.
