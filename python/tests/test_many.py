@@ -258,3 +258,38 @@ def test_the_example_of_the_documentation_runs() -> None:
     # N rms: little above the noise that was put on.
     assert 0.049 < names["rms_n"].min() < 0.055
     assert names["band_n"].shape == (2, 4000)
+
+
+def test_masked_readings_do_not_count(model: trocar.Model) -> None:
+    time, position = (column[:200] for column in motion())
+    readings = np.ma.masked_array(trocar.simulate(model, time, position))
+    readings[3] = 500.0
+    readings[3] = np.ma.masked
+    assert trocar.squared_error_many(model, time, position, readings)[0] == 0.0
+
+
+def test_readings_that_are_all_missing_choose_no_model(model: trocar.Model) -> None:
+    time, position = (column[:200] for column in motion())
+    with pytest.raises(trocar.RecordingError, match="no reading"):
+        trocar.squared_error_many(model, time, position, np.full(200, np.nan))
+
+
+def test_two_views_of_one_buffer_are_no_place_for_results(model: trocar.Model) -> None:
+    time, position = (column[:200] for column in motion())
+    buffer = bytearray(8 * 200)
+    with pytest.raises(trocar.ArrayError, match="out is in use"):
+        trocar.squared_error_many([model] * 200, time, position, np.frombuffer(buffer), out=np.frombuffer(buffer))
+
+
+def test_a_classical_model_among_others_is_refused_before_anything_is_written(model: trocar.Model) -> None:
+    models = [model] * 100 + [trocar.Model.load(CONFORMANCE / "models" / "dahl.json")]
+    time, position = (column[:200] for column in motion())
+    out = np.full((101, 200), 7.0)
+    with pytest.raises(trocar.ParameterError, match="model 100"):
+        trocar.simulate_many(models, time, position, initial_deflection_m=1e-3, out=out)
+    assert np.all(out == 7.0)
+
+
+def test_a_ragged_column_is_named(model: trocar.Model) -> None:
+    with pytest.raises(trocar.ArrayError, match="half_width_m must be a row of numbers"):
+        trocar.simulate_many(model, *motion(), parameters={"half_width_m": [[1, 2], [3]]})

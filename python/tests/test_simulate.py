@@ -85,6 +85,22 @@ def test_arrays_of_any_layout_are_understood(model: trocar.Model, change: object
     assert np.array_equal(trocar.simulate(model, change(time), change(position)), expected)
 
 
+def test_what_is_masked_does_not_count(model: trocar.Model) -> None:
+    time, position = strokes(500)
+    masked = np.ma.masked_array(position)
+    masked[7] = np.ma.masked
+    with pytest.raises(trocar.MotionError, match="sample 7"):
+        trocar.simulate(model, time, masked)
+
+
+def test_out_may_not_lie_where_is_read(model: trocar.Model) -> None:
+    time, position = strokes(500)
+    buffer = bytearray(position.tobytes())
+    with pytest.raises(trocar.ArrayError, match="out is in use"):
+        trocar.simulate(model, time, np.frombuffer(buffer), out=np.frombuffer(buffer))
+    assert bytes(buffer) == position.tobytes()
+
+
 def test_read_only_arrays_and_single_precision_are_understood(model: trocar.Model) -> None:
     time, position = strokes(500)
     expected = trocar.simulate(model, time, position)

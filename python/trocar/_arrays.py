@@ -33,16 +33,17 @@ _HINTS = {
 
 def column(name: str, values: Any) -> npt.NDArray[np.float64]:
     """The numbers of ``values`` as contiguous float64; what is missing becomes nan."""
-    array = _array(name, values)
-    if array.dtype.kind not in _NUMBERS:
-        kind_ = array.dtype.kind
-        raise ArrayError(f"{name} must hold numbers, got {_KINDS.get(kind_, array.dtype)}{_HINTS.get(kind_, '')}")
-    if array.ndim != 1:
-        raise ArrayError(f"{name} must have one dimension, got shape {array.shape}")
-    return np.require(array, dtype=np.float64, requirements=["C_CONTIGUOUS", "ALIGNED"])
+    found = array(name, values)
+    if found.dtype.kind not in _NUMBERS:
+        kind_ = found.dtype.kind
+        raise ArrayError(f"{name} must hold numbers, got {_KINDS.get(kind_, found.dtype)}{_HINTS.get(kind_, '')}")
+    if found.ndim != 1:
+        raise ArrayError(f"{name} must have one dimension, got shape {found.shape}")
+    return np.require(found, dtype=np.float64, requirements=["C_CONTIGUOUS", "ALIGNED"])
 
 
-def _array(name: str, values: Any) -> npt.NDArray[Any]:
+def array(name: str, values: Any) -> npt.NDArray[Any]:
+    """``values`` as an array of whatever kind; what is masked or missing becomes nan."""
     if isinstance(values, np.ma.MaskedArray):
         return np.ma.asarray(values, dtype=np.float64).filled(np.nan)
     kind_ = getattr(getattr(values, "dtype", None), "kind", None)

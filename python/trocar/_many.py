@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import column, count as count_of, names, series
+from ._arrays import array, column, count as count_of, names, series
 from ._core import Model
 
 if TYPE_CHECKING:
@@ -99,8 +99,8 @@ def _ensemble(models: Models, parameters: Any) -> tuple[list[Model], _Columns, i
             raise TypeError(f"models: expected trocar.Model, got {type(item).__name__}")
     if parameters is None:
         return own, None, len(own)
-    given = [(name, series(parameters, index)) for index, name in enumerate(names(parameters))]
-    counts = {name: len(values) for name, values in given if np.ndim(values) > 0}
+    given = [(name, array(name, series(parameters, index))) for index, name in enumerate(names(parameters))]
+    counts = {name: len(values) for name, values in given if values.ndim > 0}
     count = next(iter(counts.values()), 1)
-    columns = [(name, column(name, values if name in counts else [values])) for name, values in given]
+    columns = [(name, column(name, np.atleast_1d(values))) for name, values in given]
     return own, [(name, c if name in counts else np.full(count, c[0])) for name, c in columns], count

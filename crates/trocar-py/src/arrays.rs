@@ -12,11 +12,14 @@ use crate::errors::ArrayError;
 
 /// The numbers of `values`, called `name` in messages: without a copy where they are contiguous 64-bit floats.
 pub(crate) fn column<'py>(name: &str, values: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray1<'py, f64>> {
+    let py = values.py();
     let fits = values.cast::<PyArray1<f64>>().ok().filter(|array| array.is_contiguous() && array.is_aligned());
-    if let Some(array) = fits {
+    // A masked array is an array whose numbers do not all count.
+    if let Some(array) = fits
+        && (array.is_exact_instance_of::<PyArray1<f64>>() || !array.hasattr(intern!(py, "mask"))?)
+    {
         return borrow(name, array);
     }
-    let py = values.py();
     let converted = py.import(intern!(py, "trocar._arrays"))?.call_method1(intern!(py, "column"), (name, values))?;
     borrow(name, converted.cast::<PyArray1<f64>>()?)
 }
@@ -53,8 +56,20 @@ fn writable<'py, D: ndarray::Dimension>(
     }
     array.try_readwrite().map_err(|error| match error {
         BorrowError::NotWriteable => refused(wanted, "a read-only one"),
-        _ => ArrayError::new_err("out is in use, by another call or as an array that this one reads"),
+        _ => in_use(),
     })
+}
+
+/// Whether `out` lies apart from what is read, which two views of one buffer do not; asked before either is touched.
+pub(crate) fn apart<D: ndarray::Dimension>(out: &PyReadwriteArray<'_, f64, D>, read: &[&[f64]]) -> PyResult<()> {
+    let first = out.data().cast_const();
+    let end = first.wrapping_add(out.len());
+    let meets = |values: &&[f64]| values.as_ptr_range().start < end && first < values.as_ptr_range().end;
+    if read.iter().any(meets) { Err(in_use()) } else { Ok(()) }
+}
+
+fn in_use() -> PyErr {
+    ArrayError::new_err("out is in use, by another call or as an array that this one reads")
 }
 
 fn refused(wanted: &str, found: &str) -> PyErr {

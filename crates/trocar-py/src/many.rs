@@ -4,10 +4,10 @@ use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
-use trocar::many::ensemble::{Ensemble, Motion, Refusal, Tuned, forces, squared_errors};
-use trocar_model::{ParamError, Trocar};
+use trocar::many::ensemble::{Ensemble, Motion, Refusal, Start, Tuned, forces, squared_errors};
+use trocar_model::{ParamError, Seal, Trocar};
 
-use crate::arrays::{column, place, rows};
+use crate::arrays::{apart, column, place, rows};
 use crate::errors::{ArrayError, MotionError, ParameterError, RecordingError};
 use crate::model::{Model, Tunable, tunables, unknown};
 use crate::shared::number;
@@ -34,8 +34,9 @@ pub(crate) fn simulate_many(
     check_motion(py, time, position)?;
     let start = start(initial_force_n, initial_deflection_m)?;
     let turned = parameters.map(|columns| Turned::read(&models, columns)).transpose()?;
-    let models = Models::new(&models, turned.as_ref())?;
+    let models = Models::new(&models, turned.as_ref(), start)?;
     let mut out = rows(out, models.count(), time.len())?;
+    apart(&out, &models.read(&[time, position]))?;
     let out = out.as_slice_mut()?;
     let done = run_borrowing(py, threads, || forces(&models, start, &Motion::new(time, position), out))?;
     done.map_err(|refusal| raise(refusal, turned.as_ref()))
@@ -66,8 +67,9 @@ pub(crate) fn squared_error_many(
     check_readings(force, time.len())?;
     let start = start(initial_force_n, initial_deflection_m)?;
     let turned = parameters.map(|columns| Turned::read(&models, columns)).transpose()?;
-    let models = Models::new(&models, turned.as_ref())?;
+    let models = Models::new(&models, turned.as_ref(), start)?;
     let mut out = place(out, models.count())?;
+    apart(&out, &models.read(&[time, position, force]))?;
     let out = out.as_slice_mut()?;
     let work = || squared_errors(&models, start, &Motion::new(time, position), force, out);
     run_borrowing(py, threads, work)?.map_err(|refusal| raise(refusal, turned.as_ref()))
@@ -79,6 +81,9 @@ fn check_readings(force: &[f64], samples: usize) -> PyResult<()> {
         return Err(MotionError::new_err(format!("force_n has {found} samples, expected {samples} as time_s has")));
     }
     match force.iter().position(|force| force.is_infinite()) {
+        None if samples > 0 && force.iter().all(|force| force.is_nan()) => {
+            Err(RecordingError::new_err("force_n holds no reading, all are nan: any model would do"))
+        }
         None => Ok(()),
         Some(i) => Err(RecordingError::new_err(format!(
             "sample {i}: force_n is {} N, expected a finite number, or nan where there is no reading",
@@ -94,12 +99,30 @@ enum Models<'a> {
 }
 
 impl<'a> Models<'a> {
-    fn new(models: &'a [Py<Model>], turned: Option<&'a Turned<'_>>) -> PyResult<Self> {
+    /// The models, all of which can begin as `start` says.
+    fn new(models: &'a [Py<Model>], turned: Option<&'a Turned<'_>>, start: Start) -> PyResult<Self> {
         let Some(turned) = turned else {
-            return Ok(Self::Listed(models.iter().map(Py::get).collect()));
+            let models: Vec<&Model> = models.iter().map(Py::get).collect();
+            let cannot = |model: &&Model| {
+                matches!(start, Start::Deflection(_)) && matches!(model.trocar().seal(), Seal::Classical(_))
+            };
+            return match models.iter().position(cannot) {
+                Some(index) => Err(raise(Refusal::NoDeflection { index }, None)),
+                None => Ok(Self::Listed(models)),
+            };
         };
         let columns = turned.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
-        Ok(Self::Tuned(Box::new(Tuned::new(base(models)?.trocar(), columns.collect::<PyResult<_>>()?))))
+        let tuned = Tuned::new(base(models)?.trocar(), columns.collect::<PyResult<_>>()?);
+        Ok(Self::Tuned(Box::new(tuned.expect("every place was found among the tunables"))))
+    }
+
+    /// What is read: `motion`, and the columns of parameters.
+    fn read(&self, motion: &[&'a [f64]]) -> Vec<&'a [f64]> {
+        let columns = match self {
+            Self::Listed(_) => &[],
+            Self::Tuned(tuned) => tuned.columns(),
+        };
+        motion.iter().copied().chain(columns.iter().map(|(_, values)| *values)).collect()
     }
 }
 

@@ -8,7 +8,7 @@ use trocar::many::ensemble::Start;
 use trocar::recording::LONGEST_STROKE;
 use trocar_model::{Deformation, Mode, Trocar, TrocarState};
 
-use crate::arrays::{column, place};
+use crate::arrays::{apart, column, place};
 use crate::errors::{MotionError, ParameterError};
 use crate::model::Model;
 use crate::shared::{finite, number};
@@ -41,6 +41,7 @@ pub(crate) fn simulate<'py>(
         None => PyArray1::<f64>::zeros(py, time.len(), false).into_any(),
     };
     let mut forces = place(&result, time.len())?;
+    apart(&forces, &[time, position])?;
     run.chunks(py, forces.as_slice_mut()?, |state, force| *force = state.force())?;
     drop(forces);
     Ok(result)

@@ -96,6 +96,31 @@ fn text_is_chosen_from_as_any_table() {
     assert!(refused.contains("named '/load'") && refused.contains("one table without a name"), "{refused}");
 }
 
+/// What `inspect` says can be said: names with commas, quotes, blanks and a minus.
+#[test]
+fn odd_names_are_said_and_understood() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, given) in [
+        ("travel (\")", "travel (\")"),
+        ("-fz", "\"-fz\""),
+        ("\"raw\"", "\"\"raw\"\""),
+        ("load, \"raw\" N", "\"load, \"raw\" N\""),
+    ] {
+        let file = folder.path().join("odd.csv");
+        let rows: String = (0..50).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+        let cell = name.replace('"', "\"\"");
+        std::fs::write(&file, format!("time_s,x_mm,\"{cell}\"\n{rows}")).unwrap();
+        let columns = format!("position_mm=x_mm,force_n={given}");
+        let found = inspect(&file, &choice(&columns, &[])).unwrap().recording;
+        let found = found.unwrap_or_else(|error| panic!("{given}: {error}"));
+        let said = found.columns.join(",");
+        let again = read_with(file.to_str().unwrap(), choice(&said, &[])).unwrap_or_else(|e| panic!("{said}: {e}"));
+        assert_eq!(again.force[3], 3.0, "{said}");
+    }
+    let open = read_with("formats/polars.parquet", choice("force_n=\"load, raw", &[])).unwrap_err();
+    assert!(open.contains("without the double quote that ends its name"), "{open}");
+}
+
 #[test]
 fn places_in_tables_are_rows() {
     // Position is missing in the rows of `gappy`.

@@ -89,7 +89,7 @@ fn turned_parameters_are_those_of_each() {
         let seal = |value: &f64| base.with_seal(base.seal().tuned(&[*value]).unwrap());
         let expected: Vec<f64> =
             values.iter().flat_map(|value| alone(&seal(value), Start::Undeformed, &time, &position)).collect();
-        let tuned = Tuned::new(base, vec![(0, &values)]);
+        let tuned = Tuned::new(base, vec![(0, &values)]).unwrap();
         assert_same(&run(&tuned, Start::Undeformed, &motion), &expected, &format!("model {number}"));
         let measured: Vec<f64> = (0..time.len()).map(|k| if k % 5 == 0 { f64::NAN } else { k as f64 % 3.0 }).collect();
         let mut sums = vec![f64::NAN; values.len()];
@@ -108,9 +108,9 @@ fn a_motion_that_cannot_be_followed_is_held() {
     let model = ModelFile::plausible_10_5_mm().unwrap();
     let trocar = model.trocar().unwrap();
     let expected = alone(&trocar, Start::Undeformed, &time, &position);
-    let found = run(&Tuned::new(trocar, Vec::new()), Start::Undeformed, &Motion::new(&time, &position));
+    let found = run(&Tuned::new(trocar, Vec::new()).unwrap(), Start::Undeformed, &Motion::new(&time, &position));
     assert_same(&found, &expected, "held");
-    assert!(run(&Tuned::new(trocar, Vec::new()), Start::Undeformed, &Motion::new(&[], &[])).is_empty());
+    assert!(run(&Tuned::new(trocar, Vec::new()).unwrap(), Start::Undeformed, &Motion::new(&[], &[])).is_empty());
 }
 
 #[test]
@@ -119,7 +119,8 @@ fn the_first_that_cannot_be_run_is_told() {
     let motion = Motion::new(&time, &position);
     let plausible = ModelFile::plausible_10_5_mm().unwrap();
     let widths: Vec<f64> = (0..200).map(|k| if k == 77 || k == 150 { -1e-3 } else { 5e-3 }).collect();
-    let tuned = Tuned::new(plausible.trocar().unwrap(), vec![(0, &widths)]);
+    let tuned = Tuned::new(plausible.trocar().unwrap(), vec![(0, &widths)]).unwrap();
+    assert!(Tuned::new(plausible.trocar().unwrap(), vec![(99, &widths)]).is_none());
     let mut out = vec![0.0; 200];
     let refusal = squared_errors(&tuned, Start::Undeformed, &motion, &time, &mut out).unwrap_err();
     assert!(matches!(refusal, Refusal::Parameter { index: 77, .. }));
@@ -137,7 +138,7 @@ fn work_that_is_called_off_ends() {
     let time: Vec<f64> = (0..100_000).map(|k| f64::from(k) * 1e-3).collect();
     let position: Vec<f64> = time.iter().map(|t| 0.02 * t.sin()).collect();
     let widths = vec![5e-3; 100_000];
-    let tuned = Tuned::new(model.trocar().unwrap(), vec![(0, &widths)]);
+    let tuned = Tuned::new(model.trocar().unwrap(), vec![(0, &widths)]).unwrap();
     let (motion, cancel, mut sums) = (Motion::new(&time, &position), Cancel::default(), vec![0.0; widths.len()]);
     let outcome = std::thread::scope(|scope| {
         let flag = cancel.clone();

@@ -46,11 +46,16 @@ pub struct Tuned<'a> {
 
 impl<'a> Tuned<'a> {
     /// `columns` by their place among [`Seal::tunables`]; there are as many trocars as the shortest has values, and one
-    /// without columns.
-    pub fn new(base: Trocar<'a>, columns: Vec<(usize, &'a [f64])>) -> Self {
-        let present = base.seal().tunables().map(|tunable| tunable.value).collect();
+    /// without columns. `None` for a place beyond the tunables.
+    pub fn new(base: Trocar<'a>, columns: Vec<(usize, &'a [f64])>) -> Option<Self> {
+        let present: Vec<f64> = base.seal().tunables().map(|tunable| tunable.value).collect();
         let count = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(1);
-        Self { base, present, columns, count }
+        columns.iter().all(|(place, _)| *place < present.len()).then_some(Self { base, present, columns, count })
+    }
+
+    /// The columns.
+    pub fn columns(&self) -> &[(usize, &'a [f64])] {
+        &self.columns
     }
 }
 

@@ -193,7 +193,8 @@ impl Layout {
             let mut own = self.slots.iter().zip(&self.names);
             let (slot, name) = own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
             let unit = quantity.units().iter().find(|(_, per_si)| *per_si == slot.per_si.abs())?.0;
-            let name = if name.contains(',') { format!("\"{name}\"") } else { name.clone() };
+            let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
+            let name = if plain { name.clone() } else { format!("\"{name}\"") };
             Some(format!("{}_{unit}={}{name}", quantity.name(), if slot.per_si < 0.0 { "-" } else { "" }))
         };
         Quantity::ALL.into_iter().filter_map(of).collect()
@@ -331,6 +332,34 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
     Ok(Some(Slot::of(reading.quantity, per_si)))
 }
 
+/// The entries of `--columns`, divided at commas, but not within a name in double quotes: one that begins with them and ends with
+/// them.
+fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
+    let (mut found, mut begin, mut quoted) = (Vec::new(), 0, false);
+    for (at, c) in mapping.char_indices() {
+        let rest = mapping[at + c.len_utf8()..].trim_start();
+        match c {
+            '"' if quoted => quoted = !(rest.is_empty() || rest.starts_with(',')),
+            '"' => {
+                let front = mapping[begin..at].split_once('=').map(|(_, front)| front);
+                quoted = front.is_some_and(|front| front.chars().all(|c| c == '-' || c.is_whitespace()));
+            }
+            ',' if !quoted => {
+                found.push(&mapping[begin..at]);
+                begin = at + 1;
+            }
+            _ => {}
+        }
+    }
+    let entry = &mapping[begin..];
+    if quoted {
+        let problem = "without the double quote that ends its name".to_owned();
+        return Err(RecordingError::BadColumns { entry: entry.to_owned(), problem });
+    }
+    found.push(entry);
+    Ok(found)
+}
+
 /// An entry `force_n=-fz` of `--columns`: a quantity, and the name of its column.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Given {
@@ -344,12 +373,7 @@ pub(crate) struct Given {
 impl Given {
     /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`; a name in double quotes may hold commas.
     pub(crate) fn parse(mapping: &str) -> Result<Vec<Self>, RecordingError> {
-        let mut quoted = false;
-        let entries = mapping.split(|c| {
-            quoted ^= c == '"';
-            c == ',' && !quoted
-        });
-        let given = entries.map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
+        let given = entries(mapping)?.into_iter().map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
         for (k, entry) in given.iter().enumerate() {
             if given[..k].iter().any(|other| other.quantity == entry.quantity) {
                 let problem = format!("naming {} more than once", entry.quantity.name());
