@@ -1,7 +1,9 @@
 //! Sweeps: rows that depend on nothing but the document, and what a run comes to.
 
 use std::path::Path;
+use std::time::Duration;
 
+use trocar::cancel::{Cancel, Stopped};
 use trocar::sweep::{Summary, Sweep};
 use trocar::table::{Column, Table, read};
 
@@ -143,6 +145,32 @@ fn a_recording_is_compared_with_and_traces_are_written() {
         assert!((error - numbers(&summary, "rms_error_n")[run]).abs() < 1e-12, "run {run}");
         let peak = forces.iter().fold(0.0, |peak: f64, force| peak.max(force.abs()));
         assert_eq!(peak, numbers(&summary, "peak_force_n")[run]);
+    }
+}
+
+#[test]
+fn a_sweep_that_is_called_off_writes_no_more_traces() {
+    const THREADS: usize = 2;
+    let shared = "runs = 100000\n[motion]\nprotocol = \"step\"\n[seal]\nhalf_width_m = { uniform = [0.004, 0.006] }\n";
+    let rigs = "runs = 100000\n[motion]\nprotocol = \"validation\"\n[rig]\n\"rod.mass_kg\" = 0.05\n";
+    for document in [shared, rigs] {
+        let folder = tempfile::tempdir().unwrap();
+        let count = || std::fs::read_dir(folder.path()).unwrap().count();
+        let sweep = Sweep::new(document, Path::new("")).unwrap();
+        let cancel = Cancel::default();
+        let (written, outcome) = std::thread::scope(|scope| {
+            let (flag, path, sweep) = (cancel.clone(), folder.path(), &sweep);
+            let work = move || flag.run(THREADS, || sweep.each(Some(path), |_, _| Ok(())).is_ok());
+            let worker = scope.spawn(work);
+            while count() < 3 && !worker.is_finished() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            cancel.cancel();
+            (count(), worker.join().unwrap())
+        });
+        assert!(matches!(outcome, Err(Stopped::Cancelled)));
+        // Those under way, one of each thread, come to their end.
+        assert!(count() <= written + THREADS, "{} files after {written}", count());
     }
 }
 

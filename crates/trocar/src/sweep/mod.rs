@@ -351,6 +351,7 @@ impl Sweep {
             None => {
                 let mut outcomes = Vec::with_capacity(seals.len());
                 for (k, (seal, drawn)) in seals.iter().zip(&drawn).enumerate() {
+                    cancel::check();
                     outcomes.push(self.on_rig(seal, drawn, from + k as u64, traces)?);
                 }
                 outcomes
@@ -405,6 +406,7 @@ impl Sweep {
         if let Some(folder) = traces {
             let rows = (first..).zip(seals).filter(|(_, seal)| seal.is_ok()).map(|(row, _)| row);
             for (row, forces) in rows.zip(forces.chunks_exact(path.position.len())) {
+                cancel::check();
                 write_trace(folder, row, path, forces)?;
             }
         }

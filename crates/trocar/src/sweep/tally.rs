@@ -3,6 +3,11 @@
 use trocar_model::Travel;
 use trocar_model::batch::{LANES, Lanes, Observe};
 
+use crate::cancel;
+
+/// Samples between two looks at whether somebody has called the work off.
+const LOOK: usize = 2048;
+
 /// Names of the results, in the order of [`Outcome::numbers`].
 pub(crate) const RESULTS: [&str; 7] = [
     "peak_force_n",
@@ -185,6 +190,9 @@ impl Observe for Tally<'_> {
     #[inline(always)]
     fn see(&mut self, step: usize, lanes: &Lanes) {
         let sample = step + 1;
+        if sample.is_multiple_of(LOOK) {
+            cancel::check();
+        }
         let (displacement, duration) = self.path.steps[step];
         let mut forces = *lanes.forces();
         if let Some(travel) = self.travel {
@@ -215,5 +223,27 @@ impl Observe for Tally<'_> {
     fn end(&mut self, _: usize, count: usize) {
         let outcomes: Vec<Outcome> = (0..count).map(|lane| self.outcome(lane)).collect();
         self.outcomes.extend(outcomes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cancel::{Cancel, Stopped};
+    use trocar_model::{Element, ElementParams};
+
+    #[test]
+    fn a_long_motion_is_left_where_it_is_called_off() {
+        let params = ElementParams::plausible_10_5_mm().expect("made for it");
+        let element = Element::new(params).expect("in range");
+        let numbers = |step: f64| (0..3 * LOOK).map(|k| step * k as f64).collect();
+        let path = Path::new(numbers(1e-3), numbers(1e-6), Vec::new());
+        let cancel = Cancel::default();
+        let work = || {
+            cancel.cancel();
+            let mut tally = Tally::new(&path, None, &[0.0], &mut []);
+            crate::many::alone(&[element], &[element.rest_state(0.0)], &path.steps, &mut tally);
+        };
+        assert!(matches!(cancel.run(1, work), Err(Stopped::Cancelled)));
     }
 }
