@@ -40,7 +40,7 @@ impl Cancel {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Does `work` on `threads` threads (0: one for each processor) and waits for it.
+    /// Does `work` on `threads` threads (0: one for each processor; [`most_threads`] at the most) and waits for it.
     ///
     /// # Errors
     /// [`Stopped`] when it was called off, or could not begin.
@@ -50,6 +50,7 @@ impl Cancel {
     pub fn run<T: Send>(&self, threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Stopped> {
         let flag = self.0.clone();
         let take_flag = move |_| FLAG.with(|own| drop(own.set(flag.clone())));
+        let threads = threads.min(most_threads());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(take_flag).build()?;
         let called_off_or_panic = |why: Box<dyn Any + Send>| match why.downcast::<CalledOff>() {
             Ok(_) => Stopped::Cancelled,
@@ -57,6 +58,17 @@ impl Cancel {
         };
         catch_unwind(AssertUnwindSafe(|| pool.install(work))).map_err(called_off_or_panic)
     }
+}
+
+/// Threads that work is done on at the most, however many are asked for: four for each processor, or 64 where that is more.
+/// More make nothing faster, and thousands take longer to start than most work.
+pub fn most_threads() -> usize {
+    (4 * processors()).max(64)
+}
+
+/// Processors that this process may use.
+pub(crate) fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Whether what unwinds is work that was called off, and no panic.

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use trocar::bench::{BenchConfig, Protocol, run};
-use trocar::cancel::{Cancel, Stopped};
+use trocar::cancel::{Cancel, Stopped, most_threads};
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::Recording;
@@ -44,6 +44,16 @@ fn work_that_nobody_calls_off_comes_to_the_same() {
     let watched = Cancel::default().run(3, || identify(&recordings, &options, &|_, _| ())).unwrap().unwrap();
     assert_eq!(plain.model, watched.model);
     assert_eq!(plain.parameters, watched.parameters);
+}
+
+#[test]
+fn nobody_waits_for_a_million_threads() {
+    let clock = Instant::now();
+    let threads = Cancel::default().run(1_000_000, rayon::current_num_threads).unwrap();
+    assert!(clock.elapsed() < ENDS);
+    assert_eq!(threads, most_threads());
+    let processors = std::thread::available_parallelism().unwrap().get();
+    assert!(threads >= 64 && threads >= processors, "{threads} threads for {processors} processors");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use trocar::cancel::Cancel;
+use trocar::cancel::{Cancel, most_threads};
 use trocar::fleet::{Config, Dataset, Depth, Fleet, Tally, journal_path, run as run_fleet};
 use trocar::output::AtomicFile;
 use trocar::report::fleet::{self as fleet_report, Roles};
@@ -40,7 +40,7 @@ pub(crate) struct Args {
     /// Seed of everything random
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// Recordings at a time; 0 takes one for each processor
+    /// Recordings at a time; 0 takes one for each processor; at most four for each, or 64
     #[arg(long, default_value_t = 0, value_name = "N")]
     threads: usize,
     /// Report to write [default: the table's name with .html]
@@ -79,8 +79,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if let [first, ..] = dataset.left_out.as_slice() {
         console.remark(&format!("note: {} left out for their ending, such as {first}", files(dataset.left_out.len())));
     }
-    let threads =
-        if args.threads > 0 { args.threads } else { std::thread::available_parallelism().map_or(1, usize::from) };
+    let threads = if args.threads > 0 {
+        args.threads.min(most_threads())
+    } else {
+        std::thread::available_parallelism().map_or(1, usize::from)
+    };
     let config = Config {
         reading: args.reading.for_each_of(threads),
         depth: match args.depth {

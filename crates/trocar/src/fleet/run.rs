@@ -134,8 +134,8 @@ enum Done {
     Before(Place),
 }
 
-/// Identifies every recording of `dataset` by itself, on `threads` threads (0: one for each processor), and writes the
-/// table at `table`.
+/// Identifies every recording of `dataset` by itself, on `threads` threads (0: one for each processor;
+/// [`cancel::most_threads`] at the most), and writes the table at `table`.
 ///
 /// The same recordings, configuration and program give the same bytes, whatever the threads and however often the work
 /// was interrupted. Memory: for each thread a recording and its identification, a few hundred bytes for each
@@ -152,7 +152,7 @@ pub fn run(
     progress: &mut dyn FnMut(&Tally),
 ) -> Result<Fleet, FleetError> {
     let (mut journal, before) = Journal::open(&journal_path(table), &config.hash())?;
-    let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
+    let threads = if threads == 0 { cancel::processors() } else { threads.min(cancel::most_threads()) };
     let queue = Queue::new(dataset);
     let mut gathered = Gathered::new(dataset.sources.len());
     let worker = |sender: Sender<Finished>| cancel.run(1, || queue.work(config, &before, &sender));
