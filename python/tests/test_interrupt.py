@@ -18,6 +18,8 @@ from .conftest import CONFORMANCE, ROD_KG
 
 #: Time, s, in which an interruption must arrive on a busy machine.
 ARRIVES = 1.0
+#: Threads of a sweep: each has at most one file under way.
+THREADS = 2
 #: Time, s, that called-off work may still take of the processor.
 ENDS = 1.0
 
@@ -118,3 +120,32 @@ def test_a_sweep_is_interrupted(tmp_path: Path) -> None:
         time.sleep(2 * ENDS)
         assert time.process_time() - before < ENDS
         assert not list(tmp_path.iterdir()), "neither a table nor a half of one"
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        'runs = 100000\n[motion]\nprotocol = "validation"\n[rig]\n"rod.mass_kg" = 0.05\n',
+        'runs = 100000\n[motion]\nprotocol = "step"\n[seal]\nhalf_width_m = { uniform = [0.005, 0.009] }\n',
+    ],
+    ids=["rigs", "seals"],
+)
+def test_an_interrupted_sweep_writes_no_more_traces(document: str, tmp_path: Path) -> None:
+    assert interrupted(lambda: trocar.sweep(document, traces=tmp_path, threads=THREADS), 0.5) < ARRIVES
+    written = len(list(tmp_path.iterdir()))
+    assert written, "interrupted before there was a trace"
+    time.sleep(2 * ENDS)
+    assert len(list(tmp_path.iterdir())) <= written + THREADS
+
+
+def test_nobody_waits_for_a_million_threads() -> None:
+    document = 'runs = 2\n[motion]\nprotocol = "step"\n[seal]\nhalf_width_m = 0.007\n'
+    model = trocar.Model.plausible()
+    works = [
+        lambda: trocar.sweep(document, threads=1_000_000),
+        lambda: trocar.simulate_many([model], [0.0, 1.0], [0.0, 1e-3], threads=1_000_000),
+    ]
+    for work in works:
+        before = time.perf_counter()
+        work()
+        assert time.perf_counter() - before < ARRIVES

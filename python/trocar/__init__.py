@@ -152,7 +152,7 @@ def identify(
     :param moving_mass_kg: mass between sensor and seal: its inertia is taken out of the readings
     :param gravity_m_s2: gravity along the insertion as it acts on the reading of that mass; 0 leaves the weight in the
         offset
-    :param threads: to work on; 0 takes one for each processor
+    :param threads: to work on; 0 takes one for each processor, and there are at most four for each, or 64
     :param progress: called with the stage and the part done, 0 to 1, on the calling thread
     :raises IdentifyError: where there is nothing to identify from
     """

@@ -40,6 +40,7 @@ def sweep(
         however many rows there are
     :param traces: folder for time, position and force of each run, a Parquet file each
     :param seed: in place of that of the document
+    :param threads: to work on; 0 takes one for each processor, and there are at most four for each, or 64
     :param progress: called with the stage and the part done, 0 to 1, on the calling thread
     :raises SweepError: for a document that cannot be understood
     """
