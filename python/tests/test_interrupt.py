@@ -141,7 +141,7 @@ def test_an_interrupted_sweep_writes_no_more_traces(document: str, tmp_path: Pat
 def test_nobody_waits_for_a_million_threads() -> None:
     document = 'runs = 2\n[motion]\nprotocol = "step"\n[seal]\nhalf_width_m = 0.007\n'
     model = trocar.Model.plausible()
-    works = [
+    works: list[Callable[[], object]] = [
         lambda: trocar.sweep(document, threads=1_000_000),
         lambda: trocar.simulate_many([model], [0.0, 1.0], [0.0, 1e-3], threads=1_000_000),
     ]
