@@ -106,6 +106,11 @@ pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result
     Ok(found)
 }
 
+/// Refuses topics where there is one table without a name: text, or rows of a table.
+pub(crate) fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
+    allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
+}
+
 fn layout_of(file: &str, table: &Table, choice: &Choice, needed: &[Quantity]) -> Result<Layout, RecordingError> {
     let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
     let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };

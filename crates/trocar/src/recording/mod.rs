@@ -24,6 +24,8 @@ use screen::Count;
 
 pub use crate::error::RecordingError;
 pub use choice::Choice;
+#[cfg(feature = "parquet")]
+pub(crate) use choice::check_topics;
 pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use motion::{local_acceleration, local_velocity};
@@ -318,12 +320,6 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
         positions.extend(Some(row.get(Quantity::Position)).filter(|position| position.is_finite()));
     }
     Ok(screen::resolution(&positions))
-}
-
-/// Refuses topics, which rows of a table do not have.
-#[cfg(feature = "parquet")]
-pub(crate) fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
-    choice::allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
 }
 
 /// Most rows that are held where `most` samples are asked for.

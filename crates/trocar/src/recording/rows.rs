@@ -10,9 +10,9 @@ use std::thread::JoinHandle;
 use sha2::{Digest, Sha256};
 
 use super::block::{Block, Row};
-use super::choice::{Choice, Picked, allowed, pick};
+use super::choice::{Choice, Picked, check_topics, pick};
 use super::columns::{Layout, Quantity};
-use super::container::{self, Batches, Container, Table};
+use super::container::{self, Batches, Container};
 use super::decompress::TextInput;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
@@ -67,7 +67,7 @@ impl<'a> Rows<'a> {
     ) -> Result<Self, RecordingError> {
         let wanted = Wanted::Quantities(choice.columns.as_deref(), needed);
         let reader = TextReader::open(file, input, wanted, is_file, hash)?;
-        allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics)?;
+        check_topics(file, choice)?;
         Ok(Self::new(Source::Text(reader), None, choice))
     }
 
@@ -253,11 +253,11 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
 pub(crate) fn digest_of(path: &Path) -> Result<String, RecordingError> {
     let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
     let mut hash = Sha256::new();
-    if container::open(path)?.is_some() {
-        hash_files(path, &mut hash).map_err(failed)?;
-        return Ok(hex(&hash.finalize()));
-    }
-    hash_stream(TextInput::open(path)?.text, &mut hash).map_err(failed)?;
+    let hashed = match container::open(path)? {
+        Some(_) => hash_files(path, &mut hash),
+        None => hash_stream(TextInput::open(path)?.text, &mut hash),
+    };
+    hashed.map_err(failed)?;
     Ok(hex(&hash.finalize()))
 }
 
