@@ -56,12 +56,12 @@ class Trocar:
         positions.astype("<f8").tofile(self.positions)
 
     def timed(self, name):
-        """Nanoseconds per step, forces at the ends and at the starts of the steps."""
+        """Nanoseconds per step, sample by sample and as a whole array; forces at the ends and at the starts of the steps."""
         forces = self.folder / "forces"
         command = [self.example, PARAMETERS, name, self.positions, forces]
-        nanoseconds = float(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
+        printed = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
         ends, starts = numpy.fromfile(forces, "<f8").reshape(2, -1)
-        return nanoseconds, ends, starts
+        return [float(word) for word in printed.split()], ends, starts
 
 
 @numba.njit
@@ -160,18 +160,20 @@ def take_turns(title, ours, others, repetitions):
 
     others: name -> (program, whether its forces are those at the ENDS or the STARTS of the steps)
     """
-    times = {name: [] for name in ["trocar", *others]}
+    own = ["trocar, step by step", "trocar, whole array"]
+    times = {name: [] for name in [*own, *others]}
     differences = dict.fromkeys(others, 0.0)
     for _ in range(repetitions):
-        nanoseconds, *forces = ours()
-        times["trocar"].append(nanoseconds)
+        both, *forces = ours()
+        for name, nanoseconds in zip(own, both):
+            times[name].append(nanoseconds)
         for name, (program, which) in others.items():
             nanoseconds, found = program()
             times[name].append(nanoseconds)
             differences[name] = max(differences[name], float(numpy.max(numpy.abs(found - forces[which]))))
     print(f"\n{title}")
     print(f"  {'':32} {'median':>8} {'fastest':>8} {'slowest':>8} {'x trocar':>9}  largest difference")
-    reference = statistics.median(times["trocar"])
+    reference = statistics.median(times[own[1]])
     for name, all_times in times.items():
         median = statistics.median(all_times)
         numbers = f"{median:8.1f} {min(all_times):8.1f} {max(all_times):8.1f} {median / reference:9.2f}"

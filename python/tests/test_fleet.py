@@ -68,7 +68,7 @@ def test_a_file_and_its_columns_give_the_same_numbers(folder: Path) -> None:
     path = folder / "lubricant=wet" / "0.csv"
     of_file, of_columns = fleet.identify_one(path), fleet.identify_one(frame(trocar.read(path)))
     differ = {name for name in of_file if of_file[name] != of_columns[name]}
-    assert differ <= {"path", "recording", "sha256"}
+    assert differ <= {"warnings", "path", "recording", "sha256"}
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_a_manifest_and_groups_of_rows_give_the_same_numbers(
     assert [row["insertions"] for row in of_manifest] == [0, 1, 2]
     for a, b in zip(of_groups, of_manifest):
         differ = {name for name in fleet.columns() if a[name] != b[name]}
-        assert differ <= {"path", "recording", "sha256"}
+        assert differ <= {"warnings", "path", "recording", "sha256"}
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +189,7 @@ def test_the_files_of_a_partitioned_data_set_do_not_matter(partitioned: Path, tm
     assert [row["path"] for row in tables[2]] == ["trial=t0", "trial=t1", "trial=t2", "trial=t3"]
     for one, *others in zip(*tables):
         for row in others:
-            assert {name for name in one if one[name] != row[name]} <= {"path", "recording"}
+            assert {name for name in one if one[name] != row[name]} <= {"warnings", "path", "recording"}
 
 
 def test_an_interrupted_run_goes_on(folder: Path, tmp_path: Path) -> None:

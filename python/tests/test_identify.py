@@ -29,6 +29,15 @@ def test_the_truth_lies_in_the_intervals(found: trocar.Identification) -> None:
     assert found.validation.rms_n < 0.06
 
 
+def test_the_summary_says_how_the_fit_came_out(found: trocar.Identification) -> None:
+    fit, friction = found.summary["fit"], found.summary["friction_scale"]
+    assert fit["converged"] and 0 < fit["rms_n"] < 0.06
+    assert {trial["term"] for trial in fit["terms"]} >= {"stribeck", "seal_damping"}
+    # The bench lets the force vary from stroke to stroke by 1 %, without drift or jump.
+    assert 0.003 < friction["scatter"] < 0.03 and friction["drift"] < 0.02 and not friction["jumps"]
+    assert {phase["phase"] for phase in found.summary["phases"]} == {"deforming", "sliding"}
+
+
 def test_results_are_reproducible_and_saved(
     found: trocar.Identification, training: list[trocar.Recording], held_back: list[trocar.Recording], tmp_path: Path
 ) -> None:
@@ -43,6 +52,17 @@ def test_results_are_reproducible_and_saved(
         assert (tmp_path / "results" / "figures" / f"{name}.svg").read_text() == figure
     with pytest.raises(OSError):
         found.report(tmp_path / "no such folder" / "report.html")
+
+
+def test_a_validation_that_contradicts_is_doubtful(
+    training: list[trocar.Recording], held_back: list[trocar.Recording]
+) -> None:
+    stroke = held_back[0]
+    other = trocar.Recording(stroke.time_s, stroke.position_m, 1.5 * stroke.force_n, name="other seal")
+    found = trocar.identify(training, validate=other, bootstrap=0, moving_mass_kg=ROD_KG)
+    assert found.is_doubtful and found.validation is not None and found.validation.is_doubtful
+    (warning,) = [warning for warning in found.warnings if warning.subject == "other seal"]
+    assert warning.doubtful and "times the identification error" in warning.message
 
 
 def test_validation_alone_says_the_same(found: trocar.Identification, held_back: list[trocar.Recording]) -> None:
@@ -91,6 +111,7 @@ def test_what_cannot_be_identified_is_told(training: list[trocar.Recording]) -> 
         ({"without": ["salt"]}, trocar.ParameterError, 'without "salt": expected one of stribeck'),
         ({"moving_mass_kg": -1}, trocar.ParameterError, "moving_mass_kg must be finite and not negative, got -1 kg"),
         ({"gravity_m_s2": np.inf}, trocar.ParameterError, "gravity_m_s2 must be finite"),
+        ({"offset_n": np.inf}, trocar.ParameterError, "offset_n must be a finite number, got inf"),
     ],
 )
 def test_options_out_of_range_are_refused(

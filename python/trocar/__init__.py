@@ -130,9 +130,10 @@ def identify(
     bootstrap: int = 200,
     seed: int = 1,
     degrees: Sequence[int] = (4, 4),
-    refine: bool = True,
     free_motion: bool = True,
     without: Sequence[str] = (),
+    offset_n: Optional[float] = None,
+    paper: bool = False,
     moving_mass_kg: float = 0.0,
     gravity_m_s2: float = 0.0,
     threads: int = 0,
@@ -140,15 +141,17 @@ def identify(
 ) -> Identification:
     """Identifies a model from recordings, and validates it on those given with ``validate``.
 
-    Every recording is searched for what it can give; what it does not pin has an infinite interval and a warning.
+    Every recording is searched for what it can give; what the recordings do not determine has an infinite interval and a warning.
 
     :param bootstrap: resamples of the bootstrap over cycles; 0 takes the quicker jackknife
     :param seed: of everything random; equal recordings and seed give equal results
     :param degrees: of the two joined polynomials of each branch, 2 to 7
-    :param refine: refine the two-step result against the simulated force
-    :param free_motion: fit the element to all motion, where the recordings hold more than full strokes
-    :param without: ingredients that this fit leaves out: stribeck, seal_damping, minor_loops, creep, relaxation,
+    :param free_motion: try the optional terms that rests and partial reversals determine: creep,
+        relaxation, second_relaxation, minor_loops, second_stage
+    :param without: optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
         second_relaxation, hidden_mass, asymmetry, second_stage
+    :param offset_n: known reading of the sensor without load (its tare); estimated when left out
+    :param paper: identify by the two steps of the paper alone
     :param moving_mass_kg: mass between sensor and seal: its inertia is taken out of the readings
     :param gravity_m_s2: gravity along the insertion as it acts on the reading of that mass; 0 leaves the weight in the
         offset
@@ -169,9 +172,10 @@ def identify(
         bootstrap=_count("bootstrap", bootstrap),
         seed=_count("seed", seed),
         degrees=_degrees(degrees),
-        refine=refine,
         free_motion=free_motion,
         without=[without] if isinstance(without, str) else list(without),
+        offset_n=offset_n,
+        paper=paper,
         moving_mass_kg=moving_mass_kg,
         gravity_m_s2=gravity_m_s2,
         threads=_count("threads", threads),

@@ -76,7 +76,7 @@ def _gallery(figures: Mapping[str, Figure], first: Iterable[str]) -> str:
 def _parameter(found: Parameter) -> tuple[str, str, str, str]:
     scale, unit = _DISPLAY.get(found.unit, (1.0, found.unit))
     low, high = (_number(scale * end) for end in (found.ci95_low, found.ci95_high))
-    interval = f"{low} … {high}" if found.known else "not pinned by the data"
+    interval = f"{low} … {high}" if found.known else "not determined by the data"
     return f"<code>{escape(found.name)}</code>", _number(scale * found.value), interval, escape(unit)
 
 
@@ -91,7 +91,10 @@ def _parameters(found: Mapping[str, Parameter]) -> str:
 def identification(found: Identification) -> str:
     names = ", ".join(r["name"] for r in found.summary["recordings"] if r["used_for"] == "identification")
     caption = f"<b>Identified</b> from {escape(names)}: {_number(found.residual_rms_n, 3)} N rms left"
-    warnings = [str(warning) for warning in found.warnings if warning.doubtful]
+    recordings = () if found.validation is None else found.validation.recordings
+    # The table of the validation lists its own.
+    listed = {f"{r.name}: {warning}" for r in recordings for warning in r.warnings}
+    warnings = [str(warning) for warning in found.warnings if warning.doubtful and str(warning) not in listed]
     remarks = [str(warning) for warning in found.warnings if not warning.doubtful]
     validated = "" if found.validation is None else _validation_table(found.validation)
     return (

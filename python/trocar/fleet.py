@@ -37,8 +37,8 @@ IN_FLIGHT = 3
 class Config:
     """How to read and identify each recording; equal configurations and recordings give equal rows.
 
-    ``depth`` is ``quick`` (the two steps, refined) or ``full`` (all that ``trocar.identify`` does); ``bootstrap`` 0 takes the
-    quicker jackknife for the intervals. The rest is as in ``trocar.read`` and ``trocar.identify``.
+    ``depth`` is ``quick`` (without the optional terms that rests and partial reversals determine) or ``full`` (all that
+    ``trocar.identify`` does); ``bootstrap`` 0 takes the quicker jackknife for the intervals. The rest is as in ``trocar.read`` and ``trocar.identify``.
     """
 
     depth: str = "quick"

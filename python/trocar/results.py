@@ -75,7 +75,7 @@ class Parameter:
     #: Ends of the interval; infinite where the data set none.
     ci95_low: float
     ci95_high: float
-    #: Whether the data pin it; if not, ``note`` says why.
+    #: Whether the data determine it; if not, ``note`` says why.
     known: bool
     note: Optional[str] = None
 
@@ -151,7 +151,7 @@ class Validation:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether a recording never let the seal forget its unknown start."""
+        """Whether a recording never let the seal forget its unknown start, or contradicts the identification."""
         return any(recording.warnings for recording in self.recordings)
 
     def forces(self, recording: int | str = 0) -> Forces:
@@ -208,7 +208,7 @@ class Identification:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether data were lost or parameters are not pinned."""
+        """Whether data were lost, parameters are not determined, or the validation contradicts the identification."""
         return bool(self.summary["doubtful"])
 
     @cached_property

@@ -55,7 +55,7 @@ pub(crate) fn number(value: f64) -> String {
 /// An interval, `[low, high]`; without bounds where the data set none.
 pub(crate) fn interval([low, high]: [f64; 2]) -> String {
     if low == f64::NEG_INFINITY && high == f64::INFINITY {
-        return "not pinned".to_owned();
+        return "not determined".to_owned();
     }
     format!("[{}, {}]", number(low), number(high))
 }

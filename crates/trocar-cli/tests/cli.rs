@@ -158,7 +158,7 @@ fn what_the_data_cannot_pin_is_said_before_fitting_and_ends_with_3() {
     let ran = place.run("identify one-speed.csv --bootstrap 0 --json --out result").ends_with(3);
     let (before, after) = ran.stderr.split_once("warning:").unwrap();
     assert!(before.contains("one speed: the viscous part cannot be told"), "{before}");
-    assert!(after.contains("viscous_damping_n_s_m") && after.contains("not pinned"), "{after}");
+    assert!(after.contains("viscous_damping_n_s_m") && after.contains("not determined"), "{after}");
     let summary: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     let damping = &summary["parameters"]["viscous_damping_n_s_m"];
     assert_eq!(damping["pinned"], false);
@@ -169,7 +169,7 @@ fn what_the_data_cannot_pin_is_said_before_fitting_and_ends_with_3() {
     let sliding: Vec<&str> = text.lines().take(1).chain(text.lines().skip(400).take(600)).collect();
     place.put("no-reversal.csv", &sliding.join("\n"));
     let ran = place.run("identify no-reversal.csv --bootstrap 0 --out result").ends_with(3);
-    ran.says(&["no reversal", "in one direction only", "half_width_m: not pinned"]);
+    ran.says(&["no reversal", "in one direction only", "half_width_m: not determined"]);
 }
 
 #[test]
@@ -180,7 +180,7 @@ fn models_that_cannot_be_read_are_explained() {
         ("cut", model[..200].to_owned(), vec!["cut.json: line", "not JSON"]),
         (
             "newer",
-            model.replace("\"version\": 5", "\"version\": 99"),
+            model.replace("\"version\": 6", "\"version\": 99"),
             vec!["newer.json", "newer trocar", "hint: update"],
         ),
         ("other", "{}".to_owned(), vec!["other.json", "not a model", "format"]),
@@ -208,6 +208,9 @@ fn bad_arguments_end_with_2() {
         "identify saw.csv --out result --moving-mass-kg -1",
         "identify saw.csv --out result --moving-mass-kg nan",
         "identify saw.csv --out result --columns time_s,nonsense,force_n",
+        "identify saw.csv --out result --offset-n inf",
+        "identify saw.csv --out result --figure-7-deflection-mm nan",
+        "identify saw.csv --out result --figure-9-speed-mm-s -80",
         "identify - --validate - --out result",
         "simulate model.json saw.csv",
         "bench sideways --out x.csv",
@@ -424,6 +427,51 @@ fn files(folder: &std::path::Path) -> Vec<PathBuf> {
         }
     }
     found
+}
+
+/// A seal that was wetted before the validation: identified as asked for, but doubtful, and why.
+#[test]
+fn a_validation_that_contradicts_ends_with_3() {
+    let place = Place::new();
+    place.recording("dry.csv");
+    let mut rig = place.text("rig.toml");
+    rig.push_str("[lubrication]\nlevel = 0.7\nonset_s = 0.0\nspread_s = 0.0\n");
+    place.put("wet.toml", &rig);
+    place.run("bench validation --rig wet.toml --seed 9 --out wet.csv").done();
+    let ran = place
+        .run("identify dry.csv --validate wet.csv --bootstrap 0 --moving-mass-kg 0.04 --json --out found")
+        .ends_with(3);
+    let essentials =
+        ["wet.csv: validation error", "times the identification error", "record such motion to identify from"];
+    ran.says(&essentials);
+    let summary: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(summary["doubtful"], true);
+    let warnings = summary["warnings"].as_array().unwrap();
+    let warning = warnings.iter().find(|warning| warning["subject"] == "wet.csv").expect("a warning");
+    assert!(warning["doubtful"] == true && warning["message"].as_str().unwrap().contains(essentials[1]), "{warning}");
+    assert!(place.text("found/report.html").contains(essentials[1]));
+    let model: serde_json::Value = serde_json::from_str(&place.text("found/model.json")).unwrap();
+    let error = &model["force_error"];
+    assert!(error["sliding_n"].as_f64().unwrap() > 0.5 && error["partial_n"].is_null(), "{error}");
+}
+
+/// Figures 7 and 9 show what is asked for, if it was recorded.
+#[test]
+fn figures_show_what_is_asked_for() {
+    let place = Place::new();
+    place.recording("strokes.csv");
+    let identify = "identify strokes.csv --bootstrap 0 --moving-mass-kg 0.04 --offset-n=-0.34";
+    let chosen = "--figure-7-deflection-mm -5 --figure-7-deflection-mm 5 --figure-9-speed-mm-s 40";
+    place.run(&format!("{identify} {chosen} --out found")).done();
+    let report = place.text("found/report.html");
+    assert!(report.contains("Force at two deflections") && report.contains("The cycles chosen are at 40 mm/s."));
+    let refused = place.run(&format!("{identify} --figure-9-speed-mm-s 300 --out none"));
+    refused.fails_saying(&[
+        "figure 9: no recorded stroke has a speed within 10 % of 300 mm/s; recorded are 20, 40, 60, 80 mm/s",
+    ]);
+    let refused = place.run(&format!("{identify} --figure-7-deflection-mm 20 --out none"));
+    refused.fails_saying(&["figure 7: the deflection 20 mm lies outside ±c"]);
+    assert!(!place.path("none").exists());
 }
 
 #[test]

@@ -4,13 +4,16 @@
 //! speed PARAMETERS SET POSITIONS FORCES
 //! ```
 //! PARAMETERS: `reference/vectors/parameters.json`, SET: a name in it. POSITIONS: 1 kHz, m, 8-byte numbers, lowest byte
-//! first. Writes to FORCES those at the end of every step and then those at its start, N; prints nanoseconds per step.
+//! first. Writes to FORCES those at the end of every step and then those at its start, N; prints nanoseconds per step, first of
+//! the step called sample by sample, then of the whole array at once.
 
 use std::error::Error;
 use std::time::Instant;
 
 use serde_json::Value;
-use trocar_model::{Friction, LuGre, LuGreParams, MaxwellSlip, SlidingFriction, SlipElement, StribeckCurve};
+use trocar_model::{
+    Classical, Friction, LuGre, LuGreParams, MaxwellSlip, SlidingFriction, SlipElement, StribeckCurve, Trocar,
+};
 
 const PERIOD: f64 = 1e-3;
 
@@ -50,8 +53,10 @@ fn pass<M: Friction>(
     model: &M,
     rest: M::State,
     output: fn(&M, &M::State, f64) -> f64,
-    displacements: &[f64],
-) -> (f64, Vec<f64>) {
+    positions: &[f64],
+    classical: Classical,
+) -> ([f64; 2], Vec<f64>) {
+    let displacements: &Vec<f64> = &positions.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut forces = vec![f64::NAN; displacements.len()];
     let mut state = rest;
     for &displacement in displacements {
@@ -63,7 +68,16 @@ fn pass<M: Friction>(
     for (force, &displacement) in forces.iter_mut().zip(displacements) {
         *force = model.step(&mut state, displacement, PERIOD);
     }
-    (start.elapsed().as_secs_f64() * 1e9 / displacements.len() as f64, forces)
+    let stepped = start.elapsed();
+    let (trocar, durations) = (Trocar::new(classical, None), vec![PERIOD; displacements.len()]);
+    let mut array = vec![f64::NAN; displacements.len()];
+    let mut state = trocar.rest(positions[0]);
+    let start = Instant::now();
+    trocar.run(&mut state, &positions[1..], &durations, &mut array);
+    let times = [stepped, start.elapsed()].map(|time| time.as_secs_f64() * 1e9 / displacements.len() as f64);
+    let ends = &forces[..displacements.len()];
+    assert!(array.iter().zip(ends).all(|(a, b)| a.to_bits() == b.to_bits()), "other forces of the whole array");
+    (times, forces)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -75,19 +89,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let set = &sets[name];
     let bytes = std::fs::read(positions)?;
     let positions: Vec<f64> = bytes.as_chunks().0.iter().copied().map(f64::from_le_bytes).collect();
-    let displacements: Vec<f64> = positions.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let (nanoseconds, forces) = match set["model"].as_str() {
         Some("maxwell_slip") => {
             let model = maxwell_slip(set)?;
-            pass(&model, model.rest_state(), MaxwellSlip::output, &displacements)
+            pass(&model, model.rest_state(), MaxwellSlip::output, &positions, Classical::MaxwellSlip(model))
         }
         Some("lugre") => {
             let model = lugre(set)?;
-            pass(&model, model.rest_state(), LuGre::output, &displacements)
+            pass(&model, model.rest_state(), LuGre::output, &positions, Classical::LuGre(model))
         }
         other => return Err(format!("no pass for {name}, model {other:?}").into()),
     };
     std::fs::write(forces_file, forces.iter().flat_map(|force| force.to_le_bytes()).collect::<Vec<u8>>())?;
-    println!("{nanoseconds}");
+    println!("{} {}", nanoseconds[0], nanoseconds[1]);
     Ok(())
 }

@@ -19,16 +19,20 @@
 //! rises and falls with a delay, though (frictional memory, ARMSTRONG), and a lag T of the curve keeps steady sliding steady
 //! where T·K + β + σ exceeds the fall of g. For a creeping contact T may be given; the force stays opposed to the slip.
 
-use crate::exponential::decay;
+use crate::exponential::{decay, decay_and_mean};
 use crate::sliding::SlidingFriction;
 
 /// How much of the static force's surplus the contact has, within a step: g = F_c + (F_s - F_c)·λ with
 ///
 /// ```text
-/// dλ/dt = (exp(-(u/v_s)^δ) - λ)/T        λ⁺ = `kept` + `now`·exp(-(u/v_s)^δ)
+/// dλ/dt = (e - λ)/T        e = exp(-(u/v_s)^δ)
+/// λ⁺ = λ·p + e_0·(m - p) + e·(1 - m)        p = exp(-dt/T), m = (1 - p)·T/dt
+///    = `kept` + `now`·e
 /// ```
 ///
-/// T = 0 is the curve of EMS (11) itself: `kept` = 0, `now` = 1.
+/// where e_0 belongs to the slip speed at the start of the step. This is the exact solution for an e that changes linearly
+/// over the step: of second order, and a weighted mean of numbers between 0 and 1 at any dt. T = 0 is the curve of EMS (11)
+/// itself: `kept` = 0, `now` = 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rise {
     pub(crate) kept: f64,
@@ -45,12 +49,13 @@ impl Rise {
         if lag > 0.0 { Self { kept: rise, now: 0.0 } } else { Self::INSTANT }
     }
 
-    /// λ at the end of a step of `duration`, s.
+    /// λ at the end of a step of `duration` (s) that starts at slip speed `speed` (>= 0, m/s).
     #[inline(always)]
-    pub(crate) fn after(rise: f64, lag: f64, duration: f64) -> Self {
+    pub(crate) fn after(rise: f64, lag: f64, duration: f64, sliding: &SlidingFriction, speed: f64) -> Self {
         if lag > 0.0 {
-            let left = decay(duration / lag);
-            Self { kept: rise * left, now: 1.0 - left }
+            let (left, mean) = decay_and_mean(duration / lag);
+            let before = if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) };
+            Self { kept: rise * left + (mean - left) * before, now: 1.0 - mean }
         } else {
             Self::INSTANT
         }
@@ -66,6 +71,21 @@ pub(crate) struct Resistance {
     pub(crate) slope: f64,
     /// λ.
     pub(crate) rise: f64,
+    /// `now`·g', N·s/m.
+    fall: f64,
+}
+
+impl Resistance {
+    /// Slip at rest without creep.
+    pub(crate) const NONE: Self = Self { force: 0.0, slope: 0.0, rise: 1.0, fall: 0.0 };
+
+    /// λ at a slip speed `change` (m/s) away, to first order: a search ends with a correction that is not evaluated again.
+    #[inline(always)]
+    pub(crate) fn rise_beside(&self, sliding: &SlidingFriction, change: f64) -> f64 {
+        let difference = self.fall / (sliding.static_force - sliding.coulomb_force) * change;
+        // Nothing falls without a surplus; the slope is infinite at rest where the shape exponent is below 1.
+        if difference.is_finite() { (self.rise + difference).clamp(0.0, 1.0) } else { self.rise }
+    }
 }
 
 /// The contact at slip speed `u` >= 0, m/s; ρ = 1 without creep.
@@ -74,7 +94,7 @@ pub(crate) fn resistance(sliding: &SlidingFriction, creep_velocity: f64, rise: R
     let beta = sliding.viscous_damping;
     let (level, fall) = sliding.level_and_slope(u);
     if creep_velocity <= 0.0 {
-        return Resistance { force: level + beta * u, slope: fall + beta, rise: 1.0 };
+        return Resistance { force: level + beta * u, slope: fall + beta, rise: 1.0, fall: 0.0 };
     }
     let surplus = sliding.static_force - sliding.coulomb_force;
     let reached = if surplus > 0.0 { (level - sliding.coulomb_force) / surplus } else { 1.0 };
@@ -83,6 +103,7 @@ pub(crate) fn resistance(sliding: &SlidingFriction, creep_velocity: f64, rise: R
     let inverse = 1.0 / libm::sqrt(u * u + creep_velocity * creep_velocity);
     let part = u * inverse;
     let growth = creep_velocity * creep_velocity * inverse * (inverse * inverse);
-    let slope = rise.now * fall * part + level * growth + beta;
-    Resistance { force: level * part + beta * u, slope, rise: rise_now }
+    let fall = rise.now * fall;
+    let slope = fall * part + level * growth + beta;
+    Resistance { force: level * part + beta * u, slope, rise: rise_now, fall }
 }

@@ -33,6 +33,12 @@ const TAYLOR: [f64; 14] = [
 /// exp(-x) for x >= 0, to two units in the last place; 0 above 700 and for NaN.
 #[inline]
 pub(crate) fn decay(x: f64) -> f64 {
+    decay_inlined(x)
+}
+
+/// The same within a loop that is to become vectors.
+#[inline(always)]
+pub(crate) fn decay_inlined(x: f64) -> f64 {
     if x.is_nan() || x > LAST {
         return 0.0;
     }
@@ -48,6 +54,23 @@ pub(crate) fn decay(x: f64) -> f64 {
     let series = low + (mid + high * r4) * r4;
     // The low bits of `shifted` hold n as an integer; 2^n is built from them.
     series * f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52)
+}
+
+/// Below this x the mean of exp(-x) is taken from its series.
+const SHORT: f64 = 1.0 / 64.0;
+
+/// exp(-x), and its mean over 0 to x, (1 - exp(-x))/x, for x >= 0.
+#[inline(always)]
+pub(crate) fn decay_and_mean(x: f64) -> (f64, f64) {
+    if x < SHORT {
+        // The series to x^5 is good to the last bit.
+        let high = 1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0));
+        let mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * high));
+        (1.0 - x * mean, mean)
+    } else {
+        let left = decay(x);
+        (left, (1.0 - left) / x)
+    }
 }
 
 /// atanh(s)/s in powers of s²: 1/(2k + 1).
@@ -141,6 +164,18 @@ mod tests {
         }
         assert_eq!((power(1.0, 3.7), power(0.0, 0.5)), (1.0, 0.0));
         assert_eq!(power(f64::MAX, 2.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn means_agree_with_the_library() {
+        for k in -60..30 {
+            let x = libm::exp(0.5 * f64::from(k));
+            let (left, mean) = decay_and_mean(x);
+            let truth = -libm::expm1(-x) / x;
+            assert!((mean - truth).abs() <= 2e-14 * truth, "{x}: {mean}, expected {truth}");
+            assert!((left - libm::exp(-x)).abs() <= 3e-16, "{x}");
+        }
+        assert_eq!((decay_and_mean(0.0), decay_and_mean(f64::INFINITY)), ((1.0, 1.0), (0.0, 0.0)));
     }
 
     #[test]

@@ -94,6 +94,7 @@ pub mod paper_literal;
 pub mod parallel;
 mod plausible;
 pub mod relaxation;
+mod run;
 pub mod seal;
 pub mod sliding;
 mod slip;

@@ -1,8 +1,9 @@
 //! The LuGre model: friction as the deflection of bristles that give way at the sliding force.
 
 use crate::error::{ParamError, not_negative, positive};
-use crate::exponential::decay;
+use crate::exponential::{decay, decay_inlined};
 use crate::friction::{Friction, held, sign, velocity, within};
+use crate::run::{BLOCK, Motion, Samples};
 use crate::sliding::SlidingFriction;
 
 /// 4·√(2·e): v_d·σ_1/F_c up to which the damping alone keeps the model passive.
@@ -211,6 +212,75 @@ impl LuGre {
         LuGreState { deflection, force: stiffness * deflection + self.micro_damping(velocity) * rate + viscous }
     }
 
+    /// [`LuGre::step`] for a block of samples; false, with `state` untouched, where a step would leave it so.
+    #[inline(always)]
+    pub(crate) fn run_block(&self, state: &mut LuGreState, motion: &Motion, forces: &mut Samples) -> bool {
+        let LuGreParams { stiffness, sliding, .. } = self.params;
+        let (mut settled, mut yielding, mut left) = ([0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
+        let level = self.levels(motion);
+        for i in 0..BLOCK {
+            settled[i] = sign(motion.velocity[i]) * level[i] / stiffness;
+            yielding[i] = stiffness / level[i];
+            left[i] = decay_inlined(motion.displacement[i].abs() * yielding[i]);
+        }
+        // The bound hardly ever acts: it is looked at afterwards, and the loop done again with it where it does.
+        let mut deflections = follow(state.deflection, motion, &settled, &left, |z| z);
+        let mut bounded = true;
+        for z in deflections {
+            bounded &= z.abs() <= self.greatest_deflection;
+        }
+        if !bounded {
+            deflections = follow(state.deflection, motion, &settled, &left, |z| within(z, self.greatest_deflection));
+        }
+        let damping = self.micro_dampings(motion);
+        let mut finite = true;
+        for i in 0..BLOCK {
+            let (velocity, z) = (motion.velocity[i], deflections[i]);
+            let before = if i == 0 { state.deflection } else { deflections[i - 1] };
+            let rate = velocity * (1.0 - sign(velocity) * before * yielding[i]) * left[i];
+            let moving = stiffness * z + damping[i] * rate + sliding.viscous_damping * velocity;
+            forces[i] = if velocity == 0.0 { stiffness * z } else { moving };
+            finite &= (forces[i].abs() <= f64::MAX) & (z.abs() <= f64::MAX);
+        }
+        if finite {
+            *state = LuGreState { deflection: deflections[BLOCK - 1], force: forces[BLOCK - 1] };
+        }
+        finite
+    }
+
+    /// [`LuGre::level`] for a block of samples.
+    #[inline(always)]
+    fn levels(&self, motion: &Motion) -> Samples {
+        let sliding = &self.params.sliding;
+        let mut levels = [sliding.coulomb_force; BLOCK];
+        if sliding.is_constant() && self.params.curve == StribeckCurve::Exponential {
+            return levels;
+        }
+        if sliding.stribeck_exponent == 2.0 && self.params.curve == StribeckCurve::Exponential {
+            let (surplus, inverse) = (sliding.static_force - sliding.coulomb_force, 1.0 / sliding.stribeck_velocity);
+            for (level, velocity) in levels.iter_mut().zip(motion.velocity) {
+                let x = velocity.abs() * inverse;
+                *level = sliding.coulomb_force + surplus * decay_inlined(x * x);
+            }
+        } else {
+            levels.iter_mut().zip(motion.velocity).for_each(|(level, velocity)| *level = self.level(velocity));
+        }
+        levels
+    }
+
+    /// [`LuGre::micro_damping`] for a block of samples.
+    #[inline(always)]
+    fn micro_dampings(&self, motion: &Motion) -> Samples {
+        let mut dampings = [self.params.micro_damping; BLOCK];
+        if self.inverse_damping_velocity != 0.0 {
+            for (damping, velocity) in dampings.iter_mut().zip(motion.velocity) {
+                let ratio = velocity * self.inverse_damping_velocity;
+                *damping = self.params.micro_damping * decay_inlined(ratio * ratio);
+            }
+        }
+        dampings
+    }
+
     /// σ_1(v), N·s/m.
     fn micro_damping(&self, velocity: f64) -> f64 {
         if self.inverse_damping_velocity == 0.0 {
@@ -219,6 +289,19 @@ impl LuGre {
         let ratio = velocity * self.inverse_damping_velocity;
         self.params.micro_damping * decay(ratio * ratio)
     }
+}
+
+/// Deflections after each sample, from z = `deflection` on; a held instrument keeps its own.
+#[inline(always)]
+fn follow(deflection: f64, motion: &Motion, settled: &Samples, left: &Samples, bound: impl Fn(f64) -> f64) -> Samples {
+    let (mut z, mut deflections) = (deflection, [0.0; BLOCK]);
+    for i in 0..BLOCK {
+        if motion.velocity[i] != 0.0 {
+            z = bound(settled[i] + (z - settled[i]) * left[i]);
+        }
+        deflections[i] = z;
+    }
+    deflections
 }
 
 impl Friction for LuGre {

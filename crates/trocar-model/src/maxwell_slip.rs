@@ -2,6 +2,7 @@
 
 use crate::error::{ParamError, not_negative};
 use crate::friction::{Friction, held, velocity, within};
+use crate::run::{BLOCK, Motion, Samples};
 
 /// Largest number of elements of a model.
 pub const MAX_ELEMENTS: usize = 16;
@@ -166,6 +167,45 @@ impl MaxwellSlip {
         }
         state.force = elastic + viscous; // EMS (3)
         state.force
+    }
+
+    /// [`MaxwellSlip::step`] for a block of samples; false, with `state` untouched, where a step would leave it so.
+    #[inline(always)]
+    pub(crate) fn run_block(&self, state: &mut MaxwellSlipState, motion: &Motion, forces: &mut Samples) -> bool {
+        let mut fastest = 0.0_f64;
+        for velocity in motion.velocity {
+            let viscous = (self.viscous_damping * velocity).abs();
+            fastest = if viscous > fastest { viscous } else { fastest };
+        }
+        if fastest + self.bank.limit > f64::MAX {
+            return false;
+        }
+        match self.bank.count {
+            0..=4 => self.run_elements::<4>(state, motion, forces),
+            5..=8 => self.run_elements::<8>(state, motion, forces),
+            _ => self.run_elements::<MAX_ELEMENTS>(state, motion, forces),
+        }
+        true
+    }
+
+    /// The first `N` places of the bank: those without an element add a negative zero, which changes no sum.
+    #[inline(always)]
+    fn run_elements<const N: usize>(&self, state: &mut MaxwellSlipState, motion: &Motion, forces: &mut Samples) {
+        let (mut own, mut stiffness, mut limit) = ([0.0; N], [0.0; N], [0.0; N]);
+        for (k, element) in self.bank.elements.iter().enumerate().take(N) {
+            (own[k], stiffness[k], limit[k]) = (state.forces[k], element.stiffness, element.limit_force);
+        }
+        let steps = motion.displacement.iter().zip(&motion.velocity);
+        for (force, (displacement, velocity)) in forces.iter_mut().zip(steps) {
+            let mut elastic = 0.0;
+            for k in 0..N {
+                own[k] = within(own[k] + stiffness[k] * displacement, limit[k]);
+                elastic += own[k];
+            }
+            *force = elastic + self.viscous_damping * velocity;
+        }
+        state.forces.iter_mut().zip(own).take(self.bank.count).for_each(|(force, own)| *force = own);
+        state.force = forces[BLOCK - 1];
     }
 
     /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.

@@ -12,13 +12,10 @@
 //! follows the branches, a faster one lies above them.
 
 use crate::error::{ParamError, finite, not_negative, positive};
-use crate::exponential::decay;
+use crate::exponential::decay_and_mean;
 
 /// Most arms of one seal.
 pub const MAX_ARMS: usize = 2;
-
-/// Below this ratio of step to relaxation time the response to a displacement is taken from its series.
-const SHORT_STEP: f64 = 1.0 / 64.0;
 
 /// One arm: a spring that relaxes.
 ///
@@ -82,15 +79,8 @@ impl RelaxationArm {
     /// e^(-t/τ), and E·(τ/t)·(1 - e^(-t/τ)): exact for a constant dz/dt.
     #[inline(always)]
     fn response(&self, duration: f64) -> (f64, f64) {
-        let x = duration / self.time;
-        // (1 - e^-x)/x: the series to x^5 is good to the last bit up to 1/64.
-        let lost = if x < SHORT_STEP {
-            let high = 1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0));
-            1.0 - x * (0.5 - x * (1.0 / 6.0 - x * high))
-        } else {
-            (1.0 - decay(x)) / x
-        };
-        (1.0 - x * lost, self.stiffness * lost)
+        let (left, mean) = decay_and_mean(duration / self.time);
+        (left, self.stiffness * mean)
     }
 }
 

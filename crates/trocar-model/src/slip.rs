@@ -14,7 +14,7 @@
 //! the force is zero; there the slip changes sides. Within a step the relaxing arms a are one more spring
 //! ([`crate::relaxation`]), exact at a constant dz/dt.
 
-use crate::creep::Rise;
+use crate::creep::{Resistance, Rise};
 use crate::elastic::Local;
 use crate::ems::{Element, Mode, Side, State};
 use crate::exponential::decay;
@@ -216,14 +216,14 @@ impl Element {
         let (deformation, damping) = (&self.params.deformation, &self.params.damping);
         let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
         let implicit = theta * motion.time;
-        let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time);
-        let (mut contact_slope, mut rise) = (0.0, 1.0);
+        let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, self.sliding(side), speed);
+        let (mut seen, mut seen_at) = (Resistance::NONE, 0.0);
         let residual = |u: f64| {
             let reached = target - s * implicit * u;
             let (elastic, stiffness) = deformation.reach_with_slope(z, q, reached);
             let deformation_velocity = motion.velocity - s * u; // EMS (8)
             let contact = self.resistance(side, lagged, u);
-            (contact_slope, rise) = (contact.slope, contact.rise);
+            (seen, seen_at) = (contact, u);
             let drive = s * (elastic + arms.force(reached - z) + damping.force(deformation_velocity));
             let drag = contact.slope + damping.slope(deformation_velocity);
             (drive - contact.force, -drag - implicit * (stiffness + arms.stiffness)) // EMS (13)
@@ -236,7 +236,9 @@ impl Element {
         let arms = arms.forces(deflection - z);
         let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
         // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a state to be finite numbers.
-        let contact_slope = contact_slope.max(-f64::MAX);
+        let contact_slope = seen.slope.max(-f64::MAX);
+        let rise =
+            if self.params.friction_lag > 0.0 { seen.rise_beside(self.sliding(side), u - seen_at) } else { seen.rise };
         State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, rise, arms, mode }
     }
 

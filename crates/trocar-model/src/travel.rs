@@ -5,7 +5,9 @@
 /// ```text
 /// F = F_0(x) + level(x)·F_seal        x position, m
 /// ```
-/// F_0 (N) and level (1) are straight between evenly spaced knots and constant outside.
+/// F_0 (N) and level (1) are straight between evenly spaced knots. The profile says nothing about positions where it was
+/// not measured: outside, F_0 fades linearly to 0 and the level to 1 over [`FADE`] of the range on either side, and beyond
+/// that the force is the seal's alone.
 ///
 /// - **Invariants**: at least two knots, as many offsets as levels. That the values are finite and the levels above 0
 ///   is up to whoever owns them; [`Travel::is_sound`] tells.
@@ -17,6 +19,9 @@ pub struct Travel<'a> {
     offset: &'a [f64],
     level: &'a [f64],
 }
+
+/// Distance on either side of the range over which a profile fades to none, as a fraction of the range.
+pub const FADE: f64 = 0.25;
 
 /// Knot below `x` and the part of the way to the next, 0 to 1, for `knots` >= 2 of them, evenly spaced.
 pub fn place(from: f64, to: f64, knots: usize, x: f64) -> (usize, f64) {
@@ -63,12 +68,12 @@ impl<'a> Travel<'a> {
 
     /// Level at position `x`, m.
     pub fn level(&self, x: f64) -> f64 {
-        self.at(self.level, x)
+        self.at(self.level, 1.0, x)
     }
 
     /// F_0 at position `x` (m), N.
     pub fn offset(&self, x: f64) -> f64 {
-        self.at(self.offset, x)
+        self.at(self.offset, 0.0, x)
     }
 
     /// Force, N, at position `x` (m) where the seal alone has `seal_force` (N).
@@ -81,9 +86,29 @@ impl<'a> Travel<'a> {
         (force - self.offset(x)) / self.level(x)
     }
 
-    fn at(&self, values: &[f64], x: f64) -> f64 {
+    /// Straight between `values` at the knots, and from those at the ends to `none`.
+    fn at(&self, values: &[f64], none: f64, x: f64) -> f64 {
         let (knot, part) = place(self.from, self.to, values.len(), x);
-        let value = |k: usize| values.get(k).copied().unwrap_or(0.0);
-        value(knot) + part * (value(knot + 1) - value(knot))
+        let value = |k: usize| values.get(k).copied().unwrap_or(none);
+        let inside = value(knot) + part * (value(knot + 1) - value(knot));
+        let faded = self.outside(x) / (FADE * (self.to - self.from));
+        if faded >= 1.0 {
+            none
+        } else if faded > 0.0 {
+            inside + faded * (none - inside)
+        } else {
+            inside
+        }
+    }
+
+    /// Distance of `x` from the range, m; 0 inside it and where `x` is not a number.
+    pub fn outside(&self, x: f64) -> f64 {
+        if x < self.from {
+            self.from - x
+        } else if x > self.to {
+            x - self.to
+        } else {
+            0.0
+        }
     }
 }

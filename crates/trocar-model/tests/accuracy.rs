@@ -109,6 +109,65 @@ fn branches_that_pass_the_sliding_force() {
     }
 }
 
+/// Largest error against a fine reference of the step at each of `periods`, s: velocities that change every 16 ms.
+fn errors(element: &Element, periods: &[f64]) -> Vec<f64> {
+    const INTERVAL: f64 = 16e-3;
+    const INTERVALS: usize = 200;
+    let at_interval_ends = |steps: usize| -> Vec<f64> {
+        let mut state = element.rest_state(0.0);
+        let velocity = |k: usize| 0.02 * (3.0 * k as f64 * INTERVAL).sin() + 0.025;
+        let interval = |k: usize| {
+            (0..steps).fold(0.0, |_, _| element.step_velocity(&mut state, velocity(k), INTERVAL / steps as f64))
+        };
+        (0..INTERVALS).map(interval).collect()
+    };
+    let truth = at_interval_ends(4096);
+    periods.iter().map(|period| worst(&at_interval_ends((INTERVAL / period).round() as usize), &truth)).collect()
+}
+
+#[test]
+fn friction_lag_is_of_second_order() {
+    let stribeck = SlidingFriction {
+        coulomb_force: 2.4,
+        static_force: 3.0,
+        stribeck_velocity: 0.03,
+        stribeck_exponent: 2.0,
+        viscous_damping: 20.0,
+    };
+    for (lag, sigma) in [(0.05, 0.0), (0.05, 2.0), (0.2, 0.0)] {
+        let damping = SealDamping::constant(sigma);
+        let params = ElementParams { damping, creep_velocity: 5e-3, friction_lag: lag, ..with_friction(stribeck) };
+        let element = Element::new(params).unwrap();
+        let errors = errors(&element, &[4e-3, 2e-3, 1e-3, 0.5e-3]);
+        println!("lag {lag} s, sigma {sigma}: errors {errors:?} N");
+        for pair in errors.windows(2) {
+            assert!(pair[0] / pair[1] > 3.0, "lag {lag} s, sigma {sigma}: {errors:?} N");
+        }
+    }
+}
+
+#[test]
+fn friction_lag_is_stable_at_any_step() {
+    for (lag, duration) in [(1e-6, 1e-3), (1e-300, 1.0), (1e6, 1e-9), (0.05, 1e6), (1e300, 1e-300), (1e-3, 1e-3)] {
+        let sliding = SlidingFriction {
+            coulomb_force: 2.0,
+            static_force: 3.0,
+            stribeck_velocity: 0.01,
+            stribeck_exponent: 0.8,
+            viscous_damping: 1.0,
+        };
+        let params = ElementParams { creep_velocity: 1e-4, friction_lag: lag, ..with_friction(sliding) };
+        let element = Element::new(params).unwrap();
+        let mut state = element.rest_state(0.0);
+        for k in 0..2000 {
+            let sign = if k / 300 % 2 == 0 { 1.0 } else { -1.0 };
+            let force = element.step(&mut state, sign * 1e-4, duration);
+            let bound = 3.2 + 1e-4 / duration;
+            assert!(force.abs() <= bound, "lag {lag} s, step {duration} s: {force} N");
+        }
+    }
+}
+
 #[test]
 fn stribeck_and_damping() {
     let stribeck = |stribeck_velocity| SlidingFriction {

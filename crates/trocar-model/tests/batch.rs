@@ -5,7 +5,8 @@ mod common;
 use proptest::prelude::*;
 use trocar_model::batch::{Batch, Forces, LANES, Lanes, Many, Squares, blocks};
 use trocar_model::{
-    Classical, Element, ElementParams, LuGre, LuGreParams, Relaxation, Seal, SealDamping, SlidingFriction, Stages,
+    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
+    MaxwellSlip, Relaxation, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction,
     StribeckCurve,
 };
 
@@ -47,6 +48,18 @@ fn element(seal: &common::Seal, kind: u8) -> Element {
         5 => ElementParams { damping: SealDamping::constant(1.5), ..params },
         6 => ElementParams { creep_velocity: 1e-4, ..params },
         7 => ElementParams { relaxation: Relaxation::single(60.0, 0.3), ..params },
+        8 => {
+            let fall = |s: SlidingFriction| SlidingFriction {
+                coulomb_force: 0.8 * s.static_force,
+                stribeck_exponent: 1.4,
+                viscous_damping: s.viscous_damping + 0.1,
+                ..s
+            };
+            let (creep_velocity, friction_lag) = (2e-4, 0.02);
+            let relaxation = Relaxation::single(60.0, 0.3);
+            let (insertion, withdrawal) = (fall(insertion), fall(withdrawal));
+            ElementParams { insertion, withdrawal, creep_velocity, friction_lag, relaxation, ..params }
+        }
         _ => params,
     };
     Element::new(params).unwrap()
@@ -102,7 +115,7 @@ proptest! {
 
     #[test]
     fn seals_of_all_kinds_go_together(
-        seals in prop::collection::vec((common::seals(), 0_u8..12), 6..40),
+        seals in prop::collection::vec((common::seals(), 0_u8..18), 6..40),
         steps in steps(),
     ) {
         let seals: Vec<Seal> = seals.iter().map(|(seal, kind)| any_seal(element(seal, *kind), *kind)).collect();
@@ -111,7 +124,7 @@ proptest! {
     }
 }
 
-/// One element, two in parallel, or a classical model.
+/// One element, two in parallel, or a classical model of each kind.
 fn any_seal(element: Element, kind: u8) -> Seal {
     let sliding = SlidingFriction::coulomb(2.0, 3.0);
     let lugre = LuGreParams {
@@ -121,9 +134,25 @@ fn any_seal(element: Element, kind: u8) -> Seal {
         sliding,
         curve: StribeckCurve::Exponential,
     };
+    let bank = [3.0, 1.0, 2.0].map(|k| SlipElement { stiffness: 300.0 * k, limit_force: 0.8 * k });
+    let part = |share| GmsElement { stiffness: 200.0, share, attraction: 0.1, damping: 0.5 };
+    let classical = match kind {
+        12 => Classical::Static(StaticFriction::new(sliding).unwrap()),
+        13 => {
+            let params = DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
+            Classical::Dahl(Dahl::new(params).unwrap())
+        }
+        14 => {
+            let params = LeuvenParams { sliding, exponent: 0.9, micro_damping: 1.0 };
+            Classical::Leuven(Leuven::new(&bank, params).unwrap())
+        }
+        15 => Classical::MaxwellSlip(MaxwellSlip::new(&bank, 2.0).unwrap()),
+        16 => Classical::Gms(Gms::new(&[part(0.4), part(0.6)], sliding, SlipRate::Limited).unwrap()),
+        _ => Classical::LuGre(LuGre::new(lugre).unwrap()),
+    };
     match kind {
         9 => Seal::Ems(Stages::new(&[element, element]).unwrap()),
-        10 => Seal::Classical(Classical::LuGre(LuGre::new(lugre).unwrap())),
+        10 | 12..=16 => Seal::Classical(classical),
         _ => element.into(),
     }
 }

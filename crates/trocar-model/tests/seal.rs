@@ -198,6 +198,30 @@ fn a_value_set_is_the_value_listed() {
     }
 }
 
+/// Outside its range a profile fades to none over a quarter of it: 12.5 mm here.
+#[test]
+fn a_profile_fades_outside_its_range() {
+    let profile = travel();
+    let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a}, expected {b}");
+    for (end, side, offset, level) in [(-0.02, -1.0, OFFSET[0], LEVEL[0]), (0.03, 1.0, OFFSET[2], LEVEL[2])] {
+        for part in [0.0, 0.2, 0.5, 0.9, 1.0, 1.1, 1e3, 1e300] {
+            let x = end + side * part * 0.0125;
+            let left = (1.0_f64 - part).max(0.0);
+            close(profile.offset(x), left * offset);
+            close(profile.level(x), 1.0 + left * (level - 1.0));
+            assert!((profile.without(x, profile.apply(x, 2.5)) - 2.5).abs() < 1e-14);
+        }
+        for far in [side * f64::INFINITY, side * f64::MAX] {
+            assert_eq!((profile.offset(far), profile.level(far)), (0.0, 1.0));
+            assert_eq!(profile.apply(far, 2.5), 2.5);
+        }
+    }
+    assert_eq!((profile.offset(f64::NAN), profile.level(f64::NAN)), (OFFSET[0], LEVEL[0]));
+    let outside = [-0.03, -0.02, 0.0, 0.03, 0.05].map(|x| profile.outside(x));
+    assert!((outside[0] - 0.01).abs() < 1e-15 && (outside[4] - 0.02).abs() < 1e-15);
+    assert_eq!(outside[1..4], [0.0; 3]);
+}
+
 #[test]
 fn inputs_that_are_no_motion_leave_all_as_it_was() {
     for seal in seals().unwrap() {

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use pyo3::prelude::*;
-use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Ingredient, Progress};
+use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Progress, Term};
 use trocar::output::StagedFolder;
 use trocar::recording::{Recording as Record, RecordingError};
-use trocar::report::identification::{IdentificationReport, document};
+use trocar::report::identification::{FigureChoice, IdentificationReport, document};
 use trocar::report::{self, Document, ReportError};
-use trocar::summary::{MovingMass, Outcome};
-use trocar::validate::{Validation, validate_along};
+use trocar::summary::{MovingMass, Outcome, validated};
+use trocar::validate::Validation;
 
 use crate::errors::{ParameterError, Raise};
 use crate::model::Model;
@@ -61,8 +61,8 @@ impl Raise for Failure {
 
 /// Identifies a model; `trocar.identify` wraps it.
 #[pyfunction]
-#[pyo3(signature = (recordings, held_back, *, bootstrap, seed, degrees, refine, free_motion, without, moving_mass_kg,
-    gravity_m_s2, threads, progress))]
+#[pyo3(signature = (recordings, held_back, *, bootstrap, seed, degrees, free_motion, without, offset_n, paper,
+    moving_mass_kg, gravity_m_s2, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn identify(
     py: Python<'_>,
@@ -71,23 +71,28 @@ pub(crate) fn identify(
     bootstrap: usize,
     seed: u64,
     degrees: [usize; 2],
-    refine: bool,
     free_motion: bool,
     without: Vec<String>,
+    offset_n: Option<f64>,
+    paper: bool,
     moving_mass_kg: f64,
     gravity_m_s2: f64,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Found> {
     let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
+    if let Some(offset) = offset_n.filter(|offset| !offset.is_finite()) {
+        return Err(ParameterError::new_err(format!("offset_n must be a finite number, got {offset}")));
+    }
     let options = IdentifyOptions {
         bootstrap,
         seed,
         degrees,
-        refine,
         inertia_removed: moving_mass.mass > 0.0,
         free_motion,
-        without: without.iter().map(|name| ingredient(name)).collect::<PyResult<_>>()?,
+        without: without.iter().map(|name| term(name)).collect::<PyResult<_>>()?,
+        offset: offset_n,
+        paper,
         ..IdentifyOptions::default()
     };
     let (recordings, held_back) = (records(&recordings), records(&held_back));
@@ -98,9 +103,9 @@ pub(crate) fn identify(
     Ok(Found(Arc::new(job)))
 }
 
-fn ingredient(name: &str) -> PyResult<Ingredient> {
-    let names = || Ingredient::ALL.map(Ingredient::name).join(", ");
-    let found = Ingredient::ALL.into_iter().find(|ingredient| ingredient.name() == name);
+fn term(name: &str) -> PyResult<Term> {
+    let names = || Term::ALL.map(Term::name).join(", ");
+    let found = Term::ALL.into_iter().find(|term| term.name() == name);
     found.ok_or_else(|| ParameterError::new_err(format!("without {name:?}: expected one of {}", names())))
 }
 
@@ -122,9 +127,7 @@ impl Job {
         let identification = trocar::identify::identify(&recordings, &options, progress)?;
         let recordings = identification.in_step(recordings)?;
         let held_back = identification.in_step(corrected(held_back, identification.model.hidden_mass)?)?;
-        let (elements, offset) = (identification.stages.elements(), identification.model.offset);
-        let validation =
-            (!held_back.is_empty()).then(|| validate_along(elements, identification.profile(), &held_back, offset));
+        let validation = validated(&identification, &held_back);
         Ok(Self { identification, options, recordings, held_back, validation, moving_mass })
     }
 
@@ -148,6 +151,7 @@ impl Job {
             seed: self.options.seed,
             bootstrap: self.options.bootstrap,
             title: "Force between instrument and trocar",
+            choice: FigureChoice::default(),
         })
     }
 

@@ -4,6 +4,7 @@ use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
+use trocar::many::along;
 use trocar::many::ensemble::Start;
 use trocar::recording::LONGEST_STROKE;
 use trocar_model::{Deformation, Mode, Trocar, TrocarState};
@@ -15,6 +16,8 @@ use crate::shared::{finite, number};
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 17;
+/// Samples whose durations are made at a time: what the first cache holds.
+const PART: usize = 1 << 10;
 
 /// Force of the model along a motion, N: that of the instrument on the seal, without any sensor offset.
 ///
@@ -42,7 +45,7 @@ pub(crate) fn simulate<'py>(
     };
     let mut forces = place(&result, time.len())?;
     apart(&forces, &[time, position])?;
-    run.chunks(py, forces.as_slice_mut()?, |state, force| *force = state.force())?;
+    run.forces(py, forces.as_slice_mut()?)?;
     drop(forces);
     Ok(result)
 }
@@ -125,6 +128,29 @@ impl<'a> Run<'a> {
             ParameterError::new_err("initial_deflection_m is for EMS elements; a classical model has no deflection")
         })?;
         Ok(Self { trocar, time, position, state })
+    }
+
+    /// Steps through all samples, many at a time.
+    fn forces(&mut self, py: Python<'_>, forces: &mut [f64]) -> PyResult<()> {
+        let Self { trocar, time, position, state } = self;
+        let mut before = time.first().copied().unwrap_or(0.0);
+        for ((forces, time), position) in forces.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK)) {
+            py.detach(|| {
+                let mut durations = [0.0; PART];
+                for ((forces, time), position) in
+                    forces.chunks_mut(PART).zip(time.chunks(PART)).zip(position.chunks(PART))
+                {
+                    for (duration, &t) in durations.iter_mut().zip(time) {
+                        *duration = t - before;
+                        before = t;
+                    }
+                    // No time passes at the first sample and at repeated ones: the state stays.
+                    along(trocar, state, position, &durations, forces);
+                }
+            });
+            py.check_signals()?;
+        }
+        Ok(())
     }
 
     /// Steps through all samples; `take` keeps what is wanted of each state.

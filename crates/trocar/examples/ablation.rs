@@ -1,4 +1,4 @@
-//! The tables of docs/ablation.md: what each ingredient of the fit to all motion is worth on recordings it has not seen.
+//! The tables of docs/ablation.md: what each optional term of the fit is worth on recordings it has not seen.
 //!
 //! ```text
 //! cargo run --release -p trocar --example ablation -- FOLDER > docs/ablation-tables.md
@@ -9,14 +9,11 @@
 use std::error::Error;
 use std::path::Path;
 
-use trocar::identify::{Candidate, Identification, IdentifyOptions, Ingredient, identify};
+use trocar::identify::{Candidate, Identification, IdentifyOptions, Term, identify};
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 use trocar::replay::replay_along;
 use trocar::segment::{passes, reversal_threshold};
 use trocar::validate::{Part, RecordingValidation, Validation, validate_along};
-
-/// Tried only on top of the others: without one that was tried and left out, the fit takes the very same steps.
-const ON_TOP: [Ingredient; 3] = [Ingredient::SecondRelaxation, Ingredient::Asymmetry, Ingredient::SecondStage];
 
 /// What is fitted, and what is scored.
 struct Data {
@@ -43,9 +40,9 @@ impl Row {
 
     fn text(&self) -> String {
         let [surgeon, strokes] = [0, 1].map(|i| self.scores.recordings[i].rms_n);
-        let held_out = self.found.motion.as_ref().map_or("–".to_owned(), |m| format!("{:.4}", m.held_out_chosen_n));
+        let scaled = self.found.fit.as_ref().map_or("–".to_owned(), |fit| format!("{:.4}", fit.rms_n));
         format!(
-            "| {} | {} | {} | {:.4} | {held_out} | {surgeon:.4} | {strokes:.4} |",
+            "| {} | {} | {} | {:.4} | {scaled} | {surgeon:.4} | {strokes:.4} |",
             self.what,
             has(&self.found.model),
             self.found.free_parameters,
@@ -54,32 +51,32 @@ impl Row {
     }
 }
 
-/// Without the undeclared mass and the delay of the positions that the identification found.
+/// Without the unmodelled mass and the delay of the positions that the identification found.
 fn as_scored(found: &Identification, recordings: &[Recording]) -> Result<Vec<Recording>, RecordingError> {
     let mass = found.model.hidden_mass.max(0.0);
     let lighter: Result<_, _> = recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect();
     found.in_step(lighter?)
 }
 
-/// Ingredients of the model, in words.
+/// Optional terms of the model, in words.
 fn has(model: &Candidate) -> String {
-    let present = |ingredient: &Ingredient| match ingredient {
-        Ingredient::Stribeck => model.insertion.static_force > model.insertion.coulomb_force,
-        Ingredient::SealDamping => model.seal_damping > 0.0,
-        Ingredient::MinorLoops => model.yield_ratio > Candidate::DEFAULT_YIELD_RATIO,
-        Ingredient::Creep => model.creep_velocity > 0.0,
-        Ingredient::Relaxation => model.relaxation.arms[0].stiffness > 0.0,
-        Ingredient::SecondRelaxation => model.relaxation.arms[1].stiffness > 0.0,
-        Ingredient::HiddenMass => model.hidden_mass != 0.0,
-        Ingredient::Asymmetry => model.insertion.coulomb_force != model.withdrawal.coulomb_force,
-        Ingredient::SecondStage => model.second.is_some(),
+    let present = |term: &Term| match term {
+        Term::Stribeck => model.insertion.static_force > model.insertion.coulomb_force,
+        Term::SealDamping => model.seal_damping > 0.0,
+        Term::MinorLoops => model.yield_ratio > Candidate::DEFAULT_YIELD_RATIO,
+        Term::Creep => model.creep_velocity > 0.0,
+        Term::Relaxation => model.relaxation.arms[0].stiffness > 0.0,
+        Term::SecondRelaxation => model.relaxation.arms[1].stiffness > 0.0,
+        Term::HiddenMass => model.hidden_mass != 0.0,
+        Term::Asymmetry => model.insertion != model.withdrawal,
+        Term::SecondStage => model.second.is_some(),
     };
-    let words: Vec<&str> = Ingredient::ALL.into_iter().filter(present).map(Ingredient::words).collect();
+    let words: Vec<&str> = Term::ALL.into_iter().filter(present).map(Term::words).collect();
     if words.is_empty() { "–".to_owned() } else { words.join(", ") }
 }
 
-fn without(ingredients: Vec<Ingredient>) -> IdentifyOptions {
-    IdentifyOptions { bootstrap: 0, without: ingredients, ..IdentifyOptions::default() }
+fn without(terms: Vec<Term>) -> IdentifyOptions {
+    IdentifyOptions { bootstrap: 0, without: terms, ..IdentifyOptions::default() }
 }
 
 fn halves(recording: &Recording) -> Result<[Recording; 2], RecordingError> {
@@ -97,39 +94,36 @@ fn load(folder: &Path) -> Result<Data, RecordingError> {
 fn heading(title: &str) {
     println!("\n### {title}\n");
     println!(
-        "| fit | ingredients of the model | parameters | own data, N | held out, N | surgeon, N | full strokes, N |"
+        "| fit | optional terms | parameters | own data, N | friction scales taken out, N | surgeon, N | full strokes, N |"
     );
     println!("|---|---|---|---|---|---|---|");
 }
 
-/// Everything without each ingredient in turn.
-fn print_left_out(data: &Data, everything: &Row) -> Result<(), Box<dyn Error>> {
-    heading("Everything but one");
-    let trials = everything.found.motion.iter().flat_map(|motion| &motion.ingredients);
-    let rejected: Vec<Ingredient> = trials.filter(|trial| !trial.kept).map(|trial| trial.ingredient).collect();
-    for ingredient in Ingredient::ALL {
-        let what = format!("without {}", ingredient.words());
-        if ON_TOP.contains(&ingredient) && rejected.contains(&ingredient) {
-            println!("| {what} | the same model: tried on top of it and left out | | | | | |");
+/// All terms but one, each in turn.
+fn print_left_out(data: &Data, all: &Row) -> Result<(), Box<dyn Error>> {
+    heading("All terms but one");
+    let trials = all.found.fit.iter().flat_map(|fit| &fit.terms);
+    let kept: Vec<Term> = trials.filter(|trial| trial.kept).map(|trial| trial.term).collect();
+    for term in Term::ALL {
+        let what = format!("without {}", term.words());
+        if kept.contains(&term) {
+            println!("{}", Row::new(data, &what, &without(vec![term]))?.text());
         } else {
-            // The refinement before the fit must not bring the mass along either.
-            let estimate_hidden_mass = ingredient != Ingredient::HiddenMass;
-            let options = IdentifyOptions { estimate_hidden_mass, ..without(vec![ingredient]) };
-            println!("{}", Row::new(data, &what, &options)?.text());
+            println!("| {what} | the same model: the term was not accepted | | | | | |");
         }
     }
     Ok(())
 }
 
-/// The paper's element with each ingredient alone.
+/// The paper's element with each term alone.
 fn print_alone(data: &Data) -> Result<(), Box<dyn Error>> {
-    heading("The paper's element and one ingredient");
-    for ingredient in Ingredient::ALL {
+    heading("The paper's element and one term");
+    for term in Term::ALL {
         // A second relaxation time needs a first.
-        let both = [Ingredient::Relaxation, Ingredient::SecondRelaxation];
-        let wanted = if ingredient == Ingredient::SecondRelaxation { &both[..] } else { &[ingredient][..] };
-        let others = Ingredient::ALL.into_iter().filter(|i| !wanted.contains(i)).collect();
-        println!("{}", Row::new(data, &format!("with {}", ingredient.words()), &without(others))?.text());
+        let both = [Term::Relaxation, Term::SecondRelaxation];
+        let wanted = if term == Term::SecondRelaxation { &both[..] } else { &[term][..] };
+        let others = Term::ALL.into_iter().filter(|other| !wanted.contains(other)).collect();
+        println!("{}", Row::new(data, &format!("with {}", term.words()), &without(others))?.text());
     }
     Ok(())
 }
@@ -196,16 +190,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).ok_or("the folder of the recordings is missing")?;
     let data = load(&Path::new(&folder).join("seal_a"))?;
     println!("<!-- made by: cargo run --release -p trocar --example ablation -- FOLDER -->");
-    let two_steps = IdentifyOptions { free_motion: false, ..without(Vec::new()) };
-    let paper = Row::new(&data, "the paper's two steps and refinement", &two_steps)?;
-    let bare = Row::new(&data, "the same element, fitted to all motion", &without(Ingredient::ALL.to_vec()))?;
-    let everything = Row::new(&data, "everything", &without(Vec::new()))?;
-    heading("From the paper's element to everything");
-    [&paper, &bare, &everything].iter().for_each(|row| println!("{}", row.text()));
+    let two_steps = IdentifyOptions { paper: true, ..without(Vec::new()) };
+    let paper = Row::new(&data, "the paper's two steps", &two_steps)?;
+    let bare = Row::new(&data, "the same element, fitted to all motion", &without(Term::ALL.to_vec()))?;
+    let all = Row::new(&data, "all terms on trial", &without(Vec::new()))?;
+    heading("From the paper's element to all terms");
+    [&paper, &bare, &all].iter().for_each(|row| println!("{}", row.text()));
     println!(
-        "\nA dash under “held out”: no fit to all motion, or none that predicts held-out cycles better; the two steps stay."
+        "\nFriction scales taken out: error of the fit beside the friction scale that it gives each stroke; a dash: no fit, the paper's \
+         two steps alone."
     );
-    print_rest(&data, &[&paper, &bare, &everything])?;
+    print_rest(&data, &[&paper, &bare, &all])?;
     print_alone(&data)?;
-    print_left_out(&data, &everything)
+    print_left_out(&data, &all)
 }

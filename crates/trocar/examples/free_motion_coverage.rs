@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
-use trocar::identify::{Estimate, IdentifyOptions, Ingredient, identify};
+use trocar::identify::{Estimate, IdentifyOptions, Term, identify};
 use trocar_model::{Element, ElementParams, Relaxation, SealDamping};
 
 /// Parameters with known truth.
@@ -58,7 +58,7 @@ fn bench(seed: u64) -> Result<Found, Box<dyn std::error::Error + Send + Sync>> {
     config.protocol.surgeon.duration_s = DURATION;
     let recording = run(&config, Protocol::Surgeon, &[Element::new(seal)?], seed)?.to_recording("surgeon")?;
     let recording = recording.without_moving_mass(config.rod.mass_kg, config.rod.gravity_m_s2)?;
-    let without = vec![Ingredient::SecondStage, Ingredient::SecondRelaxation, Ingredient::HiddenMass];
+    let without = vec![Term::SecondStage, Term::SecondRelaxation, Term::HiddenMass];
     let options = IdentifyOptions { bootstrap: 0, seed, without, ..IdentifyOptions::default() };
     let found = identify(&[recording], &options, &|_, _| {})?;
     let truths = truths(&seal);

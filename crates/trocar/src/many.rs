@@ -1,4 +1,4 @@
-//! Many models under one motion, with the widest vectors of the processor and on all its cores.
+//! Many models under one motion, or one along whole arrays, with the widest vectors of the processor and on all its cores.
 //!
 //! [`trocar_model::batch`] does the work; this module chooses at run time among machine codes for the vectors that processors
 //! have (on x86-64: SSE2, AVX2). All give the same bits, and so does any number of threads. [`ensemble`] runs whole trocars, with
@@ -9,6 +9,7 @@ pub mod ensemble;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, Squares, blocks};
+use trocar_model::{Trocar, TrocarState};
 
 /// Models that one task of a thread takes at least: several blocks, so that a task is worth its start.
 const TASK: usize = 4 * LANES;
@@ -31,6 +32,29 @@ impl<M: Many, O: Observe> NullaryFnOnce for Run<'_, '_, M, O> {
     #[inline(always)]
     fn call(self) {
         self.batch.run(self.motion.iter().copied(), self.observer);
+    }
+}
+
+/// [`Trocar::run`]: one model along arrays of positions (m) and durations (s), on the present thread.
+pub fn along(trocar: &Trocar<'_>, state: &mut TrocarState, positions: &[f64], durations: &[f64], forces: &mut [f64]) {
+    pulp::Arch::new().dispatch(Along { trocar, state, positions, durations, forces });
+}
+
+/// What is compiled once for each kind of processor.
+struct Along<'r, 'a> {
+    trocar: &'r Trocar<'a>,
+    state: &'r mut TrocarState,
+    positions: &'r [f64],
+    durations: &'r [f64],
+    forces: &'r mut [f64],
+}
+
+impl NullaryFnOnce for Along<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.trocar.run(self.state, self.positions, self.durations, self.forces);
     }
 }
 

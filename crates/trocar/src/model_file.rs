@@ -27,8 +27,10 @@ mod friction;
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Newest version read: with the error of the model's force.
-pub const VERSION: u32 = 5;
+/// Newest version read: with phases in which the error of the model's force is unknown, and that of partial reversals.
+pub const VERSION: u32 = 6;
+/// Version with the error of the model's force.
+const ERROR_VERSION: u32 = 5;
 /// Version with a force that depends on the position, and late positions.
 const TRAVEL_VERSION: u32 = 4;
 /// Version with creep and relaxation of the elements.
@@ -81,27 +83,31 @@ pub struct ModelFile {
     pub force_error: Option<ForceError>,
 }
 
-/// How far off the force of a model is: root mean square of what readings differ from it, by phase.
+/// How far off the force of a model is: root mean square of what readings differ from it, by phase. `None` (`null` in the
+/// file) is unknown: no recording showed that phase.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForceError {
     /// What it was found on.
     pub source: ErrorSource,
-    /// While the seal bends, N, ≥ 0.
-    pub deforming_n: f64,
+    /// While the seal deforms after a full reversal, N, ≥ 0.
+    pub deforming_n: Option<f64>,
+    /// While the seal deforms after a partial reversal, until it slides again, N, ≥ 0.
+    #[serde(default)]
+    pub partial_n: Option<f64>,
     /// While the instrument slides, N, ≥ 0.
-    pub sliding_n: f64,
+    pub sliding_n: Option<f64>,
     /// While the instrument is held, N, ≥ 0.
-    pub held_n: f64,
+    pub held_n: Option<f64>,
 }
 
 /// What an error was found on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorSource {
-    /// Recordings held back from the identification.
+    /// Recordings held out from the identification and those identified from, by phase the worse of the two.
     Validation,
-    /// The recordings identified from: too small where they are few.
+    /// The recordings identified from alone: too small where they are few.
     Identification,
     /// Stated by hand.
     Stated,
@@ -110,7 +116,32 @@ pub enum ErrorSource {
 impl ForceError {
     /// The same standard deviation `std_n`, N, in all phases, as somebody states it.
     pub fn everywhere(std_n: f64) -> Self {
-        Self { source: ErrorSource::Stated, deforming_n: std_n, sliding_n: std_n, held_n: std_n }
+        let std = Some(std_n);
+        Self { source: ErrorSource::Stated, deforming_n: std, partial_n: std, sliding_n: std, held_n: std }
+    }
+
+    /// The larger error of both in every phase, found on what `source` names. A phase that one of them does not know has the
+    /// error of the other.
+    #[must_use]
+    pub fn worse(&self, other: &Self, source: ErrorSource) -> Self {
+        // None is less than any number.
+        let larger = |a: Option<f64>, b: Option<f64>| if a >= b { a } else { b };
+        Self {
+            source,
+            deforming_n: larger(self.deforming_n, other.deforming_n),
+            partial_n: larger(self.partial_n, other.partial_n),
+            sliding_n: larger(self.sliding_n, other.sliding_n),
+            held_n: larger(self.held_n, other.held_n),
+        }
+    }
+
+    fn phases(&self) -> [Option<f64>; 4] {
+        [self.deforming_n, self.partial_n, self.sliding_n, self.held_n]
+    }
+
+    /// The largest error of the phases that are known, N; `None` when none is.
+    pub fn largest(&self) -> Option<f64> {
+        self.phases().into_iter().flatten().reduce(f64::max)
     }
 }
 
@@ -570,15 +601,15 @@ impl<F: FrictionText> Document<F> {
         let used = [
             ("travel", self.travel.is_some(), TRAVEL_VERSION),
             ("sensor.position_lag_s", lag != 0.0, TRAVEL_VERSION),
-            ("force_error", self.force_error.is_some(), VERSION),
+            ("force_error", self.force_error.is_some(), ERROR_VERSION),
         ];
         for (place, is_used, least) in used {
             if is_used && self.version < least {
                 return Err(impossible(place, &format!("needs version {least}, got version {}", self.version)));
             }
         }
-        let error = self.force_error.map_or([0.0; 3], |error| [error.deforming_n, error.sliding_n, error.held_n]);
-        if let Some(found) = error.into_iter().find(|value| *value < 0.0) {
+        let errors = self.force_error.iter().flat_map(ForceError::phases).flatten();
+        if let Some(found) = errors.into_iter().find(|value| *value < 0.0) {
             return Err(impossible("force_error", &format!("must not be negative, got {found} N")));
         }
         Ok(())

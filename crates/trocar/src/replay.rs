@@ -42,6 +42,40 @@ pub trait Replayable {
 
     /// How the seal is deformed, for a model that knows; throughout or never.
     fn deformation(state: &Self::State) -> Option<Deformation>;
+
+    /// c of the widest element, m; 0 for a model that knows no deflection.
+    fn half_width(&self) -> f64 {
+        0.0
+    }
+}
+
+/// Travel of the deflection back, as a part of the half width, that is a partial reversal: some ten counts of an encoder.
+const TURN: f64 = 0.02;
+
+/// Follows a deformation: whether the deflection has turned since the seal last slid. Full strokes never turn so, and tell
+/// nothing of the force after it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Turns {
+    /// Deflection farthest along `direction`, m.
+    extreme: f64,
+    direction: f64,
+    has_turned: bool,
+}
+
+impl Turns {
+    /// Takes the next deformation of a seal with half width `half_width`, m; whether it is one after a partial reversal.
+    pub(crate) fn take(&mut self, now: Deformation, half_width: f64) -> bool {
+        let way = now.deflection - self.extreme;
+        if now.mode == Mode::Sliding {
+            *self = Self { extreme: now.deflection, ..Self::default() };
+        } else if way * self.direction > 0.0 {
+            self.extreme = now.deflection;
+        } else if way.abs() > TURN * half_width {
+            self.has_turned |= self.direction != 0.0;
+            (self.extreme, self.direction) = (now.deflection, way.signum());
+        }
+        self.has_turned
+    }
 }
 
 /// Elements in parallel; the deflection is that of the first, and the seal slides once all of them do.
@@ -71,6 +105,10 @@ impl Replayable for [Element] {
         let slides = states.iter().all(|state| state.mode() == Mode::Sliding);
         let mode = if slides { Mode::Sliding } else { Mode::Deforming };
         Some(Deformation { deflection: states.first().map_or(0.0, State::deflection), mode })
+    }
+
+    fn half_width(&self) -> f64 {
+        self.iter().map(|element| element.params().deformation.half_width()).fold(0.0, f64::max)
     }
 }
 
@@ -133,6 +171,9 @@ pub struct Replay {
     pub deflection: Vec<f64>,
     /// Whether every element slides; empty for a model that does not tell.
     pub sliding: Vec<bool>,
+    /// Whether the seal deforms after a partial reversal: the deflection has turned since the seal last slid. Empty for a model
+    /// that knows none.
+    pub turned: Vec<bool>,
     /// Samples whose force does not depend on the unknown start, as ranges.
     pub known: Vec<Range<usize>>,
 }
@@ -161,10 +202,11 @@ pub fn replay_along<M: Replayable + ?Sized>(
         }
         let first = recording.force[range.start] - offset;
         let mut state = model.at_rest(travel.map_or(first, |profile| profile.without(x[0], first)));
-        out.push::<M>(&state);
+        let (half_width, mut turns) = (model.half_width(), Turns::default());
+        out.push::<M>(&state, half_width, &mut turns);
         for (displacement, duration) in increments() {
             model.step(&mut state, displacement, duration);
-            out.push::<M>(&state);
+            out.push::<M>(&state, half_width, &mut turns);
         }
     }
     if let Some(profile) = travel {
@@ -174,9 +216,11 @@ pub fn replay_along<M: Replayable + ?Sized>(
 }
 
 impl Replay {
-    fn push<M: Replayable + ?Sized>(&mut self, state: &M::State) {
+    fn push<M: Replayable + ?Sized>(&mut self, state: &M::State, half_width: f64, turns: &mut Turns) {
         self.force.push(M::force(state));
-        if let Some(Deformation { deflection, mode }) = M::deformation(state) {
+        if let Some(deformation) = M::deformation(state) {
+            let Deformation { deflection, mode } = deformation;
+            self.turned.push(turns.take(deformation, half_width));
             self.deflection.push(deflection);
             self.sliding.push(mode == Mode::Sliding);
         }

@@ -149,11 +149,22 @@ pub enum SimulateError {
     Output(#[from] OutputError),
 }
 
+/// What a replay covered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Simulated {
+    /// Rows read and written.
+    pub rows: u64,
+    /// Lowest position, m; infinite without any row.
+    pub lowest: f64,
+    /// Highest position, m; negative infinite without any row.
+    pub highest: f64,
+}
+
 /// Replays `drive` along the file `motion` and writes `output`; `-` is standard input or output.
 ///
 /// `choice` says what to take from the motion. The first row is where the drive stands: it carries the drive's present force.
 /// `progress` is told now and then which part of the motion has been read, 0 to 1 (0 for a stream), and how many rows. Returns
-/// the number of rows.
+/// the number of rows and the range of the positions.
 ///
 /// # Errors
 /// [`SimulateError::Motion`] names the line of the first row that cannot be replayed: no number, not finite, time going
@@ -165,11 +176,11 @@ pub fn simulate_file(
     drive: &mut impl Drive,
     output: &Path,
     progress: impl FnMut(f64, u64),
-) -> Result<u64, SimulateError> {
+) -> Result<Simulated, SimulateError> {
     let mut result = TableWriter::create(output, &fields(drive))?;
-    let rows = simulate(Positions::open(motion, choice)?, drive, &mut result, progress)?;
+    let simulated = simulate(Positions::open(motion, choice)?, drive, &mut result, progress)?;
     result.commit()?;
-    Ok(rows)
+    Ok(simulated)
 }
 
 /// The columns of a replay: time, position and force, and the deformation where `drive` knows one.
@@ -190,7 +201,7 @@ pub fn simulate(
     drive: &mut impl Drive,
     output: &mut TableWriter,
     mut progress: impl FnMut(f64, u64),
-) -> Result<u64, SimulateError> {
+) -> Result<Simulated, SimulateError> {
     let mut count = 0;
     while let Some(step) = rows.advance()? {
         if count == 0 {
@@ -213,7 +224,7 @@ pub fn simulate(
             progress(rows.rows.part(), count);
         }
     }
-    Ok(count)
+    Ok(Simulated { rows: count, lowest: rows.lowest, highest: rows.highest })
 }
 
 fn word(mode: Mode) -> &'static str {

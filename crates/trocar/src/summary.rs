@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::identify::{
-    DampingTest, DeformationFit, Estimate, FreeMotion, Identification, IdentifyOptions, MotionFit, Parameter,
-    PositionLag, Refinement, SteadyFit, Warning,
+    DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions,
+    Parameter, Phase, PositionLag, SteadyFit, Warning,
 };
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, SensorInfo};
 use crate::recording::{Quality, Recording};
@@ -122,12 +122,14 @@ pub struct Summary<'a> {
     pub two_step_parameters: BTreeMap<&'a str, &'a Estimate>,
     /// Error of the model over the recordings it was identified from, N.
     pub residual_rms_n: f64,
-    /// The refinement beside the two steps; `None` when it was not made.
-    pub refinement: Option<&'a Refinement>,
+    /// The fit of the likelihood with its optional terms; `None` when it was not made.
+    pub fit: Option<&'a FitSummary>,
+    /// How friction changed from stroke to stroke.
+    pub friction_scale: &'a FrictionScale,
+    /// Error of the model by phase.
+    pub phases: &'a [Phase],
     /// Holds and partial reversals in the recordings.
-    pub free_motion: Option<FreeMotion>,
-    /// The fit to all motion, ingredient by ingredient; `None` when it was not made.
-    pub motion: Option<&'a MotionFit>,
+    pub free_motion: FreeMotion,
     /// The delay of the positions that was taken out; `None` when none shows.
     pub position_lag: Option<PositionLag>,
     /// How the force depends on the position, beside the element; `None` when it does not, or no strokes repeat.
@@ -148,8 +150,16 @@ pub struct Summary<'a> {
     pub moving_mass: MovingMass,
     /// All recordings.
     pub recordings: Vec<RecordingSummary<'a>>,
-    /// What to know about the result.
-    pub warnings: &'a [Warning],
+    /// What to know about the result, its validation included.
+    pub warnings: Vec<Warning>,
+}
+
+/// The validation of `found` on `held_back`, positions and undeclared mass treated as in the identification; `None` without
+/// recordings.
+pub fn validated(found: &Identification, held_back: &[Recording]) -> Option<Validation> {
+    let (elements, offset) = (found.stages.elements(), found.model.offset);
+    let validate = || validate_along(elements, found.profile(), held_back, offset);
+    (!held_back.is_empty()).then(|| validate().beside_identification(found.residual_rms, held_back))
 }
 
 impl<'a> Outcome<'a> {
@@ -165,9 +175,10 @@ impl<'a> Outcome<'a> {
             parameters: by_name(&found.parameters),
             two_step_parameters: by_name(&found.two_step_parameters),
             residual_rms_n: found.residual_rms,
-            refinement: found.refinement.as_ref(),
+            fit: found.fit.as_ref(),
+            friction_scale: &found.friction_scale,
+            phases: &found.phases,
             free_motion: found.free_motion,
-            motion: found.motion.as_ref(),
             position_lag: found.position_lag,
             travel: found.travel.as_ref(),
             travel_missing: found.travel_missing.as_deref(),
@@ -178,8 +189,20 @@ impl<'a> Outcome<'a> {
             damping_test: deformation.ok().and_then(|d| d.damping.as_ref()),
             moving_mass: self.moving_mass,
             recordings: self.recording_summaries(),
-            warnings: &found.warnings,
+            warnings: found.warnings.iter().cloned().chain(self.validation_warnings()).collect(),
         }
+    }
+
+    /// What limits the validation, as warnings of the result.
+    fn validation_warnings(&self) -> impl Iterator<Item = Warning> {
+        let recordings = self.validation.into_iter().flat_map(|validation| &validation.recordings);
+        recordings.flat_map(|r| {
+            r.warnings.iter().map(|message| Warning {
+                subject: r.path.clone(),
+                message: message.clone(),
+                doubtful: true,
+            })
+        })
     }
 
     /// Whether data were lost or parameters are not pinned, in identification or validation.
@@ -204,22 +227,18 @@ impl<'a> Outcome<'a> {
         model
     }
 
-    /// On the recordings held back, or else on those identified from.
+    /// On the recordings held out and on those identified from, by phase the worse of the two.
     fn force_error(&self) -> ForceError {
         let found = self.identification;
-        match self.validation {
-            Some(validation) => validation.force_error(ErrorSource::Validation),
-            None => {
-                let elements = found.stages.elements();
-                let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.hidden_mass, 0.0).ok();
-                let recordings: Vec<Recording> = match found.model.hidden_mass {
-                    0.0 => self.recordings.to_vec(),
-                    _ => self.recordings.iter().filter_map(without_hidden).collect(),
-                };
-                validate_along(elements, found.profile(), &recordings, found.model.offset)
-                    .force_error(ErrorSource::Identification)
-            }
-        }
+        let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.hidden_mass, 0.0).ok();
+        let recordings: Vec<Recording> = match found.model.hidden_mass {
+            0.0 => self.recordings.to_vec(),
+            _ => self.recordings.iter().filter_map(without_hidden).collect(),
+        };
+        let own = validate_along(found.stages.elements(), found.profile(), &recordings, found.model.offset)
+            .force_error(ErrorSource::Identification);
+        let validated = self.validation.map(|validation| validation.force_error(ErrorSource::Validation));
+        validated.map_or(own, |validated| own.worse(&validated, ErrorSource::Validation))
     }
 
     fn recording_summaries(&self) -> Vec<RecordingSummary<'a>> {

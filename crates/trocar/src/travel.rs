@@ -3,8 +3,9 @@
 //! ```text
 //! F_reading = F_0(x) + level(x)·F_seal        x position, m
 //! ```
-//! F_0 (N) and level (1) are straight between evenly spaced knots and constant outside. A shaft that is rougher at one
-//! place raises the level there; a slope, a cable or a bore that is not round shifts F_0.
+//! F_0 (N) and level (1) are straight between evenly spaced knots. A shaft that is rougher at one place raises the level
+//! there; a slope, a cable or a bore that is not round shifts F_0. Outside the range in which a profile was measured, F_0
+//! fades linearly to 0 and the level to 1 over [`FADE`] of the range; beyond that the force is the seal's alone.
 //!
 //! # Gauge
 //!
@@ -31,15 +32,19 @@
 //! the sign of F. So **where the mid curve rises, every positive level is dissipative**; relaxing arms are springs of the
 //! same kind, whose end follows their force. Where the mid curve falls by D on its way to z (a seal that turns over) and
 //! rises by R, R − D + |q| ≥ F_min while the seal slides, the smallest sliding force; with the least and the most level
-//! over the way, nothing is given off if least·(R + |q|) ≥ most·D, and so if most/least ≤ 1 + F_min/D:
+//! over the way, the fades outside the range included, nothing is given off if least·(R + |q|) ≥ most·D, and so if most/least ≤ 1 + F_min/D:
 //!
 //! ```text
 //! max|dlevel/dx|·ℓ <= min level        ℓ = D·max(|z| at the end of the curve/F_min, 1/K)      K stiffness beyond the end
 //! ```
 //! ([`storage_length`], [`TravelProfile::is_passive`]): sufficient, not necessary.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 use trocar_model::{Element, SlidingFriction, Travel};
+
+pub use trocar_model::travel::FADE;
 
 pub use fit::{NoProfile, TravelFit, TravelSample, fit, strokes};
 
@@ -48,6 +53,9 @@ mod fit;
 
 /// Largest difference from 1 of the mean level of a profile that is read: files round.
 pub const MEAN_TOLERANCE: f64 = 1e-3;
+/// Motion outside the range by no more than this fraction of it is no [`Departure`]: identification leaves out as much at the
+/// ends of the strokes.
+pub const LEAST_DEPARTURE: f64 = 0.01;
 /// Most knots.
 pub const MOST_KNOTS: usize = 10_000;
 
@@ -127,6 +135,29 @@ impl TryFrom<ProfileText> for TravelProfile {
 
     fn try_from(text: ProfileText) -> Result<Self, ProfileError> {
         Self::new(text.from_m, text.to_m, text.offset_n, text.level)
+    }
+}
+
+/// A motion that leaves the range of positions in which a profile was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Departure {
+    /// Lower end of the range, m.
+    pub from: f64,
+    /// Upper end of the range, m.
+    pub to: f64,
+    /// Largest distance of the motion from the range, m.
+    pub outside: f64,
+}
+
+impl fmt::Display for Departure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [from, to, outside] = [self.from, self.to, self.outside].map(|m| (1e4 * m).round() / 10.0);
+        let fade = (1e4 * FADE * (self.to - self.from)).round() / 10.0;
+        write!(
+            f,
+            "the motion goes up to {outside} mm outside the range from {from} mm to {to} mm in which the position profile was \
+             measured; there the profile fades to none within {fade} mm"
+        )
     }
 }
 
@@ -210,11 +241,21 @@ impl TravelProfile {
         2 * self.level.len() - 2
     }
 
-    /// Steepest relative change of the level, 1/m: largest |dlevel/dx| over the least level.
+    /// Steepest relative change of the level, 1/m: largest |dlevel/dx| over the least level, fades outside the range
+    /// included.
     pub fn steepness(&self) -> f64 {
-        let least = self.level.iter().copied().fold(f64::INFINITY, f64::min);
+        let least = self.level.iter().copied().fold(1.0, f64::min);
         let step = self.level.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
-        step * (self.level.len() - 1) as f64 / (self.to_m - self.from_m) / least
+        let ends = [self.level[0], self.level[self.level.len() - 1]];
+        let fade = ends.map(|end| (1.0 - end).abs() / FADE).into_iter().fold(0.0, f64::max);
+        (step * (self.level.len() - 1) as f64).max(fade) / (self.to_m - self.from_m) / least
+    }
+
+    /// How far a motion that covers `lowest` to `highest` (m) leaves the range; `None` up to [`LEAST_DEPARTURE`] of it.
+    pub fn departure(&self, lowest: f64, highest: f64) -> Option<Departure> {
+        let outside = (self.from_m - lowest).max(highest - self.to_m);
+        let departs = outside > LEAST_DEPARTURE * (self.to_m - self.from_m);
+        departs.then_some(Departure { from: self.from_m, to: self.to_m, outside })
     }
 
     /// Whether the level varies so slowly that no closed motion of a seal with this [`storage_length`] (m) yields work.

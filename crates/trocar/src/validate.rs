@@ -16,12 +16,25 @@ use crate::recording::{Recording, local_velocity};
 use crate::replay::{Replay, Replayable, replay_along};
 use crate::scatter::StrokeScatter;
 use crate::segment::{passes, reversal_threshold};
-use crate::travel::TravelProfile;
+use crate::travel::{Departure, TravelProfile};
 
 /// Speed below which the instrument counts as held, m/s.
 const HOLD_SPEED: f64 = 1e-3;
 /// Width of the groups of speeds, m/s.
 const SPEED_STEP: f64 = 5e-3;
+/// Part of the scored samples from which on a phase counts as seen: less than 1 % of a recording of full strokes is slow
+/// at its reversals, and stands for no rest.
+const SEEN: f64 = 0.01;
+/// Validation error over identification error, and over the sensor's noise, from which on the model does not describe a
+/// recording. On the virtual bench a single pair of strokes reaches 1.7 times the identification error, because the friction
+/// varies from stroke to stroke; friction that is 10 % lower gives 6.6 times. An error within 3 times the noise is small,
+/// however small that of the identification.
+const FAR: f64 = 3.0;
+/// Fit, %, below which a model explains little of a recording: its error is more than half of the readings' standard
+/// deviation.
+const LEAST_FIT: f64 = 50.0;
+/// Part of the error from which on its mean counts as its cause: with 0.9 of the rms it is 80 % of the squares.
+const MOSTLY_BIAS: f64 = 0.9;
 /// Lags of the Ljung-Box test.
 const LAGS: usize = 10;
 
@@ -48,6 +61,13 @@ pub struct Phases {
     pub moving: Option<Part>,
     /// The instrument is held (slower than 1 mm/s).
     pub hold: Part,
+    /// The part of `deformation` after a partial reversal: the deflection has turned since the seal last slid. `None` without
+    /// such samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub partial: Option<Part>,
+    /// The same part of `hold`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub partial_hold: Option<Part>,
 }
 
 /// Error of the passes around one speed.
@@ -143,6 +163,48 @@ pub struct RecordingValidation {
     pub warnings: Vec<String>,
 }
 
+impl RecordingValidation {
+    /// In what the recording contradicts a model identified with the error `identification_rms`, N, where the sensor's noise is
+    /// `noise`, N.
+    fn contradiction(&self, identification_rms: f64, noise: f64) -> Option<String> {
+        let (rms, times) = (self.rms_n, self.rms_n / identification_rms);
+        let is_far = times > FAR;
+        if rms <= FAR * noise || !(is_far || self.fit_percent < LEAST_FIT) {
+            return None;
+        }
+        let error = format!("validation error {} N rms", significant(rms));
+        if self.bias_n.abs() > MOSTLY_BIAS * rms {
+            return Some(format!(
+                "{error} is mostly an offset of {} N (identification error {} N rms): check the sensor offset and the sign of force and \
+                 position, or record with the sensor tared alike",
+                significant(self.bias_n),
+                significant(identification_rms)
+            ));
+        }
+        Some(if is_far {
+            let times = if times < 10.0 { significant(times) } else { format!("{times:.0}") };
+            format!(
+                "{error} is {times} times the identification error {} N: the model does not describe this motion; record such motion to \
+                 identify from, and check that seal, instrument and lubrication are the same",
+                significant(identification_rms)
+            )
+        } else {
+            format!(
+                "{error} leaves a fit of {:.0} %, below {LEAST_FIT:.0} %: the model explains little of this recording, and little more of those \
+                 it was identified from (error {} N); check units and signs of the columns, and that they show the same seal",
+                self.fit_percent,
+                significant(identification_rms)
+            )
+        })
+    }
+}
+
+/// Two significant digits.
+fn significant(value: f64) -> String {
+    let digits = (1.0 - value.abs().max(1e-6).log10().floor()).max(0.0) as usize;
+    format!("{value:.digits$}")
+}
+
 /// Validation on all recordings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
@@ -162,6 +224,8 @@ pub struct Scored {
     pieces: usize,
     /// Whether the seal's state was known anywhere in it.
     known: bool,
+    /// How far its motion leaves the range of the position profile.
+    departure: Option<Departure>,
 }
 
 impl Scored {
@@ -170,8 +234,10 @@ impl Scored {
     #[must_use]
     pub fn plus(self, next: Self) -> Self {
         let (pieces, known) = (self.pieces + next.pieces, self.known || next.known);
+        let departures = self.departure.into_iter().chain(next.departure);
+        let departure = departures.max_by(|a, b| a.outside.total_cmp(&b.outside));
         if self.known != next.known {
-            return Self { pieces, known, ..self.beside_unknown(next) };
+            return Self { pieces, known, departure, ..self.beside_unknown(next) };
         }
         let (a, b) = (self.result, next.result);
         let sums = self.sums.plus(next.sums);
@@ -195,7 +261,7 @@ impl Scored {
             whiteness: a.whiteness,
             strokes: a.strokes,
         };
-        Self { result, sums, pieces, known }
+        Self { result, sums, pieces, known, departure }
     }
 
     /// One piece in which the state of the seal is known, and one in which it never is: only the first is scored.
@@ -209,6 +275,13 @@ impl Scored {
         scored.result.rms_with_start_n = (total / all(&scored.result) as f64).sqrt();
         scored.result.path = path;
         scored
+    }
+
+    /// The figures, with the warning that concerns all pieces together.
+    fn conclude(self) -> RecordingValidation {
+        let mut result = self.result;
+        result.warnings.extend(self.departure.map(|departure| departure.to_string()));
+        result
     }
 
     /// Number of pieces put together.
@@ -243,27 +316,52 @@ impl Validation {
         Self {
             rms_n: all.rms(),
             fit_percent: all.fit_percent(),
-            recordings: recordings.into_iter().map(|one| one.result).collect(),
+            recordings: recordings.into_iter().map(Scored::conclude).collect(),
         }
     }
 
-    /// The error by phase over all recordings; a phase without samples has that of all.
+    /// The error by phase over all recordings; a phase with less than 1 % of the samples is unknown.
     pub fn force_error(&self, source: ErrorSource) -> ForceError {
-        let rms = |part: fn(&Phases) -> Part| {
+        let all: usize = self.recordings.iter().map(|recording| recording.samples).sum();
+        let rms = |part: &dyn Fn(&Phases) -> (f64, usize)| {
             let parts = self.recordings.iter().map(|recording| part(&recording.by_phase));
-            let (squares, samples) = parts.fold((0.0, 0.0), |(squares, samples), part| {
-                let n = part.samples as f64;
-                (squares + n * part.rms_n * part.rms_n, samples + n)
-            });
-            if samples > 0.0 { (squares / samples).sqrt() } else { self.rms_n }
+            let (squares, samples) = parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
+            (samples > 0 && samples as f64 >= SEEN * all as f64).then(|| (squares.max(0.0) / samples as f64).sqrt())
         };
+        let sums = |part: Part| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
+        let without = |all: Part, part: Option<Part>| {
+            let (all, part) = (sums(all), part.map_or((0.0, 0), sums));
+            (all.0 - part.0, all.1 - part.1)
+        };
+        let held = [
+            rms(&|phases| without(phases.hold, phases.partial_hold)),
+            rms(&|phases| phases.partial_hold.map_or((0.0, 0), sums)),
+        ];
         // A model that knows no deflection has one error for all motion.
-        let deforming_n = rms(|phases| phases.moving.unwrap_or(phases.deformation));
-        let sliding_n = rms(|phases| phases.moving.unwrap_or(phases.sliding));
-        ForceError { source, deforming_n, sliding_n, held_n: rms(|phases| phases.hold) }
+        ForceError {
+            source,
+            deforming_n: rms(&|phases| match phases.moving {
+                Some(moving) => sums(moving),
+                None => without(phases.deformation, phases.partial),
+            }),
+            partial_n: rms(&|phases| phases.moving.or(phases.partial).map_or((0.0, 0), sums)),
+            sliding_n: rms(&|phases| sums(phases.moving.unwrap_or(phases.sliding))),
+            held_n: held.into_iter().flatten().reduce(f64::max),
+        }
     }
 
-    /// Whether a recording never let the seal forget its unknown start (exit code 3).
+    /// The validation of a model whose error over the recordings it was identified from is `identification_rms`, N: a recording
+    /// whose error is far above that, or that the model explains badly, gets a warning. `recordings` are those validated on.
+    #[must_use]
+    pub fn beside_identification(mut self, identification_rms: f64, recordings: &[Recording]) -> Self {
+        for (result, recording) in self.recordings.iter_mut().zip(recordings) {
+            result.warnings.extend(result.contradiction(identification_rms, recording.quality.force_noise));
+        }
+        self
+    }
+
+    /// Whether a recording has a warning: it never let the seal forget its unknown start, left the range of the position
+    /// profile, or contradicts the model (exit code 3).
     pub fn is_doubtful(&self) -> bool {
         self.recordings.iter().any(|recording| !recording.warnings.is_empty())
     }
@@ -359,7 +457,14 @@ pub fn validate_one<M: Replayable + ?Sized>(
         strokes: AgainstStrokes::of(recording, &error, &scored),
         warnings,
     };
-    Scored { result, sums, pieces: 1, known: !run.known.is_empty() }
+    let (lowest, highest) = range(&recording.position);
+    let departure = travel.and_then(|profile| profile.departure(lowest, highest));
+    Scored { result, sums, pieces: 1, known: !run.known.is_empty(), departure }
+}
+
+/// Least and greatest of `values`.
+fn range(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
 }
 
 fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {
@@ -398,14 +503,21 @@ pub(crate) enum Phase {
     Sliding,
     Moving,
     Hold,
+    /// After a partial reversal: a part of the deformation ...
+    Partial,
+    /// ... or of the holds.
+    PartialHold,
 }
 
 /// Phases of the `scored` samples, as far as the replay tells them.
 pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
+    // Rests after a partial reversal belong to it: those at the ends of full strokes do not stand for them.
     let phase = |i: &usize| match (velocity[*i].abs() < HOLD_SPEED, run.sliding.get(*i)) {
+        (true, _) if run.turned.get(*i) == Some(&true) => Phase::PartialHold,
         (true, _) => Phase::Hold,
         (false, Some(true)) => Phase::Sliding,
+        (false, Some(false)) if run.turned[*i] => Phase::Partial,
         (false, Some(false)) => Phase::Deformation,
         (false, None) => Phase::Moving,
     };
@@ -417,9 +529,14 @@ impl Phases {
     fn plus(&self, other: &Self) -> Self {
         let squares = |part: &Part| part.rms_n * part.rms_n * part.samples as f64;
         let none = Part { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
-        let parts = |phases: &Self| [phases.deformation, phases.sliding, phases.moving.unwrap_or(none), phases.hold];
+        let parts = |phases: &Self| {
+            let Self { deformation, sliding, moving, hold, partial, partial_hold } = *phases;
+            let [moving, partial, partial_hold] = [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
+            [deformation, sliding, moving, hold, partial, partial_hold]
+        };
         let pairs = || parts(self).into_iter().zip(parts(other));
-        let total: f64 = pairs().map(|(a, b)| squares(&a) + squares(&b)).sum();
+        // The last two are parts of others.
+        let total: f64 = pairs().take(4).map(|(a, b)| squares(&a) + squares(&b)).sum();
         let mut both = pairs().map(|(a, b)| Part {
             rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
             samples: a.samples + b.samples,
@@ -427,12 +544,21 @@ impl Phases {
         });
         let mut next = || both.next().unwrap_or(none);
         let (deformation, sliding, moving, hold) = (next(), next(), next(), next());
-        Self { deformation, sliding, moving: Some(moving).filter(|part| part.samples > 0), hold }
+        let (partial, partial_hold) = (next(), next());
+        let used = |part: Part| Some(part).filter(|part| part.samples > 0);
+        Self {
+            deformation,
+            sliding,
+            moving: used(moving),
+            hold,
+            partial: used(partial),
+            partial_hold: used(partial_hold),
+        }
     }
 
     /// Errors, N, summed up by phase.
     pub(crate) fn of(errors: impl Iterator<Item = (Phase, f64)>) -> Self {
-        let mut sums = [Sums::default(); 4];
+        let mut sums = [Sums::default(); 6];
         for (phase, error) in errors {
             let own = &mut sums[phase as usize];
             *own = own.plus(Sums { n: 1.0, squares: error * error, ..Sums::default() });
@@ -442,8 +568,16 @@ impl Phases {
             let share = if total > 0.0 { s.squares / total } else { 0.0 };
             Part { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
         };
-        let [deformation, sliding, moving, hold] = sums.map(part);
-        Self { deformation, sliding, moving: Some(moving).filter(|part| part.samples > 0), hold }
+        let [full, sliding, moving, hold, partial, partial_hold] = sums;
+        let used = |sums: Sums| Some(part(sums)).filter(|part| part.samples > 0);
+        Self {
+            deformation: part(full.plus(partial)),
+            sliding: part(sliding),
+            moving: used(moving),
+            hold: part(hold.plus(partial_hold)),
+            partial: used(partial),
+            partial_hold: used(partial_hold),
+        }
     }
 }
 

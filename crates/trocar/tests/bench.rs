@@ -1,5 +1,6 @@
 //! The virtual bench behaves like a rig: physics, instruments, reproducibility, configuration.
 
+use trocar::bench::config::SpeedOrder;
 use trocar::bench::{
     BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol, random_plausible_seal, random_seal, run,
 };
@@ -92,6 +93,115 @@ fn speeds_are_those_of_the_paper() {
     let speeds = BenchConfig::default().protocol.steady.speeds();
     assert_eq!(speeds.len(), 18);
     assert!((speeds[0] - 0.015).abs() < 1e-12 && (speeds[17] - 0.1).abs() < 1e-12);
+}
+
+/// Speed asked for in each pass, negative on withdrawal.
+fn speeds_asked_for(reference: &[f64]) -> Vec<f64> {
+    let strongest = |most: f64, v: &f64| if v.abs() > most.abs() { *v } else { most };
+    passes(reference).into_iter().map(|pass| reference[pass].iter().fold(0.0, strongest)).collect()
+}
+
+#[test]
+fn orders_of_speed_hold_the_same_cycles() {
+    let insertions = |order: SpeedOrder, seed: u64| {
+        let mut config = ideal();
+        let cycles = &mut config.protocol.validation;
+        (cycles.slowest_m_s, cycles.increment_m_s, cycles.order) = (0.03, 0.01, order);
+        let truth = go(&config, Protocol::Validation, &[plausible()], seed).truth;
+        let asked = speeds_asked_for(&truth.reference_velocity);
+        assert!(asked.chunks(2).all(|cycle| cycle[0] == -cycle[1]), "{asked:?}");
+        asked.into_iter().step_by(2).collect::<Vec<f64>>()
+    };
+    let ascending = insertions(SpeedOrder::Ascending, 1);
+    assert_eq!(ascending.len(), 8);
+    assert!(ascending.is_sorted());
+    let shuffled = insertions(SpeedOrder::Shuffled, 1);
+    assert!(shuffled != ascending && shuffled != insertions(SpeedOrder::Shuffled, 2));
+    assert_eq!(shuffled, insertions(SpeedOrder::Shuffled, 1));
+    let mut sorted = shuffled;
+    sorted.sort_by(f64::total_cmp);
+    assert_eq!(sorted, ascending);
+    let down: Vec<f64> = ascending.iter().rev().copied().collect();
+    assert_eq!(insertions(SpeedOrder::UpAndDown, 1), [ascending, down].concat());
+}
+
+#[test]
+fn drift_looks_like_viscous_friction_only_in_ascending_order() {
+    // Slope of the sliding force over the speed, N s/m: the viscous damping that a straight line finds.
+    let slope = |order: SpeedOrder, drift_fraction: f64| {
+        let mut config = ideal();
+        config.protocol.steady.order = order;
+        config.fluctuation.drift_fraction = drift_fraction;
+        config.fluctuation.drift_time_s = if order == SpeedOrder::UpAndDown { 200.0 } else { 100.0 };
+        let truth = go(&config, Protocol::Steady, &[plausible()], 4).truth;
+        let sliding = |i: &usize| truth.deflections[0][*i].abs() > 7.9e-3 && truth.velocity[*i].abs() > 0.01;
+        let points: Vec<(f64, f64)> = passes(&truth.reference_velocity)
+            .into_iter()
+            .map(|pass| {
+                let settled: Vec<usize> = pass.filter(sliding).collect();
+                let mean_of = |column: &[f64]| mean(&settled.iter().map(|i| column[*i].abs()).collect::<Vec<f64>>());
+                (mean_of(&truth.velocity), mean_of(&truth.seal_force))
+            })
+            .collect();
+        let centre = |of: fn(&(f64, f64)) -> f64| mean(&points.iter().map(of).collect::<Vec<f64>>());
+        let (v, f) = (centre(|p| p.0), centre(|p| p.1));
+        let product: f64 = points.iter().map(|p| (p.0 - v) * (p.1 - f)).sum();
+        product / points.iter().map(|p| (p.0 - v).powi(2)).sum::<f64>()
+    };
+    for order in [SpeedOrder::Ascending, SpeedOrder::Shuffled, SpeedOrder::UpAndDown] {
+        assert!((slope(order, 0.0) - 5.0).abs() < 0.1, "{order:?}: {}", slope(order, 0.0));
+    }
+    // 10 % of about 3.2 N while the speed rises by 85 mm/s: 3.8 N s/m on average.
+    let excess = |order: SpeedOrder| slope(order, 0.1) - 5.0;
+    assert!((2.0..6.0).contains(&excess(SpeedOrder::Ascending)), "{}", excess(SpeedOrder::Ascending));
+    assert!(excess(SpeedOrder::Shuffled).abs() < 1.5, "{}", excess(SpeedOrder::Shuffled));
+    assert!(excess(SpeedOrder::UpAndDown).abs() < 0.5, "{}", excess(SpeedOrder::UpAndDown));
+}
+
+#[test]
+fn force_drifts_by_the_declared_fraction_and_then_stays() {
+    let mut config = ideal();
+    let cycles = &mut config.protocol.validation;
+    (cycles.slowest_m_s, cycles.fastest_m_s, cycles.cycles_per_speed) = (0.05, 0.05, 20);
+    let steady = go(&config, Protocol::Validation, &[plausible()], 1).truth;
+    (config.fluctuation.drift_fraction, config.fluctuation.drift_time_s) = (-0.2, 20.0);
+    let drifting = go(&config, Protocol::Validation, &[plausible()], 1).truth;
+    for pass in passes(&steady.reference_velocity) {
+        // Late in the stroke, before the carriage slows down.
+        let late = pass.end - 250..pass.end - 80;
+        let ratio = mean(&drifting.seal_force[late.clone()]) / mean(&steady.seal_force[late.clone()]);
+        let seconds = 1e-3 * 0.5 * (late.start + late.end) as f64;
+        let expected = 1.0 - 0.2 * (seconds / 20.0).min(1.0);
+        assert!((ratio - expected).abs() < 1e-3, "{seconds} s: {ratio} instead of {expected}");
+    }
+    let last = steady.reference_velocity.len() as f64 * 1e-3;
+    assert!(last > 30.0, "{last} s show no force that stays");
+}
+
+#[test]
+fn reversals_scatter_as_declared() {
+    let turning_points = |scatter: f64, seed: u64| {
+        let mut config = ideal();
+        let cycles = &mut config.protocol.validation;
+        (cycles.slowest_m_s, cycles.fastest_m_s, cycles.cycles_per_speed) = (0.1, 0.1, 40);
+        cycles.turning_scatter_m = scatter;
+        let record = go(&config, Protocol::Validation, &[plausible()], seed);
+        assert_eq!(record.events.stop_hits, 0);
+        let position = &record.truth.position;
+        let ends = passes(&record.truth.reference_velocity).into_iter().map(|pass| position[pass.end - 1]);
+        ends.collect::<Vec<f64>>()
+    };
+    // The rig follows its reference within a tenth of a millimetre or so.
+    let nominal = turning_points(0.0, 1);
+    let scattered = turning_points(0.005, 1);
+    assert_eq!((nominal.len(), scattered.len()), (80, 80));
+    for side in 0..2 {
+        let moved: Vec<f64> = (side..80).step_by(2).map(|i| scattered[i] - nominal[i]).collect();
+        assert!(moved.iter().all(|m| m.abs() < 0.0055), "{moved:?}");
+        // Uniform over ±5 mm has 2.9 mm rms; 40 reversals give it within 20 %.
+        assert!((rms_about_mean(&moved) / 0.0029 - 1.0).abs() < 0.25, "{}", rms_about_mean(&moved));
+    }
+    assert_ne!(scattered, turning_points(0.005, 2));
 }
 
 #[test]
@@ -503,6 +613,25 @@ fn wrong_documents_are_explained() {
         ("# rig\n[motor]\nslider_mass_kg = -1", "line 3: motor.slider_mass_kg must be positive, got -1"),
         ("[encoder]\nnoise_m = nan", "line 2: encoder.noise_m must be zero or positive, got NaN"),
         ("[encoder]\nrounding = \"up\"", "line 2: encoder.rounding: unknown variant `up`"),
+        ("[encoder]\nrounding = \"none\"", "line 2: encoder.rounding: unknown variant `none`"),
+        ("[protocol.validation]\norder = \"nearest\"", "line 2: protocol.validation.order: unknown variant `nearest`"),
+        ("[protocol.steady]\norder = \"down\"", "expected one of `ascending`, `shuffled`, `up_and_down`"),
+        ("[protocol.steady]\norder = 1", "line 2: protocol.steady.order must be a text, got a whole number"),
+        (
+            "[protocol.steady]\nturning_scatter_m = 0.03",
+            "line 2: protocol.steady.turning_scatter_m must be between 0 and 0.02",
+        ),
+        (
+            "[protocol.steady]\nturning_scatter_m = -0.001",
+            "line 2: protocol.steady.turning_scatter_m must be between 0",
+        ),
+        // The shortest stroke must reach the highest speed.
+        (
+            "[protocol.validation]\nturning_scatter_m = 0.016",
+            "line 2: protocol.validation.turning_scatter_m must be between 0 and 0.015",
+        ),
+        ("[fluctuation]\ndrift_fraction = 3", "line 2: fluctuation.drift_fraction must be between -0.5 and 0.5, got 3"),
+        ("[fluctuation]\ndrift_time_s = 0", "line 2: fluctuation.drift_time_s must be positive, got 0"),
         ("[rig]\nsubsteps = -3", "line 2: rig.substeps must be between 0"),
         ("[protocol.steady]\nstroke_m = 0.2", "line 2: protocol.steady.stroke_m must be between"),
         ("[protocol.step]\nstroke_m = 0.001", "protocol.step.stroke_m must be between 0.00125"),

@@ -11,7 +11,7 @@ use trocar_model::{DeformationForce, Element, Relaxation, RelaxationArm};
 /// Cycles tried on each seal.
 const CYCLES: u32 = 20;
 
-/// Any ingredient on its own or together: branches, κ, β, σ, Stribeck friction that folds or not, creep, relaxing arms.
+/// Any optional term on its own or together: branches, κ, β, σ, Stribeck friction that folds or not, creep, relaxing arms.
 fn elements() -> impl Strategy<Value = Element> {
     let some = |values: std::ops::Range<f64>| prop_oneof![Just(0.0), values];
     let arm = (some(10.0..2000.0), 0.01..10.0_f64).prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });

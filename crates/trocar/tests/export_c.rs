@@ -98,7 +98,7 @@ fn conformance_motion() -> (f64, Vec<Call>) {
     (rows[0].1, rows.windows(2).map(call).collect())
 }
 
-/// Any ingredient on its own or together.
+/// Any optional term on its own or together.
 fn elements() -> impl Strategy<Value = Element> {
     let some = |values: std::ops::Range<f64>| prop_oneof![Just(0.0), values];
     let arm = (some(10.0..2000.0), 0.01..10.0_f64).prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });

@@ -2,7 +2,7 @@
 //! directions or have two stages, and what it leaves out where there is nothing.
 
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
-use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Ingredient, identify};
+use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Term, identify};
 use trocar::recording::Recording;
 use trocar::validate::validate;
 use trocar_model::{
@@ -37,9 +37,9 @@ fn error_elsewhere(found: &Identification, seal: &[ElementParams]) -> f64 {
     validate(found.stages.elements(), &[surgeon(seal, 30.0, 99)], found.model.offset).rms_n
 }
 
-fn kept(found: &Identification, ingredient: Ingredient) -> bool {
-    let motion = found.motion.as_ref().expect("a fit to all motion");
-    motion.ingredients.iter().any(|trial| trial.ingredient == ingredient && trial.kept)
+fn kept(found: &Identification, term: Term) -> bool {
+    let fit = found.fit.as_ref().expect("a fit to all motion");
+    fit.terms.iter().any(|trial| trial.term == term && trial.kept)
 }
 
 fn seals(half_width: f64) -> PlausibleSeals {
@@ -51,7 +51,7 @@ fn seals(half_width: f64) -> PlausibleSeals {
 fn assert_near(found: &Identification, name: &str, truth: f64, part: f64) {
     let estimate = found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter"));
     assert!(estimate.pinned, "{name}: {estimate:?}");
-    assert!((estimate.value / truth - 1.0).abs() < part, "{name}: {} found, {truth} true", estimate.value);
+    assert!((estimate.value / truth - 1.0).abs() < part, "{name}: {estimate:?} found, {truth} true");
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn creep_and_relaxation_are_recovered_from_free_motion_alone() {
     assert_near(&found, "creep_velocity_m_s", seal.creep_velocity, 0.05);
     assert_near(&found, "relaxation_stiffness_n_m", stiffness, 0.05);
     assert_near(&found, "relaxation_time_s", 0.3, 0.05);
-    for absent in [Ingredient::SecondRelaxation, Ingredient::Asymmetry, Ingredient::SecondStage] {
+    for absent in [Term::SecondRelaxation, Term::Asymmetry, Term::SecondStage] {
         assert!(!kept(&found, absent), "{absent:?}");
     }
     let error = error_elsewhere(&found, &[seal]);
@@ -81,7 +81,7 @@ fn creep_and_relaxation_are_recovered_from_free_motion_alone() {
 fn a_seal_that_neither_creeps_nor_relaxes_gets_neither() {
     let seal = random_seal(&seals(4e-3), 2);
     let found = found(&[surgeon(&[seal], 40.0, 2)]);
-    for absent in [Ingredient::Creep, Ingredient::Relaxation, Ingredient::SecondStage, Ingredient::MinorLoops] {
+    for absent in [Term::Creep, Term::Relaxation, Term::SecondStage, Term::MinorLoops] {
         assert!(!kept(&found, absent), "{absent:?}");
     }
     assert!(found.parameter("creep_velocity_m_s").is_none());
@@ -94,24 +94,33 @@ fn a_seal_that_neither_creeps_nor_relaxes_gets_neither() {
 fn two_stages_are_told_apart_where_they_differ_in_width() {
     let (wide, narrow) = (random_seal(&seals(5e-3), 3), random_seal(&seals(1.5e-3), 5));
     let found = found(&[surgeon(&[wide, narrow], 40.0, 1)]);
-    assert!(kept(&found, Ingredient::SecondStage));
+    assert!(kept(&found, Term::SecondStage), "{:?}", found.fit);
     assert_near(&found, "half_width_m", 5e-3, 0.05);
     assert_near(&found, "second_half_width_m", 1.5e-3, 0.05);
     let total = wide.insertion.coulomb_force + narrow.insertion.coulomb_force;
     assert_near(&found, "coulomb_force_n", total, 0.01);
-    let motion = found.motion.as_ref().expect("a fit to all motion");
-    let single = motion.ingredients.iter().find(|t| t.ingredient == Ingredient::SecondStage).expect("on trial");
-    assert!(single.held_out_with_n < 0.5 * single.held_out_without_n, "{single:?}");
+    let fit = found.fit.as_ref().expect("a fit to all motion");
+    let second = fit.terms.iter().find(|trial| trial.term == Term::SecondStage).expect("on trial");
+    assert!(second.p_value < 0.01, "{second:?}");
+    assert!(fit.rms_n < 0.5 * fit.paper_rms_n, "{fit:?}");
     assert_eq!(found.stages.elements().len(), 2);
 }
 
 #[test]
-fn full_strokes_at_constant_speed_ask_for_no_fit_to_all_motion() {
+fn full_strokes_leave_the_terms_of_partial_reversals_untried() {
     let seal = [Element::new(random_seal(&seals(3e-3), 4)).expect("a model")];
     let done = run(&config(10.0), Protocol::Validation, &seal, 4).expect("the rig runs");
     let found = found(&[done.to_recording("strokes").expect("finite columns")]);
-    assert!(found.motion.is_none());
-    assert!(found.free_motion.is_some_and(|motion| motion.partial_reversals == 0));
+    assert_eq!(found.free_motion.partial_reversals, 0);
+    let fit = found.fit.as_ref().expect("full strokes are fitted too");
+    for term in [Term::MinorLoops, Term::SecondRelaxation, Term::SecondStage] {
+        assert!(fit.terms.iter().all(|trial| trial.term != term), "{term:?}");
+    }
+    assert!(
+        found.warnings.iter().any(|w| w.subject == "optional terms" && w.message.contains("partial")),
+        "{:?}",
+        found.warnings
+    );
 }
 
 #[test]

@@ -93,7 +93,13 @@ fn profiles_that_make_no_seal_are_refused() {
 fn with_error() -> ModelFile {
     let mut file = along();
     let source = ErrorSource::Validation;
-    file.force_error = Some(ForceError { source, deforming_n: 0.1 / 3.0, sliding_n: 0.02, held_n: 0.0 });
+    file.force_error = Some(ForceError {
+        source,
+        deforming_n: Some(0.1 / 3.0),
+        partial_n: None,
+        sliding_n: Some(0.02),
+        held_n: Some(0.0),
+    });
     file
 }
 
@@ -109,7 +115,7 @@ fn errors_that_are_none_are_refused() {
         let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
         assert!(error.contains(expected), "{pointer}: {error}");
     }
-    assert_eq!(value(&with_error().to_json())["version"], 5, "an older program says that it is too old");
+    assert_eq!(value(&with_error().to_json())["version"], 6, "an older program says that it is too old");
     assert!(schema().is_valid(&value(&with_error().to_json())));
     assert_eq!(ModelFile::from_json(&with_error().to_json()).unwrap(), with_error());
 }
@@ -284,10 +290,10 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(6)), "written by a newer trocar: model version 6, this one reads 5"),
-        ("/version", Some(json!(0)), "\"version\" must be 1 to 5, got 0"),
-        ("/version", Some(json!("1")), "\"version\" must be 1 to 5, got \"1\""),
-        ("/version", None, "\"version\" must be 1 to 5, got nothing"),
+        ("/version", Some(json!(7)), "written by a newer trocar: model version 7, this one reads 6"),
+        ("/version", Some(json!(0)), "\"version\" must be 1 to 6, got 0"),
+        ("/version", Some(json!("1")), "\"version\" must be 1 to 6, got \"1\""),
+        ("/version", None, "\"version\" must be 1 to 6, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),

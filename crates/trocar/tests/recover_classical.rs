@@ -234,7 +234,7 @@ fn fitted(kind: Kind, truth: &Truth, draw: &mut Draw) -> Entry {
     let validation = [record(&truth.model, draw, 1)];
     let options = CompareOptions {
         models: vec![Choice::Classical(kind)],
-        identify: IdentifyOptions { bootstrap: 0, refine: false, ..IdentifyOptions::default() },
+        identify: IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() },
         timing: false,
     };
     compare(&training, &validation, &options, &|_, _| {}).expect("there is steady sliding").entries.remove(0)
@@ -338,7 +338,7 @@ fn larger_models_fit_no_worse() {
     let banks = (1..=4).flat_map(|n| [Kind::MaxwellSlip(n), Kind::Gms(n)]);
     let options = CompareOptions {
         models: banks.map(Choice::Classical).collect(),
-        identify: IdentifyOptions { bootstrap: 0, refine: false, ..IdentifyOptions::default() },
+        identify: IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() },
         timing: false,
     };
     let entries = compare(&training, &training, &options, &|_, _| {}).expect("there is steady sliding").entries;

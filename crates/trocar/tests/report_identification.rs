@@ -4,9 +4,11 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use trocar::bench::{BenchConfig, Protocol, run};
-use trocar::identify::{FreeMotion, Identification, IdentifyOptions, Ingredient, IngredientTrial, MotionFit, identify};
+use trocar::identify::{
+    FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions, StrokeFriction, Term, TermTrial, identify,
+};
 use trocar::recording::{ReadOptions, Recording, read};
-use trocar::report::identification::{IdentificationReport, document};
+use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use trocar::report::{Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document};
 use trocar::validate::{Validation, validate};
 use trocar_model::{Element, ElementParams, Seal, Stages, Trocar};
@@ -35,7 +37,7 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| {
 });
 
 fn identified(training: &[Recording]) -> Identification {
-    let options = IdentifyOptions { bootstrap: 0, refine: false, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() };
     identify(training, &options, &|_, _| {}).unwrap()
 }
 
@@ -56,6 +58,7 @@ fn plain_input<'a>(identification: &'a Identification, training: &'a [Recording]
         seed: 7,
         bootstrap: 0,
         title: "A seal",
+        choice: FigureChoice::default(),
     }
 }
 
@@ -363,29 +366,29 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
 
 /// The bench's result as if it came from a fit to all motion, and its recordings with a hand-like one.
 fn of_all_motion() -> (Identification, Vec<Recording>) {
-    let trial = |ingredient, kept, held_out_with_n, held_out_without_n| IngredientTrial {
-        ingredient,
-        kept,
-        held_out_with_n,
-        held_out_without_n,
-        surety: if kept { 3.0 } else { -0.5 },
-        parameters: 1,
-    };
-    let motion = MotionFit {
-        ingredients: vec![
-            trial(Ingredient::SecondStage, false, 0.0310, 0.0305),
-            trial(Ingredient::SealDamping, true, 0.0305, 0.0400),
-            trial(Ingredient::Creep, true, 0.0305, 0.0500),
+    let trial = |term, p_value, gain| TermTrial { term, kept: p_value < 1e-4, p_value, gain };
+    let fit = FitSummary {
+        terms: vec![
+            trial(Term::SecondStage, 0.3, 0.002),
+            trial(Term::SealDamping, 2e-7, 0.2),
+            trial(Term::Creep, 3e-6, 0.4),
         ],
-        held_out_all_n: 0.0305,
-        held_out_chosen_n: 0.0300,
-        held_out_paper_n: 0.0620,
-        fitted_rms_n: 0.0290,
+        paper_rms_n: 0.0620,
+        rms_n: 0.0290,
         iterations: 7,
         converged: true,
     };
-    let free_motion = Some(FreeMotion { reversals: 94, partial_reversals: 9, held_s: 17.1 });
-    let identification = Identification { motion: Some(motion), free_motion, ..BENCH.identification.clone() };
+    let stroke = |k: usize| StrokeFriction {
+        recording: k / 10,
+        time_s: 3.0 * (k % 10) as f64,
+        scale: 1.0 + 0.002 * k as f64,
+        standard_error: 0.004,
+        counted: true,
+    };
+    let friction_scale =
+        FrictionScale { strokes: (0..20).map(stroke).collect(), scatter: 0.012, drift: 0.038, jumps: Vec::new() };
+    let free_motion = FreeMotion { reversals: 94, partial_reversals: 9, held_s: 17.1 };
+    let identification = Identification { fit: Some(fit), friction_scale, free_motion, ..BENCH.identification.clone() };
     let config = BenchConfig::default();
     let record = run(&config, Protocol::Surgeon, &BENCH.truth, 7).unwrap().to_recording("surgeon.csv").unwrap();
     let surgeon = record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap();
@@ -400,35 +403,35 @@ fn text(cell: &Cell) -> &str {
 }
 
 #[test]
-fn the_fit_to_all_motion_lists_and_draws_every_ingredient_that_was_tried() {
+fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_stroke() {
     let (identification, training) = of_all_motion();
-    let motion = identification.motion.as_ref().unwrap();
+    let fit = identification.fit.as_ref().unwrap();
     let document = document(&plain_input(&identification, &training));
     assert_nothing_is_empty(&document);
-    let section = section(&document, "Motion of any kind");
-    let listed = table(section, "Ingredient");
-    assert_eq!(listed.rows.len(), motion.ingredients.len());
-    let drawn = &figure(&document, "held-out-errors").panels[0];
-    assert_eq!(drawn.y.names.len(), motion.ingredients.len() + 2);
-    let points: Vec<(f64, &str)> = drawn
-        .series
-        .iter()
-        .filter(|s| s.kind == Kind::Points)
-        .flat_map(|s| s.x.iter().zip(&s.y).map(|(x, y)| (*x, drawn.y.names[*y as usize].as_str())))
-        .collect();
-    for (cells, trial) in listed.rows.iter().zip(&motion.ingredients) {
-        let words = trial.ingredient.words();
-        assert_eq!(text(&cells[0]).to_lowercase(), words.to_lowercase());
-        assert_eq!(cells[1], Cell::Number { value: trial.held_out_with_n, digits: 3 });
-        assert_eq!(cells[2], Cell::Number { value: trial.held_out_without_n, digits: 3 });
-        assert_eq!(text(&cells[5]), if trial.kept { "yes" } else { "no" });
-        let shown = if trial.kept { trial.held_out_without_n } else { trial.held_out_with_n };
-        assert!(points.iter().any(|(x, name)| *x == shown && name.ends_with(words)), "{words}: {points:?}");
+    let section = section(&document, "Fit to all motion");
+    let listed = table(section, "Term");
+    assert_eq!(listed.rows.len(), fit.terms.len());
+    for (cells, trial) in listed.rows.iter().zip(&fit.terms) {
+        assert_eq!(text(&cells[0]).to_lowercase(), trial.term.words().to_lowercase());
+        assert_eq!(cells[1], Cell::Number { value: trial.p_value, digits: 2 });
+        assert_eq!(cells[2], Cell::Number { value: 1e2 * trial.gain, digits: 2 });
+        assert_eq!(text(&cells[3]), if trial.kept { "yes" } else { "no" });
     }
-    assert!(points.contains(&(motion.held_out_paper_n, "paper's element")), "{points:?}");
-    assert!(points.contains(&(motion.held_out_chosen_n, "model chosen")), "{points:?}");
+    let drawn = figure(&document, "friction-scale");
+    let points: Vec<(f64, f64)> =
+        drawn.panels[0].series.iter().flat_map(|s| s.x.iter().copied().zip(s.y.iter().copied())).collect();
+    let strokes = &identification.friction_scale.strokes;
+    assert_eq!(points.len(), strokes.len());
+    assert!(strokes.iter().zip(&points).all(|(stroke, (_, scale))| stroke.scale == *scale), "{points:?}");
+    // Those of the second recording follow the first.
+    assert!(
+        points.iter().zip(strokes).all(|((x, _), s)| s.recording == 0 || *x >= training[0].duration()),
+        "{points:?}"
+    );
+    assert!(drawn.caption.contains("1.2 %") && drawn.caption.contains("3.8 %"), "{}", drawn.caption);
     let words = section.paragraphs.join(" ");
-    assert!(words.contains("9 partial reversals") && words.contains("17.1 s of rest"), "{words}");
+    assert!(words.contains("94 reversals, 9 of them partial") && words.contains("17.1 s at rest"), "{words}");
+    assert!(words.contains("0.062"), "{words}");
 }
 
 #[test]
@@ -446,7 +449,7 @@ fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
         }
     }
     // The bench's own recordings of full strokes hold no such stretch.
-    let words = section(&document_of_strokes(&identification), "Motion of any kind").paragraphs.join(" ");
+    let words = section(&document_of_strokes(&identification), "Fit to all motion").paragraphs.join(" ");
     assert!(words.contains("no recording holds both"), "{words}");
 }
 
@@ -455,17 +458,16 @@ fn document_of_strokes(identification: &Identification) -> Document {
 }
 
 #[test]
-fn no_sentence_claims_a_refinement_that_the_fit_to_all_motion_replaced() {
+fn a_report_of_the_two_steps_alone_claims_no_fit() {
     let (identification, _) = of_all_motion();
-    let document = document_of_strokes(&identification);
-    let words = section(&document, "Parameters").paragraphs.join(" ");
-    assert!(words.contains("fit to all motion") && !words.contains("refinement"), "{words}");
-    for figure in figures(&document).iter().filter(|figure| figure.id != "small-motion") {
-        assert!(!figure.caption.contains("refined"), "{}: {}", figure.id, figure.caption);
-    }
+    let fitted = document_of_strokes(&identification);
+    let words = section(&fitted, "Parameters").paragraphs.join(" ");
+    assert!(words.contains("fit to all motion") && words.contains("two steps stand beside it"), "{words}");
     let plain = document_of_strokes(&BENCH.identification);
-    assert!(plain.sections.iter().all(|section| section.heading != "Motion of any kind"));
-    assert!(figures(&plain).iter().all(|figure| figure.id != "held-out-errors" && figure.id != "small-motion"));
+    let words = section(&plain, "Parameters").paragraphs.join(" ");
+    assert!(words.contains("paper's two steps") && !words.contains("fit to all motion"), "{words}");
+    assert!(plain.sections.iter().all(|section| section.heading != "Fit to all motion"));
+    assert!(figures(&plain).iter().all(|figure| figure.id != "friction-scale" && figure.id != "small-motion"));
 }
 
 #[test]
@@ -578,10 +580,62 @@ fn real_recordings_give_reports_without_empty_panels() {
             if mass > 0.0 { recording.without_moving_mass(mass, 0.0).unwrap() } else { recording }
         };
         let training: Vec<Recording> = files.iter().map(recording).collect();
-        let identification = identified(&training);
+        let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+        let identification = identify(&training, &options, &|_, _| {}).unwrap();
         let document = document(&plain_input(&identification, &training));
         assert_nothing_is_empty(&document);
         let folder = tempfile::tempdir().unwrap();
         write_document(folder.path(), &document).unwrap();
     }
+}
+
+/// The deflections of EMS figure 7 and the speeds of its figure 9 can be chosen.
+#[test]
+fn levels_and_speeds_are_chosen() {
+    let bench = &*BENCH;
+    let choice = FigureChoice { deflections: &[-6e-3, 5e-3], speeds: &[0.08, 0.03, 0.0505] };
+    let input = IdentificationReport {
+        validation: Some((&bench.validation, &bench.scores)),
+        choice,
+        ..plain_input(&bench.identification, &bench.training)
+    };
+    check_choice(&input).unwrap();
+    let document = document(&input);
+    let velocity = figure(&document, "deformation-velocity");
+    let names: Vec<&str> =
+        velocity.panels[0].series.iter().map(|s| s.name.as_str()).filter(|n| !n.is_empty()).collect();
+    assert_eq!(names, ["z = \u{2212}6.000 mm", "z = \u{2212}6.000 mm", "z = 5.000 mm", "z = 5.000 mm"]);
+    assert!(velocity.caption.contains("at two deflections"), "{}", velocity.caption);
+    // The force at the deflection, of the branch that the traverses follow.
+    let force = &bench.truth[0].params().deformation;
+    for (series, expected) in [(0, force.rising().force(-6e-3)), (4, force.rising().force(5e-3))] {
+        let found = &velocity.panels[0].series[series];
+        let mean = found.y.iter().sum::<f64>() / found.y.len() as f64;
+        assert!((mean - expected).abs() < 0.15, "{mean} N, expected {expected} N");
+    }
+    let cross = figure(&document, "cross-validation");
+    let titles: Vec<&str> = cross.panels.iter().map(|panel| panel.title.as_str()).collect();
+    assert_eq!(titles, ["80 mm/s", "30 mm/s", "", "", "50 mm/s", ""]);
+    assert!(cross.caption.contains("at 80, 30, 50 mm/s"), "{}", cross.caption);
+}
+
+#[test]
+fn levels_and_speeds_that_were_not_recorded_are_refused() {
+    let bench = &*BENCH;
+    let refused = |deflections: &[f64], speeds: &[f64]| {
+        let input = IdentificationReport {
+            validation: Some((&bench.validation, &bench.scores)),
+            choice: FigureChoice { deflections, speeds },
+            ..plain_input(&bench.identification, &bench.training)
+        };
+        check_choice(&input).unwrap_err().to_string()
+    };
+    let outside = refused(&[0.0, 9e-3], &[]);
+    assert!(outside.starts_with("figure 7: the deflection 9 mm lies outside ±c = ±7.9"), "{outside}");
+    let speed = refused(&[], &[0.05, 0.2]);
+    assert!(
+        speed.starts_with("figure 9: no recorded stroke has a speed within 10 % of 200 mm/s; recorded are 15, 20,"),
+        "{speed}"
+    );
+    assert_eq!(refused(&[0.0; 7], &[]), "figure 7 shows at most 6 deflections, got 7");
 }

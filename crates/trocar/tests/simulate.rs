@@ -200,8 +200,9 @@ fn memory_does_not_grow_with_the_motion() {
         reached = rows;
     };
     let motion = Positions::from_text("made", input, &Choice::columns("time_ms,position_m")).unwrap();
-    let rows = simulate(motion, &mut Spring::default(), &mut output, progress).unwrap();
-    assert_eq!(rows, ROWS);
+    let simulated = simulate(motion, &mut Spring::default(), &mut output, progress).unwrap();
+    assert_eq!(simulated.rows, ROWS);
+    assert!(simulated.lowest <= simulated.highest);
     // The text alone has over 30 MB; other tests of this process take their share of the margin.
     assert!(reached > ROWS / 2, "{reached}");
     assert!(peak - before < 10_000, "{before} to {peak} kB");

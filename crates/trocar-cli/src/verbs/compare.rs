@@ -17,7 +17,7 @@ use crate::models::{Models, models};
 use crate::progress::Progress;
 use crate::table::{Table, number};
 
-/// Parameters not pinned are named up to this number.
+/// Parameters that the data do not determine are named up to this number.
 const MOST_NAMES: usize = 8;
 
 /// Compare friction models: fit them all to the same recordings, score them on the same others
@@ -26,8 +26,8 @@ const MOST_NAMES: usize = 8;
 /// Generalized Maxwell-Slip. Each is fitted to the training recordings and then run along the positions of the
 /// validation recordings. Prints a table, least validation error first; --out keeps every model as a file. All are scored
 /// on the samples that the EMS element knows the state of; validate scores each on those that it knows itself. Ends with
-/// exit code 3 when a recording lost data or a validation recording never lets the seal slide; parameters that are not
-/// pinned are part of the result.
+/// exit code 3 when a recording lost data or a validation recording never lets the seal slide; parameters that the
+/// recordings do not determine are part of the result.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Recordings to fit to: CSV with time, position and force columns, '-' for standard input
@@ -173,16 +173,16 @@ fn table(entries: &[Entry]) -> Table {
     table
 }
 
-/// The warnings of a model, those of parameters that are not pinned in one; the reasons of each are in the JSON.
+/// The warnings of a model, those of parameters that are not determined in one; the reasons of each are in the JSON.
 fn in_brief(entry: &Entry) -> Vec<String> {
-    let is_pin = |warning: &&Warning| warning.message.starts_with("not pinned");
+    let is_pin = |warning: &&Warning| ["not pinned", "not determined"].iter().any(|s| warning.message.starts_with(s));
     let (pins, others): (Vec<&Warning>, Vec<&Warning>) = entry.warnings.iter().partition(is_pin);
     let mut lines: Vec<String> = others.iter().map(|w| format!("{}: {}", w.subject, w.message)).collect();
     let names: Vec<&str> = pins.iter().map(|w| w.subject.as_str()).collect();
     match names.len() {
         0 => {}
-        1..=MOST_NAMES => lines.push(format!("not pinned: {}", names.join(", "))),
-        count => lines.push(format!("not pinned: {count} numbers, named in the JSON")),
+        1..=MOST_NAMES => lines.push(format!("not determined: {}", names.join(", "))),
+        count => lines.push(format!("not determined: {count} numbers, named in the JSON")),
     }
     lines
 }

@@ -102,6 +102,9 @@ fn say_outcome(console: &Console, args: &Args, done: &Compensation) {
         let (words, line, rows) = (count.fault.words(), count.first_line, count.rows);
         console.warn(&format!("{}: {rows} rows, from line {line} on: {words}", args.recording.display()));
     }
+    if let Some(departure) = done.departure {
+        console.warn(&departure.to_string());
+    }
     console.remark(&format!("{} rows -> {}", done.rows, args.out.display()));
     if args.no_adaptation {
         return;

@@ -7,6 +7,7 @@ use trocar::identify::IdentifyOptions;
 use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::recording::{ReadOptions, Recording, read};
+use trocar::report::identification::FigureChoice;
 use trocar::summary::MovingMass;
 use trocar_model::ElementParams;
 
@@ -49,7 +50,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let options = IdentifyOptions { seed: args.seed, inertia_removed: true, ..IdentifyOptions::default() };
     let found = Job { recordings, held_back, moving_mass, options }.run(console)?;
     let outcome = found.outcome();
-    identify::write(&staged, &outcome, Some(truth.elements()?))?;
+    identify::write(&staged, &outcome, Some(truth.elements()?), FigureChoice::default())?;
     staged.commit()?;
     console::print(&in_brief(&found, truth.elements()?[0].params(), &config))?;
     console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;

@@ -64,9 +64,9 @@ pub(crate) struct Args {
 /// How far to go.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Far {
-    /// The paper's two steps and their refinement; where nothing slides steadily, the paper's element fitted to all motion
+    /// The fit without the optional terms that rests and partial reversals determine
     Quick,
-    /// All that `trocar identify` does, with the search for ingredients in free motion: up to hundreds of times slower
+    /// All that `trocar identify` does, with all optional terms: slower
     Full,
 }
 

@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
-use trocar::identify::{Estimate, Identification, IdentifyOptions, Ingredient, Warning, identify};
+use trocar::identify::{Estimate, Identification, IdentifyOptions, Term, Warning, identify};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
-use trocar::report::{self, identification::IdentificationReport};
-use trocar::summary::{MovingMass, Outcome};
+use trocar::report;
+use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
+use trocar::summary::{MovingMass, Outcome, validated};
 use trocar::survey::Survey;
-use trocar::validate::{Validation, validate_along};
+use trocar::validate::Validation;
 use trocar_model::{Element, MAX_DEGREE};
 
 use crate::Done;
@@ -21,13 +22,14 @@ use crate::table::{Table, interval, number};
 ///
 /// Every recording is searched for what it can give; the two experiments of the paper are simply recordings. Writes
 /// model.json, summary.json, report.html and figures into the folder given with --out. Ends with exit code 3 when the
-/// recordings lost data or do not pin every parameter.
+/// recordings lost data or do not determine every parameter, or when a validation error is far above that of the
+/// identification.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Recordings to identify from: CSV with time, position and force columns, '-' for standard input
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// Recordings held back to validate on
+    /// Recordings to validate on, held out of the identification
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
     /// Folder for the results; it need not exist
@@ -42,16 +44,26 @@ pub(crate) struct Args {
     /// Degrees of the two joined polynomials of each branch, 2 to 7
     #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees)]
     degrees: Degrees,
-    /// Keep the two-step result instead of refining it against the simulated force
-    #[arg(long)]
-    no_refine: bool,
-    /// Keep the element of the paper's two steps, however the recordings move
+    /// Do not try the optional terms that rests and partial reversals determine: creep, relaxation, second_relaxation,
+    /// minor_loops, second_stage
     #[arg(long)]
     no_free_motion: bool,
-    /// Ingredients that the fit to all motion leaves out: stribeck, seal_damping, minor_loops, creep, relaxation,
-    /// second_relaxation, hidden_mass, asymmetry, second_stage
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = ingredient, conflicts_with = "no_free_motion")]
-    without: Vec<Ingredient>,
+    /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation, second_relaxation, hidden_mass,
+    /// asymmetry, second_stage
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = term)]
+    without: Vec<Term>,
+    /// Known reading of the sensor without load, N (its tare); estimated from the recordings when left out
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite)]
+    offset_n: Option<f64>,
+    /// Identify by the two steps of the paper alone: steady state, then deformation
+    #[arg(long)]
+    paper: bool,
+    /// Deflection at which figure 7 shows the influence of the deformation velocity; can be given up to 6 times
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = finite)]
+    figure_7_deflection_mm: Vec<f64>,
+    /// Speed of a stroke that figure 9 shows with the model's force, to the next recorded one within 10 %; can be given up to 6 times
+    #[arg(long, value_name = "SPEED", value_parser = positive)]
+    figure_9_speed_mm_s: Vec<f64>,
     #[command(flatten)]
     rod: Rod,
     /// Print summary.json instead of the table
@@ -72,10 +84,19 @@ fn degrees(text: &str) -> Result<Degrees, String> {
     Ok(Degrees([degree(left).ok_or_else(wrong)?, degree(right).ok_or_else(wrong)?]))
 }
 
-fn ingredient(text: &str) -> Result<Ingredient, String> {
-    let names = || Ingredient::ALL.map(Ingredient::name).join(", ");
-    let found = Ingredient::ALL.into_iter().find(|i| i.name() == text.trim());
-    found.ok_or_else(|| format!("expected one of {}", names()))
+/// A finite number.
+fn finite(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| "expected a finite number".to_owned())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
+}
+
+fn term(text: &str) -> Result<Term, String> {
+    let names = || Term::ALL.map(Term::name).join(", ");
+    Term::ALL.into_iter().find(|term| term.name() == text.trim()).ok_or_else(|| format!("expected one of {}", names()))
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
@@ -93,10 +114,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         bootstrap: args.bootstrap,
         seed: args.seed,
         degrees: args.degrees.0,
-        refine: !args.no_refine,
         inertia_removed: moving_mass.mass > 0.0,
         free_motion: !args.no_free_motion,
         without: args.without.clone(),
+        offset: args.offset_n,
+        paper: args.paper,
         ..IdentifyOptions::default()
     };
     // Better to learn now than after the work that nothing can be written there.
@@ -104,7 +126,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let job = Job { recordings, held_back, moving_mass, options };
     let found = job.run(console)?;
     let outcome = found.outcome();
-    write(&staged, &outcome, None)?;
+    let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
+    let (deflections, speeds) = (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
+    write(&staged, &outcome, None, FigureChoice { deflections: &deflections, speeds: &speeds })?;
     staged.commit()?;
     let text = if args.json { outcome.summary().to_json() } else { found.in_brief() };
     console::print(&text)?;
@@ -141,10 +165,7 @@ impl Job {
         let hidden = identification.model.hidden_mass;
         let held_back = std::mem::take(&mut self.held_back).into_iter().map(|r| without(r, taken_out, hidden));
         self.held_back = identification.in_step(held_back.collect::<anyhow::Result<_>>()?)?;
-        let elements = identification.stages.elements();
-        let offset = identification.model.offset;
-        let validation = (!self.held_back.is_empty())
-            .then(|| validate_along(elements, identification.profile(), &self.held_back, offset));
+        let validation = validated(&identification, &self.held_back);
         let found = Found { job: self, identification, validation };
         found.say_warnings(console);
         Ok(found)
@@ -190,11 +211,14 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
 
 /// Stages everything that the folder gets.
 ///
-/// `truth` are the elements of a virtual bench, drawn and listed beside what was found.
-pub(crate) fn write(staged: &StagedFolder, outcome: &Outcome, truth: Option<&[Element]>) -> anyhow::Result<()> {
-    staged.write("model.json", outcome.model_file().to_json().as_bytes())?;
-    staged.write("summary.json", outcome.summary().to_json().as_bytes())?;
-    let document = report::identification::document(&IdentificationReport {
+/// `truth` are the elements of a virtual bench, drawn and listed beside what was found; `choice` is what figures show.
+pub(crate) fn write(
+    staged: &StagedFolder,
+    outcome: &Outcome,
+    truth: Option<&[Element]>,
+    choice: FigureChoice,
+) -> anyhow::Result<()> {
+    let input = IdentificationReport {
         identification: outcome.identification,
         training: outcome.recordings,
         validation: outcome.validation.map(|v| (outcome.held_back, v)),
@@ -202,8 +226,12 @@ pub(crate) fn write(staged: &StagedFolder, outcome: &Outcome, truth: Option<&[El
         seed: outcome.options.seed,
         bootstrap: outcome.options.bootstrap,
         title: "Force between instrument and trocar",
-    });
-    report::stage_document(staged, &document)?;
+        choice,
+    };
+    check_choice(&input)?;
+    staged.write("model.json", outcome.model_file().to_json().as_bytes())?;
+    staged.write("summary.json", outcome.summary().to_json().as_bytes())?;
+    report::stage_document(staged, &document(&input))?;
     Ok(())
 }
 
@@ -255,6 +283,10 @@ impl Found {
             "\nerror over the recordings identified from: {} N rms\n",
             number(self.identification.residual_rms)
         ));
+        let names: Vec<&str> = self.job.recordings.iter().map(|recording| recording.name.as_str()).collect();
+        if let Some(words) = self.identification.friction_scale.in_words(&names) {
+            text.push_str(&format!("{words}\n"));
+        }
         text.push_str(&along_in_words(&self.identification));
         for r in self.validation.iter().flat_map(|validation| &validation.recordings) {
             text.push_str(&format!(
@@ -271,17 +303,17 @@ impl Found {
     }
 }
 
-/// Delay of the positions and force along the way, where strokes repeat.
+/// Delay of the positions and position profile, where strokes repeat.
 fn along_in_words(found: &Identification) -> String {
-    let lag = found.position_lag.map(|lag| format!("the positions come {:.0} ms late: taken out\n", 1e3 * lag.lag_s));
+    let lag = found.position_lag.map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.lag_s));
     let along = match (&found.travel, &found.travel_missing) {
         (Some(fit), _) => Some(format!(
-            "the force depends on the position: {} N on strokes left out with a profile of {} knots, {} N without\n",
+            "the force depends on the position: {} N rms on held-out strokes with a profile of {} knots, {} N without\n",
             number(fit.held_out_rms_n),
             fit.profile.levels().len(),
             number(fit.constant_held_out_rms_n)
         )),
-        (None, Some(why)) => Some(format!("no profile along the way: {why}\n")),
+        (None, Some(why)) => Some(format!("no position profile: {why}\n")),
         (None, None) => None,
     };
     lag.into_iter().chain(along).collect()
@@ -310,7 +342,7 @@ pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
         ("falling_join_m", "join a, withdrawal", 1e3, "mm"),
         ("seal_damping_n_s_m", "seal damping σ", 1.0, "N s/m"),
         ("offset_n", "sensor offset F_0", 1.0, "N"),
-        ("hidden_mass_kg", "undeclared mass", 1e3, "g"),
+        ("hidden_mass_kg", "unmodelled mass", 1e3, "g"),
         ("yield_stiffness_n_m", "yield stiffness κ", 1e-3, "N/mm"),
         ("creep_velocity_m_s", "creep velocity v_c", 1e3, "mm/s"),
         ("friction_lag_s", "lag of the Stribeck curve T", 1e3, "ms"),
@@ -321,9 +353,7 @@ pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
         ("second_coulomb_force_n", "F_c of the second stage", 1.0, "N"),
         ("second_half_width_m", "c of the second stage", 1e3, "mm"),
     ];
-    let asymmetric = found.steady.is_asymmetric();
-    let wanted = MAIN.into_iter().filter(|(name, ..)| asymmetric || !name.ends_with("tive"));
-    wanted
+    MAIN.into_iter()
         .filter_map(|(name, words, scale, unit)| {
             let estimate = found.parameter(name)?;
             Some(Row { name, words: words.to_owned(), estimate, scale, unit })

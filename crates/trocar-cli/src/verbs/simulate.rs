@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use trocar::model_file::{Model, ModelFile};
 use trocar::recording::position_resolution;
 use trocar::replay::start_states;
-use trocar::simulate::{Drive, Guarded, Single, simulate_file};
+use trocar::simulate::{Drive, Guarded, Simulated, Single, simulate_file};
 use trocar::travel::TravelProfile;
 use trocar_model::Classical;
 use trocar_model::{Deformation, Element, LiteralState, Mode, PaperLiteral, PlayGuard, State, step_parallel};
@@ -87,7 +87,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
             elements.iter().map(|element| PaperLiteral::new(*element.params())).collect();
         stream(console, args, &mut Literal::new(literal?, start, elements))?;
     } else {
-        stream(console, args, &mut Natural::new(elements, model.travel.as_ref(), start))?;
+        let simulated = stream(console, args, &mut Natural::new(elements, model.travel.as_ref(), start))?;
+        let profile = model.travel.as_ref();
+        if let Some(departure) = profile.and_then(|p| p.departure(simulated.lowest, simulated.highest)) {
+            console.warn(&departure.to_string());
+        }
     }
     Ok(Done::Clean)
 }
@@ -99,7 +103,7 @@ fn refuse_what_is_for_elements(args: &Args, classical: &Classical) -> Result<(),
     Err(BadArgument(format!("{flag} is for EMS elements, but {file} holds a {kind} model")))
 }
 
-fn stream(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<()> {
+fn stream(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<Simulated> {
     match guard(console, args)? {
         Some(guard) => stream_bare(console, args, &mut Guarded::new(drive, guard)),
         None => stream_bare(console, args, drive),
@@ -134,13 +138,13 @@ fn guard_for_resolution(console: &Console, args: &Args) -> anyhow::Result<PlayGu
     Ok(guard)
 }
 
-fn stream_bare(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<()> {
+fn stream_bare(console: &Console, args: &Args, drive: &mut impl Drive) -> anyhow::Result<Simulated> {
     let progress = Progress::new(console);
     let report = |part, rows| progress.report_rows("simulating", part, rows);
-    let rows = simulate_file(&args.motion, &args.choosing.choice(), drive, &args.out, report)?;
+    let simulated = simulate_file(&args.motion, &args.choosing.choice(), drive, &args.out, report)?;
     drop(progress);
-    console.remark(&format!("{rows} rows -> {}", args.out.display()));
-    Ok(())
+    console.remark(&format!("{} rows -> {}", simulated.rows, args.out.display()));
+    Ok(simulated)
 }
 
 /// Where the seal stands before the first row.

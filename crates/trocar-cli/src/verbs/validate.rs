@@ -95,7 +95,7 @@ pub(crate) fn table(validation: &Validation) -> String {
     let floor = if repeats { vec!["floor N", "rms/floor"] } else { Vec::new() };
     let mut table = Table::headed(common.into_iter().chain(phases).chain(["samples"]).chain(floor));
     for r in &validation.recordings {
-        let Phases { deformation, sliding, moving, hold } = r.by_phase;
+        let Phases { deformation, sliding, moving, hold, .. } = r.by_phase;
         let parts = if classical { vec![moving, Some(hold)] } else { [deformation, sliding, hold].map(Some).to_vec() };
         let numbers = [number(r.rms_n), format!("{:.2}", r.fit_percent), number(r.bias_n), number(r.worst_n)];
         let strokes = r.strokes.map(|s| [number(s.stroke_scatter_n), format!("{:.2}", s.rms_over_scatter)]);

@@ -164,6 +164,10 @@ pub struct Fluctuation {
     pub ripple_fraction: f64,
     /// Length of the ripple in m, positive.
     pub ripple_length_m: f64,
+    /// Change of the force over `drift_time_s`, -0.5 to 0.5; 0 for none.
+    pub drift_fraction: f64,
+    /// How long the drift takes in s after the first sample, positive.
+    pub drift_time_s: f64,
 }
 
 /// Wetting of the seal on the way: its friction falls, the stiffness of its rubber does not.
@@ -232,28 +236,44 @@ pub struct Protocols {
     pub surgeon: Surgeon,
 }
 
-/// Cycles at constant speed, faster each time.
+/// Order of the speeds of the cycles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SpeedOrder {
+    /// From the slowest to the fastest: what drifts with time looks like viscous friction.
+    Ascending,
+    /// The cycles in random order.
+    Shuffled,
+    /// From the slowest to the fastest and back, so twice as many cycles: a linear drift cancels.
+    UpAndDown,
+}
+
+/// Cycles at constant speed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpeedCycles {
-    /// Speed of the first cycle in m/s, positive.
+    /// Lowest speed in m/s, positive.
     pub slowest_m_s: f64,
-    /// Speed of the last cycle in m/s, at least `slowest_m_s`.
+    /// Highest speed in m/s, at least `slowest_m_s`.
     pub fastest_m_s: f64,
-    /// Growth from cycle to cycle in m/s, positive.
+    /// Difference of neighbouring speeds in m/s, positive.
     pub increment_m_s: f64,
     /// Cycles at each speed, at least 1.
     pub cycles_per_speed: u32,
+    /// Order of the speeds.
+    pub order: SpeedOrder,
     /// Length of a pass in m; long enough to reach `fastest_m_s`.
     pub stroke_m: f64,
     /// Acceleration limit in m/s², positive.
     pub acceleration_m_s2: f64,
+    /// Largest distance in m, ≥ 0, of a reversal from its nominal position.
+    pub turning_scatter_m: f64,
     /// Rest at each reversal in s, ≥ 0.
     pub dwell_s: f64,
 }
 
 impl SpeedCycles {
-    /// The speeds of the cycles in m/s, in the order of the cycles.
+    /// The speeds in m/s, each once, from the slowest to the fastest.
     pub fn speeds(&self) -> Vec<f64> {
         // A thousandth of an increment keeps the last speed when the division falls just short of a whole number.
         let increments = (self.fastest_m_s - self.slowest_m_s) / self.increment_m_s + 1e-3;
@@ -378,16 +398,22 @@ pub enum ConfigError {
     },
 }
 
-/// Keys whose values are words out of a fixed set.
-const WORDS: [(&str, &str); 2] = [("encoder", "rounding"), ("tissue", "kind")];
+/// Refuses `word` unless it is one of its key's.
+type CheckWord = fn(toml::Value) -> Result<(), toml::de::Error>;
 
-/// The key whose word `message` complains about.
-fn wrong_word(document: &toml::Table, message: &str) -> &'static str {
-    let quoted = |(section, key): &(&str, &str)| {
-        let word = document.get(*section).and_then(|section| section.get(*key)).and_then(toml::Value::as_str);
-        word.is_some_and(|word| message.contains(&format!("`{word}`, expected")))
-    };
-    if quoted(&WORDS[1]) { "tissue.kind" } else { "encoder.rounding" }
+/// Keys whose values are words out of a fixed set.
+const WORDS: [(&str, CheckWord); 4] = [
+    ("encoder.rounding", |word| word.try_into::<Rounding>().map(drop)),
+    ("tissue.kind", |word| word.try_into::<TissueKind>().map(drop)),
+    ("protocol.steady.order", |word| word.try_into::<SpeedOrder>().map(drop)),
+    ("protocol.validation.order", |word| word.try_into::<SpeedOrder>().map(drop)),
+];
+
+/// The value of a key with its sections.
+fn value_of(document: &toml::Table, key: &str) -> Option<toml::Value> {
+    let (sections, name) = key.rsplit_once('.')?;
+    let section = sections.split('.').try_fold(document, |table, section| table.get(section)?.as_table())?;
+    section.get(name).cloned()
 }
 
 fn line_prefix(line: Option<usize>) -> String {
@@ -413,11 +439,14 @@ impl BenchConfig {
         let mut merged: toml::Table = DEFAULT_TOML.parse().expect("the shipped document is TOML");
         let lines = Lines { text, root: spans.get_ref() };
         overlay(&mut merged, given, &lines, &mut Vec::new())?;
-        // Keys and types are those of the shipped document, so only a word out of a fixed set can still be wrong.
-        let config: Self = merged.clone().try_into().map_err(|error: toml::de::Error| {
-            let key = wrong_word(&merged, error.message());
-            ConfigError::Word { line: lines.of(key).unwrap_or(1), message: format!("{key}: {}", error.message()) }
-        })?;
+        for (key, check) in WORDS {
+            value_of(&merged, key).map_or(Ok(()), check).map_err(|error| ConfigError::Word {
+                line: lines.of(key).unwrap_or(1),
+                message: format!("{key}: {}", error.message()),
+            })?;
+        }
+        // Keys and types are those of the shipped document, and the words are checked: nothing is left to go wrong.
+        let config: Self = merged.try_into().map_err(syntax)?;
         config.validate().map_err(|error| match error {
             ConfigError::OutOfRange { key, allowed, found, .. } => {
                 ConfigError::OutOfRange { line: lines.of(&key), key, allowed, found }
@@ -499,6 +528,8 @@ impl BenchConfig {
         positive("fluctuation.pass_travel_m", slow.pass_travel_m)?;
         within("fluctuation.ripple_fraction", slow.ripple_fraction, 0.0, 0.2)?;
         positive("fluctuation.ripple_length_m", slow.ripple_length_m)?;
+        within("fluctuation.drift_fraction", slow.drift_fraction, -0.5, 0.5)?;
+        positive("fluctuation.drift_time_s", slow.drift_time_s)?;
         self.validate_surroundings()
     }
 
@@ -528,7 +559,12 @@ impl BenchConfig {
         at_least_one(&key("cycles_per_speed"), cycles.cycles_per_speed)?;
         within(&key("acceleration_m_s2"), cycles.acceleration_m_s2, 1e-3, 1e3)?;
         not_negative(&key("dwell_s"), cycles.dwell_s)?;
-        self.stroke(&key("stroke_m"), cycles.stroke_m, fastest, cycles.acceleration_m_s2)
+        self.stroke(&key("stroke_m"), cycles.stroke_m, fastest, cycles.acceleration_m_s2)?;
+        // Reversals stay between the safety stops, and the shortest stroke still reaches the fastest speed.
+        let behind = self.rig.stroke_limit_m - self.rig.start_m - cycles.stroke_m;
+        let spare = 0.5 * (cycles.stroke_m - fastest * fastest / cycles.acceleration_m_s2);
+        let most = self.rig.start_m.min(behind).min(spare);
+        within(&key("turning_scatter_m"), cycles.turning_scatter_m, 0.0, most.max(0.0))
     }
 
     fn validate_dynamic(&self) -> Result<(), ConfigError> {

@@ -8,6 +8,11 @@ const PASS_HYSTERESIS: f64 = 0.002;
 /// Knots of the ripple per forgetting length; between knots it is linear.
 const KNOTS_PER_LENGTH: f64 = 10.0;
 
+/// Factor on the seal force at `time`, s after the first sample: straight from 1 to its last value, then constant.
+pub(super) fn drift(config: &Fluctuation, time: f64) -> f64 {
+    1.0 + config.drift_fraction * (time / config.drift_time_s).clamp(0.0, 1.0)
+}
+
 /// Factor on the seal force as a function of the path travelled.
 ///
 /// The factor is 1 + level + ripple. Every pass draws a new level, which replaces the last one gradually over the

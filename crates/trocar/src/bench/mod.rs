@@ -197,9 +197,9 @@ pub fn run(config: &BenchConfig, protocol: Protocol, seal: &[Element], seed: u64
     let mut log = Log::new(config, seal.len(), seed);
     let protocols = &config.protocol;
     match protocol {
-        Protocol::Steady => rig.follow(Reference::speed_cycles(&protocols.steady), &mut log),
+        Protocol::Steady => rig.follow(Reference::speed_cycles(&protocols.steady, seed), &mut log),
         Protocol::Validation => {
-            rig.follow(Reference::speed_cycles(&protocols.validation), &mut log);
+            rig.follow(Reference::speed_cycles(&protocols.validation, seed), &mut log);
         }
         Protocol::Step => rig.follow(Reference::step(&protocols.step), &mut log),
         Protocol::Surgeon => rig.follow(Reference::surgeon(&protocols.surgeon, seed), &mut log),

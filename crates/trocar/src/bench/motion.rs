@@ -1,6 +1,6 @@
 //! Speed references: trapezoids, the velocity step, and the hand of a surgeon.
 
-use super::config::{BenchConfig, SpeedCycles, Surgeon, VelocityStep};
+use super::config::{BenchConfig, SpeedCycles, SpeedOrder, Surgeon, VelocityStep};
 use super::noise::{Noise, Source};
 
 /// Number of sinusoids that make up the tremor: enough that its level wanders as a hand's does.
@@ -73,15 +73,19 @@ impl Reference {
         self.push(ramp, Piece::Ramp { from: velocity, to: 0.0 });
     }
 
-    /// Cycles of growing speed.
-    pub(super) fn speed_cycles(cycles: &SpeedCycles) -> Self {
+    /// Cycles at one speed each.
+    pub(super) fn speed_cycles(cycles: &SpeedCycles, seed: u64) -> Self {
+        let mut noise = Noise::new(seed, Source::TurningPoint);
         let mut reference = Self::empty();
-        for speed in cycles.speeds() {
-            for _ in 0..cycles.cycles_per_speed {
-                for velocity in [speed, -speed] {
-                    reference.pass(velocity, cycles.stroke_m, cycles.acceleration_m_s2);
-                    reference.hold(cycles.dwell_s);
-                }
+        // How far the last reversal was moved towards insertion.
+        let mut begin = 0.0;
+        for speed in speeds_of_cycles(cycles, seed) {
+            for direction in [1.0, -1.0] {
+                let end = cycles.turning_scatter_m * noise.uniform(-1.0, 1.0);
+                let stroke = cycles.stroke_m + direction * (end - begin);
+                reference.pass(direction * speed, stroke, cycles.acceleration_m_s2);
+                reference.hold(cycles.dwell_s);
+                begin = end;
             }
         }
         reference
@@ -163,4 +167,19 @@ impl Reference {
         }
         0.0
     }
+}
+
+/// The speed of every cycle, m/s.
+fn speeds_of_cycles(cycles: &SpeedCycles, seed: u64) -> Vec<f64> {
+    let repeated = |speed: f64| (0..cycles.cycles_per_speed).map(move |_| speed);
+    let mut speeds: Vec<f64> = cycles.speeds().into_iter().flat_map(repeated).collect();
+    match cycles.order {
+        SpeedOrder::Ascending => {}
+        SpeedOrder::Shuffled => Noise::new(seed, Source::SpeedOrder).shuffle(&mut speeds),
+        SpeedOrder::UpAndDown => {
+            let down: Vec<f64> = speeds.iter().rev().copied().collect();
+            speeds.extend(down);
+        }
+    }
+    speeds
 }

@@ -15,6 +15,8 @@ pub(crate) enum Source {
     Movement = 6,
     Tremor = 7,
     RandomSeal = 8,
+    SpeedOrder = 9,
+    TurningPoint = 10,
 }
 
 /// One reproducible stream of uniform and normal numbers.
@@ -50,6 +52,14 @@ impl Noise {
     /// +1 or -1 with equal chance.
     pub(crate) fn sign(&mut self) -> f64 {
         if self.unit() < 0.5 { -1.0 } else { 1.0 }
+    }
+
+    /// Puts `values` in random order, every order with equal chance (Fisher and Yates).
+    pub(crate) fn shuffle<T>(&mut self, values: &mut [T]) {
+        for last in (1..values.len()).rev() {
+            let other = (self.unit() * (last + 1) as f64) as usize;
+            values.swap(last, other);
+        }
     }
 
     /// Normal with mean 0 and standard deviation 1 (Box-Muller; `libm`, so the same bits on every machine).

@@ -3,7 +3,7 @@
 use trocar_model::{Element, SlidingFriction, State, step_parallel};
 
 use super::config::{BenchConfig, Controller, Motor, PushCycles};
-use super::fluctuation::SealLevel;
+use super::fluctuation::{SealLevel, drift};
 use super::motion::Reference;
 use super::surroundings::{Wetting, tissue_force};
 use super::{BenchError, Log, RigEvents};
@@ -245,7 +245,8 @@ impl<'a> RigState<'a> {
         let wetting = Wetting::at(&self.config.lubrication, self.time);
         let force = step_parallel(self.seal, &mut self.states, wetting.of_dry(displacement), dt);
         let viscous = self.seal.iter().zip(&self.states).map(|(element, state)| element.viscous_force(state)).sum();
-        self.seal_force = wetting.of_wet(force, viscous) * self.level.advance(displacement, reached);
+        let fluctuation = self.level.advance(displacement, reached) * drift(&self.config.fluctuation, self.time);
+        self.seal_force = wetting.of_wet(force, viscous) * fluctuation;
         self.tissue_force = tissue_force(&self.config.tissue, self.time, reached, velocity);
     }
 

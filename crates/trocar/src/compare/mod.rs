@@ -37,7 +37,7 @@ mod summary;
 /// A model to compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Choice {
-    /// The EMS element as identified: the paper's two steps and the refinement.
+    /// The EMS element as identified: the fit, with the optional terms that the data ask for.
     Ems,
     /// The EMS element refitted by the criterion of the classical models.
     EmsOutputError,

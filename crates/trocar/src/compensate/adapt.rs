@@ -47,7 +47,7 @@ const PRIOR: [f64; 2] = [0.15, 0.3];
 /// The same once a change was seen: silicone oil takes 75 % off.
 const OPENED: [f64; 2] = [0.5, 0.5];
 /// Growth of the standard deviations within a second.
-const GROWTH: [f64; 2] = [0.003, 0.02];
+const GROWTH: [f64; 2] = [0.0015, 0.01];
 /// Bounds of λ and ν.
 const BOUNDS: [[f64; 2]; 2] = [[0.1, 2.0], [0.0, 4.0]];
 /// Part of the deformation range that must be slid before the slide is beyond doubt.

@@ -23,20 +23,24 @@ const COUNT: usize = 7;
 const PAIRS: usize = 24;
 const MOST_APART: usize = 4;
 const PASSES: u64 = 3;
-/// Pairs behind the doubt.
+/// Pairs behind the doubt: those that follow a change within 3 mm of travel, and those that still remember it afterwards.
+const NEWEST: usize = 3;
 const RECENT: usize = 12;
+/// Error of a pair, over what the model's error in both of its crossings explains, that is no doubt.
+const NOISE: f64 = 2.0;
 /// Range of F_h₊ − F_h₋ over the standard deviation of the model from which on a pair tells levels apart.
 const TELLING: f64 = 12.0;
 /// Largest departure from the middle level, in proportion, that is agreement; and the least change worth going over for.
 const APART: f64 = 0.12;
 const WORTH: f64 = 0.2;
 
-/// The mean of one crossing of one cell: reading and forces by level, N.
+/// The mean of one crossing of one cell: reading and forces by level, N; variance of the model's error, N².
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     cell: i64,
     time: f64,
     reading: f64,
+    variance: f64,
     forces: [f64; COUNT],
 }
 
@@ -47,6 +51,7 @@ struct Current {
     inserts: bool,
     samples: f64,
     reading: f64,
+    variance: f64,
     forces: [f64; COUNT],
 }
 
@@ -60,6 +65,8 @@ struct Pair {
     /// y₊ − y₋ and F_h₊ − F_h₋, N.
     turn: f64,
     turns: [f64; COUNT],
+    /// Variance that the model's error in both crossings gives `turn`, N².
+    variance: f64,
     pass: u64,
 }
 
@@ -126,25 +133,27 @@ impl Bank {
     }
 
     /// Takes a reading (without offset, inertia, way and what the viscous part has grown by, N) at `position`, m, on the
-    /// way in or out.
-    pub(super) fn take(&mut self, position: f64, inserts: bool, reading: f64) {
+    /// way in or out; the model's error there has `variance`, N².
+    pub(super) fn take(&mut self, position: f64, inserts: bool, reading: f64, variance: f64) {
         let cell = (position / CELL).floor() as i64;
         if self.current.is_some_and(|current| (current.cell, current.inserts) != (cell, inserts)) {
             self.finish_crossing();
         }
-        let fresh = Current { cell, inserts, samples: 0.0, reading: 0.0, forces: [0.0; COUNT] };
+        let fresh = Current { cell, inserts, samples: 0.0, reading: 0.0, variance: 0.0, forces: [0.0; COUNT] };
         let current = self.current.get_or_insert(fresh);
         current.samples += 1.0;
         current.reading += reading;
+        current.variance += variance;
         for ((sum, state), level) in current.forces.iter_mut().zip(&self.states).zip(LEVELS) {
             *sum += level * Seal::force(state);
         }
     }
 
     fn finish_crossing(&mut self) {
-        let Some(Current { cell, inserts, samples, reading, forces }) = self.current.take() else { return };
-        let (reading, forces) = (reading / samples, forces.map(|sum| sum / samples));
-        let now = Crossing { cell, time: self.time, reading, forces };
+        let Some(Current { cell, inserts, samples, reading, variance, forces }) = self.current.take() else { return };
+        let (reading, variance) = (reading / samples, variance / samples);
+        let forces = forces.map(|sum| sum / samples);
+        let now = Crossing { cell, time: self.time, reading, variance, forces };
         let place = cell.rem_euclid(CELLS as i64) as usize;
         let across = self.memory[usize::from(!inserts)][place];
         if let Some(before) = across.filter(|b| b.cell == cell && self.time - b.time < LONGEST_AGE) {
@@ -172,18 +181,25 @@ impl Bank {
             }
             None => (f64::NAN, f64::NAN),
         };
-        self.pairs[self.next] = Some(Pair { level, load, turn, turns, pass: self.pass });
+        self.pairs[self.next] =
+            Some(Pair { level, load, turn, turns, variance: now.variance + before.variance, pass: self.pass });
         self.next = (self.next + 1) % PAIRS;
     }
 
-    /// Variance of the force, N², by which the last pairs contradict the level `present` beyond the noise.
+    /// Variance of the force, N², by which the last pairs contradict the level `present` beyond the noise. A pair may lie on
+    /// either side of a change, so the whole of its error may be that of the later crossing.
     pub(super) fn doubt(&self, present: f64) -> f64 {
         let (h, part) = place(present);
-        let last = (1..=RECENT).filter_map(|back| self.pairs[(self.next + PAIRS - back) % PAIRS]);
-        let error = |pair: Pair| pair.turn - pair.turns[h] - part * (pair.turns[h + 1] - pair.turns[h]);
-        let (squares, count) = last.fold((0.0, 0.0), |(s, n), pair| (s + error(pair).powi(2), n + 1.0));
-        let noise = 2.0 * CONTACT * CONTACT * self.sigma * self.sigma;
-        if count > 0.0 { (0.25 * (squares / count - noise)).max(0.0) } else { 0.0 }
+        let beyond = |pair: Pair| {
+            let error = pair.turn - pair.turns[h] - part * (pair.turns[h + 1] - pair.turns[h]);
+            error * error - NOISE * NOISE * pair.variance
+        };
+        let over = |number: usize| {
+            let last = (1..=number).filter_map(|back| self.pairs[(self.next + PAIRS - back) % PAIRS]);
+            let (squares, count) = last.fold((0.0, 0.0), |(s, n), pair| (s + beyond(pair), n + 1.0));
+            if count > 0.0 { squares / count } else { 0.0 }
+        };
+        over(RECENT).max(over(NEWEST)).max(0.0)
     }
 
     /// A level that the last pairs agree about and that is not `present`, with a state near its own; once.

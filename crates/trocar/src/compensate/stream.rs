@@ -9,6 +9,7 @@ use crate::recording::rows::Rows;
 use crate::recording::{Choice, Place};
 use crate::simulate::SimulateError;
 use crate::table::{Cell, Field, Kind, TableWriter};
+use crate::travel::Departure;
 
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
@@ -35,6 +36,8 @@ pub struct Compensation {
     pub faults: Vec<FaultCount>,
     /// Where level and viscosity ended.
     pub drift: Drift,
+    /// How far the motion left the range of the position profile.
+    pub departure: Option<Departure>,
 }
 
 /// How a stream is read and written.
@@ -80,7 +83,7 @@ pub fn compensate_file(
         if let Some(fault) = estimate.fault.filter(|fault| count.is_new(*fault)) {
             on_fault(fault, row.line);
         }
-        count.take(row.line, &estimate);
+        count.take(row.line, position, &estimate);
         let numbers = [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std];
         let [a, b, c, d, e, f] = numbers.map(|number| Cell::Number(if number.is_finite() { number } else { f64::NAN }));
         result.row(&[a, b, c, d, e, f, Cell::Whole(i64::from(estimate.adapting))])?;
@@ -92,7 +95,7 @@ pub fn compensate_file(
         }
     }
     result.commit()?;
-    Ok(count.summary(observer.drift()))
+    Ok(count.summary(observer))
 }
 
 /// Time since the row before, s; 0 for the first and for a repeated time.
@@ -116,12 +119,20 @@ fn fields() -> Vec<Field> {
     numbers.into_iter().map(Field::number).chain([adapting]).collect()
 }
 
-#[derive(Default)]
 struct Counter {
     rows: u64,
+    lowest: f64,
+    highest: f64,
     adapting_rows: u64,
     /// First line and rows, by fault.
     faults: [Option<(u64, u64)>; Fault::ALL.len()],
+}
+
+impl Default for Counter {
+    fn default() -> Self {
+        let (lowest, highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        Self { rows: 0, lowest, highest, adapting_rows: 0, faults: [None; Fault::ALL.len()] }
+    }
 }
 
 impl Counter {
@@ -129,8 +140,11 @@ impl Counter {
         self.faults[fault as usize].is_none()
     }
 
-    fn take(&mut self, line: u64, estimate: &super::Estimate) {
+    fn take(&mut self, line: u64, position: f64, estimate: &super::Estimate) {
         self.rows += 1;
+        if position.is_finite() && !matches!(estimate.fault, Some(Fault::Jump)) {
+            (self.lowest, self.highest) = (self.lowest.min(position), self.highest.max(position));
+        }
         self.adapting_rows += u64::from(estimate.adapting);
         if let Some(fault) = estimate.fault {
             let (first, rows) = self.faults[fault as usize].unwrap_or((line, 0));
@@ -138,12 +152,13 @@ impl Counter {
         }
     }
 
-    fn summary(self, drift: Drift) -> Compensation {
+    fn summary(self, observer: &Compensator) -> Compensation {
         let found = |fault: Fault| {
             let (first_line, rows) = self.faults[fault as usize]?;
             Some(FaultCount { fault, first_line, rows })
         };
         let faults = Fault::ALL.into_iter().filter_map(found).collect();
-        Compensation { rows: self.rows, adapting_rows: self.adapting_rows, faults, drift }
+        let (drift, departure) = (observer.drift(), observer.departure(self.lowest, self.highest));
+        Compensation { rows: self.rows, adapting_rows: self.adapting_rows, faults, drift, departure }
     }
 }

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::row::{Cell, DEGREES, Row, parameter_names};
 use crate::cancel;
-use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Ingredient, identify};
+use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Term, Warning, identify};
 use crate::recording::rows::Crop;
 use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
 use crate::summary::{MovingMass, PROGRAM};
@@ -22,12 +22,11 @@ const PEAK_TO_COLUMNS: u64 = 5;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Depth {
-    /// The paper's two steps, refined, with intervals. All motion is fitted only where nothing slides steadily, and then
-    /// with the paper's element alone.
+    /// The fit without the optional terms of which rests and partial reversals tell.
     #[default]
     Quick,
-    /// All that `trocar identify` does: where there are rests and partial reversals, the fit to all motion with its
-    /// search for ingredients.
+    /// All that `trocar identify` does: where there are rests and partial reversals, the optional terms that need them
+    /// are tried too.
     Full,
 }
 
@@ -278,19 +277,14 @@ fn identified(recordings: &[Recording], config: &Config) -> Result<(Identificati
             match identify(recordings, &two_steps, &|_, _| ()) {
                 // The paper's element alone.
                 Err(IdentifyError::NoSteadySliding { .. }) => {
-                    let all_motion = IdentifyOptions { without: Ingredient::ALL.to_vec(), ..options };
+                    let all_motion = IdentifyOptions { without: Term::ALL.to_vec(), ..options };
                     identify(recordings, &all_motion, &|_, _| ())?
                 }
                 found => found?,
             }
         }
     };
-    let refined = found.refinement.as_ref().is_some_and(|r| r.accepted);
-    let method = match &found.motion {
-        Some(_) => "all_motion",
-        None if refined => "two_steps_refined",
-        None => "two_steps",
-    };
+    let method = if found.fit.is_some() { "fit" } else { "two_steps" };
     Ok((found, method))
 }
 
@@ -363,15 +357,16 @@ fn result(row: &mut Row, found: &Identification, recording: &Recording, method: 
     let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };
     row.set("status", Cell::text(status));
     row.set("method", Cell::text(method));
-    let of_data = recording.quality.warnings.iter().map(|w| w.message.clone());
-    let of_fit = found.warnings.iter().map(|w| format!("{}: {}", w.subject, w.message));
-    warnings(row, of_data.chain(of_fit).collect());
+    // Without the recording's name, which has a column of its own.
+    let message = |w: &Warning| match w.subject == recording.name {
+        true => w.message.clone(),
+        false => format!("{}: {}", w.subject, w.message),
+    };
+    warnings(row, found.warnings.iter().map(message).collect());
     quality_of_fit(row, found);
-    if let Some(motion) = &found.free_motion {
-        row.set("reversals", Cell::count(motion.reversals));
-        row.set("partial_reversals", Cell::count(motion.partial_reversals));
-        row.set("held_s", Cell::number(motion.held_s));
-    }
+    row.set("reversals", Cell::count(found.free_motion.reversals));
+    row.set("partial_reversals", Cell::count(found.free_motion.partial_reversals));
+    row.set("held_s", Cell::number(found.free_motion.held_s));
     if let Some(fit) = &found.travel {
         row.set("travel_knots", Cell::count(fit.profile.levels().len()));
         row.set("travel_held_out_rms_n", Cell::number(fit.held_out_rms_n));
@@ -394,14 +389,14 @@ fn quality_of_fit(row: &mut Row, found: &Identification) {
         Ok(fit) => row.set("traverses", Cell::count(fit.traverses.len())),
         Err(why) => row.set("deformation_missing", Cell::text(why)),
     }
-    if let Some(refinement) = &found.refinement {
-        row.set("refinement_accepted", Cell::Flag(refinement.accepted));
-        row.set("held_out_two_step_rms_n", Cell::number(refinement.held_out_two_step_rms_n));
-        row.set("held_out_refined_rms_n", Cell::number(refinement.held_out_refined_rms_n));
+    row.set("friction_scatter", Cell::number(found.friction_scale.scatter));
+    row.set("friction_drift", Cell::number(found.friction_scale.drift));
+    if let Some(jump) = found.friction_scale.jumps.first() {
+        row.set("friction_jump_ratio", Cell::number(jump.ratio));
+        row.set("friction_jump_s", Cell::number(jump.time_s));
     }
-    if let Some(motion) = &found.motion {
-        row.set("free_motion_held_out_rms_n", Cell::number(motion.held_out_chosen_n));
-        let kept: Vec<&str> = motion.ingredients.iter().filter(|i| i.kept).map(|i| i.ingredient.name()).collect();
-        row.set("ingredients", Cell::text(kept.join(" ")));
+    if let Some(fit) = &found.fit {
+        let kept: Vec<&str> = fit.terms.iter().filter(|t| t.kept).map(|t| t.term.name()).collect();
+        row.set("terms", Cell::text(kept.join(" ")));
     }
 }

@@ -1,10 +1,10 @@
-//! A candidate model as a vector of free numbers, for the refinement against simulated force.
+//! A candidate model as a vector of free numbers, for the fit of the simulated force.
 
 use trocar_model::{
     DeformationForce, Element, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction, Stages,
 };
 
-use super::output_error::{Free, Trial};
+use super::likelihood::{Column, Free, Trial};
 use super::shape::{BranchShape, Pins};
 use super::stage::SecondStage;
 
@@ -103,11 +103,20 @@ const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
 /// Which numbers of a candidate are free, in the order of the parameter vector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Layout {
-    pub(super) symmetric: bool,
+    /// The sensor offset: not where it is known.
+    pub(super) offset: bool,
+    pub(super) hidden_mass: bool,
+    /// F_c and F_s by direction: where the offset is known, for otherwise only their sum shows.
+    pub(super) own_levels: bool,
+    /// β by direction.
+    pub(super) own_slopes: bool,
     pub(super) viscous: bool,
     pub(super) stribeck: bool,
+    /// c and the branches.
+    pub(super) shape: bool,
+    /// Least c, m, that encoder and sampling resolve.
+    pub(super) narrowest: f64,
     pub(super) damping: bool,
-    pub(super) hidden_mass: bool,
     /// Minor-loop stiffness.
     pub(super) yielding: bool,
     pub(super) creep: bool,
@@ -119,6 +128,26 @@ pub(super) struct Layout {
     pub(super) second: bool,
 }
 
+impl Layout {
+    /// The paper's element: (23), c and the branches.
+    pub(super) const PAPER: Self = Self {
+        offset: true,
+        hidden_mass: false,
+        own_levels: false,
+        own_slopes: false,
+        viscous: true,
+        stribeck: false,
+        shape: true,
+        narrowest: 0.0,
+        damping: false,
+        yielding: false,
+        creep: false,
+        lag: false,
+        arms: 0,
+        second: false,
+    };
+}
+
 /// Visits the logarithm of a number that must stay positive.
 fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, f64, f64, f64)) {
     let mut log = value.max(low).min(high).ln();
@@ -126,22 +155,14 @@ fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, f
     *value = log.exp();
 }
 
-/// Precisions, 1/variance, of what the steady state estimates.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct SteadyPrecisions {
-    pub(super) offset: f64,
-    /// Coulomb force and viscous damping, of both directions.
-    pub(super) lines: [[f64; 2]; 2],
-    /// Static force and Stribeck velocity.
-    pub(super) stribeck: [f64; 2],
-}
-
 impl Layout {
     /// Visits every free number of the candidate, in a fixed order.
     fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, f64, f64, f64)) {
         let free = f64::INFINITY;
         let force = 1e-4 * candidate.insertion.coulomb_force;
-        on(&mut candidate.offset, force, -free, free);
+        if self.offset {
+            on(&mut candidate.offset, force, -free, free);
+        }
         if self.hidden_mass {
             on(&mut candidate.hidden_mass, 1e-4, 0.0, free);
         }
@@ -150,34 +171,44 @@ impl Layout {
             on(&mut candidate.insertion.viscous_damping, 100.0 * force, 0.0, free);
         }
         if self.stribeck {
-            on(&mut candidate.insertion.static_force, force, 10.0 * force, free);
+            let most = 10.0 * candidate.insertion.coulomb_force;
+            on(&mut candidate.insertion.static_force, force, 10.0 * force, most);
             on(&mut candidate.insertion.stribeck_velocity, 1e-5, 5e-4, 1.0);
-        }
-        if self.symmetric {
-            candidate.withdrawal = candidate.insertion;
+            on(&mut candidate.insertion.stribeck_exponent, 1e-2, 0.5, 3.0);
         } else {
+            candidate.insertion.static_force = candidate.insertion.coulomb_force;
+        }
+        let other = candidate.withdrawal;
+        candidate.withdrawal = candidate.insertion;
+        if self.own_levels {
+            candidate.withdrawal.coulomb_force = other.coulomb_force;
             on(&mut candidate.withdrawal.coulomb_force, force, 10.0 * force, free);
-            if self.viscous {
-                on(&mut candidate.withdrawal.viscous_damping, 100.0 * force, 0.0, free);
-            }
+            candidate.withdrawal.static_force = candidate.withdrawal.coulomb_force;
             if self.stribeck {
+                candidate.withdrawal.static_force = other.static_force;
                 on(&mut candidate.withdrawal.static_force, force, 10.0 * force, free);
-                candidate.withdrawal.stribeck_velocity = candidate.insertion.stribeck_velocity;
             }
+        }
+        if self.own_slopes && self.viscous {
+            candidate.withdrawal.viscous_damping = other.viscous_damping;
+            on(&mut candidate.withdrawal.viscous_damping, 100.0 * force, 0.0, free);
         }
         for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
-            if self.stribeck {
-                sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
-            } else {
-                sliding.static_force = sliding.coulomb_force;
-            }
+            sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
         }
         let width = candidate.half_width;
         // Forces far beyond those of sliding are never reached: no reading would hold them.
         let wildest = 10.0 * candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
-        on(&mut candidate.half_width, 1e-4 * width, 0.3 * width, 3.0 * width);
-        for shape in [&mut candidate.rising, &mut candidate.falling] {
-            shape.visit(force, wildest, &mut on);
+        if self.shape {
+            on(
+                &mut candidate.half_width,
+                1e-4 * width,
+                (0.3 * width).max(self.narrowest),
+                (3.0 * width).max(self.narrowest),
+            );
+            for shape in [&mut candidate.rising, &mut candidate.falling] {
+                shape.visit(force, wildest, &mut on);
+            }
         }
         if self.damping {
             on(&mut candidate.seal_damping, 10.0 * force, 0.0, free);
@@ -210,24 +241,12 @@ impl Layout {
     pub(super) fn free(self, candidate: &Candidate) -> Vec<Free> {
         let mut free = Vec::new();
         self.visit(&mut candidate.clone(), |value, step, low, high| {
-            free.push(Free { value: *value, step, low, high });
+            free.push(Free { value: *value, step, low, high, column: Column::Simulated });
         });
+        let linear = [(self.offset, Column::Offset), (self.hidden_mass, Column::Mass)];
+        let first = linear.into_iter().filter(|(is_free, _)| *is_free);
+        free.iter_mut().zip(first).for_each(|(free, (_, column))| free.column = column);
         free
-    }
-
-    /// Precisions, 1/variance, of the free numbers of `count` in all that the steady state knows; 0 for the others.
-    pub(super) fn precisions(self, known: &SteadyPrecisions, count: usize) -> Vec<f64> {
-        let mut all = vec![known.offset];
-        all.extend(self.hidden_mass.then_some(0.0));
-        for (line, [coulomb, viscous]) in known.lines.iter().enumerate().take(if self.symmetric { 1 } else { 2 }) {
-            all.push(*coulomb);
-            all.extend(self.viscous.then_some(*viscous));
-            if self.stribeck {
-                all.extend(if line == 0 { &known.stribeck[..] } else { &[0.0] });
-            }
-        }
-        all.resize(count, 0.0);
-        all
     }
 
     /// The candidate with its free numbers replaced, each held within its range.
@@ -250,17 +269,28 @@ impl Layout {
     }
 }
 
-/// A candidate with the choice of its free numbers: what the output-error fit moves.
+/// A candidate with the choice of its free numbers: what the fit moves.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct EmsTrial {
     pub(super) candidate: Candidate,
     pub(super) layout: Layout,
+    /// d_k: drift of the friction scale.
+    pub(super) drift: Vec<f64>,
 }
 
 impl EmsTrial {
-    /// How many numbers are free.
+    pub(super) fn new(candidate: Candidate, layout: Layout) -> Self {
+        Self { candidate, layout, drift: Vec::new() }
+    }
+
+    /// How many numbers of the model are free.
     pub(super) fn free_numbers(&self) -> usize {
         self.layout.free(&self.candidate).len()
+    }
+
+    fn replaced(&self, values: &[f64], with: impl Fn(Layout, &Candidate, &[f64]) -> Candidate) -> Self {
+        let (own, drift) = values.split_at(values.len() - self.drift.len());
+        Self { candidate: with(self.layout, &self.candidate, own), layout: self.layout, drift: drift.to_vec() }
     }
 }
 
@@ -272,15 +302,24 @@ impl Trial for EmsTrial {
     }
 
     fn free(&self) -> Vec<Free> {
-        self.layout.free(&self.candidate)
+        let of_drift = |(k, value): (usize, &f64)| Free {
+            value: *value,
+            step: 1e-3,
+            low: f64::NEG_INFINITY,
+            high: f64::INFINITY,
+            column: Column::Drift(k),
+        };
+        let mut free = self.layout.free(&self.candidate);
+        free.extend(self.drift.iter().enumerate().map(of_drift));
+        free
     }
 
     fn with(&self, values: &[f64]) -> Self {
-        Self { candidate: self.layout.with(&self.candidate, values), layout: self.layout }
+        self.replaced(values, Layout::with)
     }
 
     fn with_any(&self, values: &[f64]) -> Self {
-        Self { candidate: self.layout.with_any(&self.candidate, values), layout: self.layout }
+        self.replaced(values, Layout::with_any)
     }
 
     fn offset(&self) -> f64 {
@@ -289,5 +328,9 @@ impl Trial for EmsTrial {
 
     fn hidden_mass(&self) -> f64 {
         self.candidate.hidden_mass
+    }
+
+    fn drift(&self) -> &[f64] {
+        &self.drift
     }
 }

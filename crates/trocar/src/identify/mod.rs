@@ -1,56 +1,69 @@
-//! From recordings to an EMS element: the paper's two steps (EMS section IV), then a refinement.
+//! From recordings to an EMS element.
 //!
 //! ```text
-//! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)        steady.rs, stribeck.rs
-//!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs
-//!            -> all against simulated force, the steady state held, intervals  candidate.rs, training.rs, output_error.rs
+//! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)            steady.rs, stribeck.rs
+//!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)            deformation.rs, shape.rs       the paper's two steps
+//!            -> all motion against simulated force: one likelihood              likelihood.rs, training.rs
+//!               friction scale of each stroke, optional terms                   element.rs, scale.rs, terms.rs
+//!            -> the force along the position, where strokes repeat it           along.rs
+//!            -> intervals                                                       numbers.rs, spread.rs
+//!            -> what the data determine, and whether the model is adequate      adequacy.rs
+//!            -> the result                                                      conclude.rs
 //! ```
-//! Before, late positions are put in step (timing.rs); after, the force along the way is fitted where strokes repeat
-//! (along.rs).
 //!
-//! Every recording is searched for what it can give. What the data do not pin is part of the result: an infinite
-//! interval, the reason, and a warning.
+//! Each stage takes data and options and returns its own result; they are put together once, in conclude.rs. What the data do not
+//! determine is part of the result: an infinite interval, the reason, and a warning.
 
 use serde::Serialize;
-use trocar_model::{Element, Relaxation, SlidingFriction, Stages};
+use trocar_model::{Element, Stages};
 
 use crate::recording::{Recording, RecordingError, local_acceleration};
-use crate::segment::{Pass, SegmentOptions, Stretch, behind_start, passes, reversal_threshold, stretches};
+use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches};
 use crate::travel::{TravelFit, TravelProfile};
 
+pub use adequacy::Phase;
 pub use candidate::Candidate;
-use deformation::Sensors;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
+use delay::InTime;
+pub use delay::PositionLag;
+use element::Input;
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
-pub use motion::{FreeMotion, Ingredient, IngredientTrial, MotionFit};
+pub use free_motion::FreeMotion;
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;
+pub use scale::{FrictionScale, Jump, StrokeFriction};
 pub use shape::{BranchShape, Pins};
 pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
-pub use timing::{PositionLag, position_lag};
+pub use terms::{Term, TermTrial};
+use two_steps::TwoSteps;
 
+mod adequacy;
 mod along;
 mod candidate;
 pub mod classical;
-mod coarse;
 mod conclude;
 mod deformation;
+mod delay;
+mod element;
 mod estimate;
-mod motion;
+mod free_motion;
+mod likelihood;
 mod nnls;
-mod output_error;
+mod numbers;
 mod random;
 mod refit;
 mod replicates;
+mod scale;
 mod shape;
 mod spread;
 mod stage;
 mod steady;
 mod stribeck;
-mod timing;
+mod terms;
 mod training;
+mod two_steps;
 
 /// How to identify.
 #[derive(Debug, Clone)]
@@ -61,12 +74,10 @@ pub struct IdentifyOptions {
     pub seed: u64,
     /// Degrees of the two joined polynomials, 2 to 7 (EMS (25): 4 and 4).
     pub degrees: [usize; 2],
-    /// Whether to refine the result against simulated force.
-    pub refine: bool,
-    /// Whether to fit the element to all motion, with creep, relaxation and minor loops, where the recordings hold any.
+    /// Whether the terms are tried of which rests and partial reversals tell: creep, relaxation, minor loops, a second stage.
     pub free_motion: bool,
-    /// Ingredients that this fit does not try.
-    pub without: Vec<Ingredient>,
+    /// Optional terms that are not tried.
+    pub without: Vec<Term>,
     /// Whether to fit how the force depends on the position, where strokes repeat.
     pub along: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
@@ -74,6 +85,10 @@ pub struct IdentifyOptions {
     /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
     /// where the deformation is less than a hundredth of the stroke.
     pub inertia_removed: bool,
+    /// Reading of the sensor without load, N, where it is known (a tare); `None` estimates it.
+    pub offset: Option<f64>,
+    /// Whether to identify by the procedure of the paper alone.
+    pub paper: bool,
     /// Tolerances of the segmentation.
     pub segment: SegmentOptions,
 }
@@ -84,12 +99,13 @@ impl Default for IdentifyOptions {
             bootstrap: 200,
             seed: 1,
             degrees: [4, 4],
-            refine: true,
             free_motion: true,
             without: Vec::new(),
             along: true,
             estimate_hidden_mass: true,
             inertia_removed: false,
+            offset: None,
+            paper: false,
             segment: SegmentOptions::default(),
         }
     }
@@ -151,23 +167,19 @@ pub struct Warning {
     pub doubtful: bool,
 }
 
-/// The refinement beside the two-step result.
+/// How the fit of the likelihood came out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Refinement {
-    /// Weighted root mean square error, N, of the two-step result on all passes.
-    pub two_step_rms_n: f64,
-    /// The same after the refinement.
-    pub refined_rms_n: f64,
-    /// Error of the two steps on passes held out from them, N (each half of the passes from the other).
-    pub held_out_two_step_rms_n: f64,
-    /// Error there of the refinement, N.
-    pub held_out_refined_rms_n: f64,
-    /// Damped steps taken.
+pub struct FitSummary {
+    /// Optional terms on trial.
+    pub terms: Vec<TermTrial>,
+    /// Root mean square error, N, of the paper's element fitted to all motion, each stroke's friction scale taken out.
+    pub paper_rms_n: f64,
+    /// The same of the model.
+    pub rms_n: f64,
+    /// Iterations of the last fit.
     pub iterations: usize,
-    /// Whether it came to rest.
+    /// Whether it converged.
     pub converged: bool,
-    /// Whether it was accepted: never when worse on the held-out passes.
-    pub accepted: bool,
 }
 
 /// A named parameter.
@@ -186,7 +198,7 @@ pub struct Identification {
     pub model: Candidate,
     /// The model, ready to run.
     pub stages: Stages,
-    /// The two-step result, before the refinement.
+    /// The two-step result.
     pub two_step: Candidate,
     /// All parameters with intervals.
     pub parameters: Vec<Parameter>,
@@ -196,19 +208,21 @@ pub struct Identification {
     pub steady: SteadyFit,
     /// Dynamic step, or why there is none.
     pub deformation: Result<DeformationFit, String>,
-    /// Refinement; `None` when it was not asked for or not possible.
-    pub refinement: Option<Refinement>,
+    /// The fit of the likelihood, which then is the model; `None` when it was not asked for or not possible.
+    pub fit: Option<FitSummary>,
+    /// How friction changed from stroke to stroke.
+    pub friction_scale: FrictionScale,
     /// What the recordings hold beyond full strokes.
-    pub free_motion: Option<FreeMotion>,
-    /// The fit to all motion, which then is the model; `None` when it was not asked for or there was nothing to fit.
-    pub motion: Option<MotionFit>,
-    /// The delay of the positions that was found and taken out; `None` when none shows.
+    pub free_motion: FreeMotion,
+    /// Error of the model by phase of the motion.
+    pub phases: Vec<Phase>,
+    /// The delay of the positions that was found and compensated; `None` when none shows.
     pub position_lag: Option<PositionLag>,
     /// How the force depends on the position beside the element; `None` where strokes left out are predicted no better.
     pub travel: Option<TravelFit>,
     /// Why strokes that repeat gave no `travel`.
     pub travel_missing: Option<String>,
-    /// Numbers of the model that the recordings gave, without the sensor's offset and an undeclared mass.
+    /// Numbers of the model that the recordings gave, without the sensor's offset and an unmodelled mass.
     pub free_parameters: usize,
     /// Root mean square error, N, of the model over the recordings it was identified from.
     pub residual_rms: f64,
@@ -243,7 +257,7 @@ impl Identification {
 
     /// A remark for the model file where the deformation was not identified.
     pub(crate) fn deformation_note(&self) -> Option<String> {
-        let fitted = self.parameter("half_width_m").is_some_and(|width| width.pinned);
+        let fitted = self.fit.is_some();
         let assumed = self.deformation.as_ref().err().filter(|_| !fitted);
         assumed.map(|why| format!("deformation assumed, not identified: {why}"))
     }
@@ -286,51 +300,41 @@ pub fn identify(
             return Err(IdentifyError::SameRecording { first: first.name.clone(), second: second.name.clone() });
         }
     }
-    progress("timing", 0.0);
-    let again = |recordings: &[Recording]| element(recordings, options, progress);
-    let Some(lag) = position_lag(recordings).filter(|_| along::repeats(recordings)) else {
-        return Ok(along::extend(again(recordings)?, recordings, options, again));
+    let prepared = |recordings: &[Recording]| -> Result<(Vec<Segments>, TwoSteps), IdentifyError> {
+        let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
+        let two = two_steps::two_steps(recordings, &segments, options)?;
+        Ok((segments, two))
     };
-    let in_step = |lag: f64| recordings.iter().map(|r| r.with_position_lag(lag)).collect::<Result<Vec<_>, _>>();
-    // Intervals are not asked for.
-    let quick = IdentifyOptions { bootstrap: 0, ..options.clone() };
-    let error = |lag: f64| {
-        let recordings = in_step(lag).ok()?;
-        along::error(&element(&recordings, &quick, progress).ok()?, &recordings, lag)
+    let begun = |recordings: &[Recording], (segments, two): &(Vec<Segments>, TwoSteps)| {
+        element::begin(&Input { recordings, segments, two, options }, progress).filter(|_| !options.paper)
     };
-    let lag = timing::settle(lag, error);
-    // Long enough for every delay tried.
-    let recordings = in_step(lag.lag_s).unwrap_or_else(|_| recordings.to_vec());
-    let found = along::extend(again(&recordings)?, &recordings, options, again);
-    Ok(Identification { position_lag: Some(lag).filter(|lag| lag.lag_s > 0.0), ..found })
-}
-
-/// The element alone, from positions in step with the forces.
-fn element(
-    recordings: &[Recording],
-    options: &IdentifyOptions,
-    progress: Progress,
-) -> Result<Identification, IdentifyError> {
-    progress("segmenting", 0.02);
-    let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
     progress("steady state", 0.1);
-    let (steady, deformation) = two_steps(recordings, &segments, options)?;
-    let no_steady_sliding = steady.means.is_empty();
-    let (two_step, assumed) = candidate_of(&steady, &deformation, recordings);
-    let found = conclude::conclude(
-        conclude::TwoSteps { recordings, segments: &segments, steady, deformation, candidate: two_step, assumed },
-        options,
-        progress,
-    )?;
-    let found = coarse::refit(found, recordings, options);
-    let found = motion::extend(found, recordings, &segments, options, progress);
-    if no_steady_sliding && found.motion.is_none() {
+    let lag_of = |recordings: &[Recording]| begun(recordings, &prepared(recordings).ok()?)?.position_lag(recordings);
+    let parts = prepared(recordings)?;
+    let first = begun(recordings, &parts);
+    let late = first.as_ref().is_some_and(|begun| begun.position_lag(recordings).is_some());
+    let (in_time, parts, first) = match late {
+        true => {
+            let in_time = delay::in_time(recordings, lag_of);
+            let parts = prepared(&in_time.recordings)?;
+            let first = begun(&in_time.recordings, &parts);
+            (in_time, parts, first)
+        }
+        false => (InTime { recordings: recordings.to_vec(), lag: None }, parts, first),
+    };
+    let (segments, two) = &parts;
+    let input = Input { recordings: &in_time.recordings, segments, two, options };
+    let fit = first.and_then(|begun| element::finish(&input, begun, progress));
+    if fit.is_none() && two.steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
             passes: segments.iter().map(|s| s.passes.len()).sum(),
             stretches: segments.iter().map(|s| s.stretches.len()).sum(),
         });
     }
-    Ok(found)
+    progress("position profile", 0.8);
+    let (fit, profile) = along::profiled(&input, fit);
+    progress("intervals", 0.9);
+    conclude::conclude(&input, fit, profile, in_time.lag)
 }
 
 fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
@@ -339,236 +343,22 @@ fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
     Segments { passes, stretches }
 }
 
-/// Steady state and deformation, each with what the other has found: where the sliding has settled depends on the
-/// deformation, and the switching level (12) on the sliding force.
-fn two_steps(
-    recordings: &[Recording],
-    segments: &[Segments],
-    options: &IdentifyOptions,
-) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
-    let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<PassMean> {
-        let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let halved: Vec<Stretch> = s.stretches.iter().map(|st| latter_half(r, st)).collect();
-            steady::pass_means(i, r, &s.passes, if second_half { &halved } else { &s.stretches }, settled)
-        };
-        recordings.iter().zip(segments).enumerate().flat_map(of).collect()
-    };
-    let deform = |steady: &SteadyFit| {
-        let limits = limits(steady, sensors(recordings).force_noise);
-        let found = recordings.iter().zip(segments).enumerate();
-        let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let levels = pass_levels(i, s, steady);
-            deformation::traverses(i, r, &s.passes, &limits, |pass| levels[pass])
-        };
-        let traverses = found.flat_map(of).collect();
-        deformation::fit(traverses, &limits, options.degrees, sensors(recordings))
-    };
-    let mut steady = steady::fit(steady::imposed(means(&|_| 0.0, true)));
-    let mut deformation = deform(&steady);
-    for _ in 0..2 {
-        let Ok(found) = &deformation else { break };
-        let settled = steady::imposed(means(&|v| settled_travel(&steady, found, v), false));
-        if settled.len() < 2 {
-            break;
-        }
-        steady = steady::fit(settled);
-        deformation = deform(&steady);
-    }
-    let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
-    let negligible = deformation.as_ref().map_or(true, |found| 2.0 * found.half_width.value < 0.01 * longest);
-    if negligible && options.inertia_removed {
-        steady = steady::fit(with_transients(steady.means, recordings, segments));
-    } else if deformation.is_err() {
-        steady = steady::fit(without_trend(means(&|_| 0.0, false), recordings, segments));
-    }
-    if steady.means.is_empty() {
-        let why = "nothing slides steadily behind a reversal".to_owned();
-        return Ok((steady::from_levels(recordings)?, Err(why)));
-    }
-    if steady.coulomb_force_n.ci95[1] <= 0.0 {
-        return Err(IdentifyError::ForceSign { coulomb_force: steady.coulomb_force_n.value });
-    }
-    stribeck::test(&mut steady, options.seed);
-    if steady.stribeck.is_some() && deformation.is_ok() {
-        deformation = deform(&steady);
-    }
-    Ok((steady, deformation))
-}
-
-/// The two steps once more, from the part of their data that `chosen` (recording, sample) lets through.
-fn two_steps_of_part(
-    steady: &SteadyFit,
-    found: &DeformationFit,
-    recordings: &[Recording],
-    options: &IdentifyOptions,
-    chosen: impl Fn(usize, usize) -> bool,
-) -> Option<Candidate> {
-    let means = steady.means.iter().filter(|m| chosen(m.recording, m.sample)).cloned().collect();
-    let mut part = steady::fit(means);
-    stribeck::test(&mut part, options.seed);
-    let traverses = found.traverses.iter().filter(|t| chosen(t.recording, t.from)).cloned().collect();
-    let sensors = sensors(recordings);
-    let deformation = deformation::fit(traverses, &limits(&part, sensors.force_noise), options.degrees, sensors);
-    deformation.is_ok().then(|| candidate_of(&part, &deformation, recordings).0)
-}
-
-/// Sliding force of each pass relative to the fitted line; 1 for a pass without a mean of its own.
-fn pass_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
-    let mut levels = vec![1.0; segments.passes.len()];
-    for mean in steady.means.iter().filter(|m| m.recording == index) {
-        let fitted = steady.line(mean.velocity_m_s) - steady.offset_n.value;
-        let level = (mean.force_n - steady.offset_n.value) / fitted;
-        let pass = segments.passes.partition_point(|p| p.end <= mean.sample);
-        // A mean far off the line is no small variation of the whole force.
-        if pass < levels.len() && (level - 1.0).abs() < 0.2 {
-            levels[pass] = level;
-        }
-    }
-    levels
-}
-
-/// The coarsest sensors among the recordings'.
-fn sensors(recordings: &[Recording]) -> Sensors {
-    let coarsest = |of: fn(&Recording) -> f64| recordings.iter().map(of).fold(0.0, f64::max);
-    Sensors {
-        position_step: coarsest(|r| r.quality.position_resolution),
-        force_noise: coarsest(|r| r.quality.force_noise),
-    }
-}
-
-/// Travel, m, behind a reversal after which the sliding at `speed`, m/s, has settled: the deformation and five time
-/// constants β/K.
-fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
-    let stiffness = deformation::end_stiffness(&found.rising, &found.falling, found.half_width.value);
-    let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
-    2.2 * found.half_width.value + 5.0 * time_constant * speed
-}
-
-/// The part of each stretch in which the sliding has settled.
-fn settled_stretches(
-    recording: &Recording,
-    segments: &Segments,
-    steady: &SteadyFit,
-    found: &DeformationFit,
-) -> Vec<Stretch> {
-    behind_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
-}
-
-/// Blocks of all motion instead of the plateaus' means, down to a fiftieth of the fastest plateau.
-fn with_transients(plateaus: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
-    const BLOCK: f64 = 0.1;
-    let fastest = plateaus.iter().map(|m| m.velocity_m_s.abs()).fold(0.0, f64::max);
-    if fastest == 0.0 {
-        return plateaus;
-    }
-    let found = recordings.iter().zip(segments).enumerate();
-    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.passes, 0.02 * fastest, BLOCK)).collect()
-}
-
-fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
-    let x = &recording.position;
-    let middle = 0.5 * (x[stretch.start] + x[stretch.end - 1]);
-    let rising = x[stretch.end - 1] > x[stretch.start];
-    let behind = |i: &usize| if rising { x[*i] >= middle } else { x[*i] <= middle };
-    let start = (stretch.start..stretch.end).find(behind).unwrap_or(stretch.start);
-    Stretch { start, ..*stretch }
-}
-
-/// Drops means of stretches over which the force still climbs from one limit to the other: no sliding.
-fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
-    let steady = |mean: &PassMean| {
-        let recording = &recordings[mean.recording];
-        let mut sorted = recording.force.clone();
-        sorted.sort_by(f64::total_cmp);
-        let swing = sorted[sorted.len() * 19 / 20] - sorted[sorted.len() / 20];
-        let own = segments[mean.recording].stretches.iter().filter(|s| s.plateau == mean.plateau);
-        let quarter = |s: &Stretch| ((s.end - s.start) / 4).max(1);
-        let level = |from: usize, to: usize| recording.force[from..to].iter().sum::<f64>() / (to - from) as f64;
-        own.map(|s| (level(s.end - quarter(s), s.end) - level(s.start, s.start + quarter(s))).abs())
-            .all(|trend| trend < 0.4 * swing)
-    };
-    let keep: Vec<bool> = means.iter().map(steady).collect();
-    means.into_iter().zip(keep).filter_map(|(m, k)| k.then_some(m)).collect()
-}
-
-/// Sliding friction of both directions and the sensor offset, from the steady state.
-///
-/// With different slopes the offset is taken so that both Coulomb forces are equal: the data cannot divide the two.
-fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
-    let least = 1e-6;
-    let own_slopes = steady.is_asymmetric() && steady.stribeck.is_none();
-    if let (true, Some(plus), Some(minus)) = (own_slopes, &steady.positive, &steady.negative) {
-        let coulomb = 0.5 * (plus.coulomb_force_n.value + minus.coulomb_force_n.value);
-        let offset = 0.5 * (plus.coulomb_force_n.value - minus.coulomb_force_n.value);
-        let friction = |line: &DirectionLine| {
-            SlidingFriction::coulomb(coulomb.max(least), line.viscous_damping_n_s_m.value.max(0.0))
-        };
-        return (offset, friction(plus), friction(minus));
-    }
-    let mut friction =
-        SlidingFriction::coulomb(steady.coulomb_force_n.value.max(least), steady.viscous_damping_n_s_m.value.max(0.0));
-    if let Some(stribeck) = &steady.stribeck {
-        friction.static_force = stribeck.static_force_n.value.max(friction.coulomb_force);
-        friction.stribeck_velocity = stribeck.stribeck_velocity_m_s.value;
-        friction.stribeck_exponent = stribeck.stribeck_exponent;
-    }
-    (steady.offset_n.value, friction, friction)
-}
-
-/// Levels at which the seal switches (12).
-///
-/// Where one speed leaves the level at rest open, it is the lower edge of the sliding force: its mean less twice the
-/// ripple (scatter within and between passes beyond the sensor's noise).
-fn limits(steady: &SteadyFit, noise: f64) -> Limits {
-    let (offset, insertion, withdrawal) = sliding(steady);
-    let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
-    let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
-    Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
-}
-
-/// Two-step candidate; with the deformation not resolved a stiff straight spring stands in for it (second value true).
-fn candidate_of(
-    steady: &SteadyFit,
-    deformation: &Result<DeformationFit, String>,
-    recordings: &[Recording],
-) -> (Candidate, bool) {
-    let (offset, insertion, withdrawal) = sliding(steady);
-    let straight = || BranchShape {
-        join: 0.0,
-        join_force: 0.5 * (insertion.static_force - withdrawal.static_force),
-        left: vec![0.0],
-        right: vec![0.0],
-    };
-    let step = sensors(recordings).position_step;
-    let (half_width, rising, falling, seal_damping) = match deformation {
-        Ok(found) => {
-            let kept = found.damping.as_ref().filter(|d| d.kept).map_or(0.0, |d| d.seal_damping_n_s_m.value);
-            (found.half_width.value, found.rising.shape.clone(), found.falling.shape.clone(), kept)
-        }
-        Err(_) => ((20.0 * step).max(5e-5), straight(), straight(), 0.0),
-    };
-    let candidate = Candidate {
-        offset,
-        hidden_mass: 0.0,
-        insertion,
-        withdrawal,
-        half_width,
-        rising,
-        falling,
-        seal_damping,
-        yield_ratio: Candidate::DEFAULT_YIELD_RATIO,
-        creep_velocity: 0.0,
-        friction_lag: 0.0,
-        relaxation: Relaxation::NONE,
-        second: None,
-    };
-    (candidate, deformation.is_err())
-}
-
 /// Acceleration, m/s², over the window that the sampling and the encoder ask for.
+///
+/// A window blurs the edges of a pulse, and a force regressed on a blurred acceleration gives too large a mass. What a window of a
+/// third, noisier but sharper, holds of the smooth one where that is large makes up for it (regression calibration).
 fn acceleration(recording: &Recording) -> Vec<f64> {
-    local_acceleration(recording, recording.acceleration_window())
+    let window = recording.acceleration_window();
+    let mut smooth = local_acceleration(recording, window);
+    let sharp = local_acceleration(recording, window / 3.0);
+    let mut sorted: Vec<f64> = smooth.iter().map(|a| a.abs()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let large = 0.3 * sorted[(0.99 * (sorted.len() - 1) as f64) as usize];
+    let pulses = smooth.iter().zip(&sharp).filter(|(a, _)| a.abs() > large);
+    let (both, square) = pulses.fold((0.0, 0.0), |(both, square), (a, b)| (both + a * b, square + a * a));
+    let factor = if square > 0.0 { (both / square).clamp(0.8, 1.25) } else { 1.0 };
+    smooth.iter_mut().for_each(|a| *a *= factor);
+    smooth
 }
 
 /// Force, N, of the inertia of `mass`, kg, at every sample.

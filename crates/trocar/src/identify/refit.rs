@@ -7,9 +7,9 @@ use trocar_model::Stages;
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ClassicalData, LONG, SHORT, doubts};
+use super::element::straight;
 use super::estimate::Estimate;
-use super::output_error::{self, Fitted, Trial};
-use super::shape::BranchShape;
+use super::likelihood::{self, Fitted, Trial};
 use super::spread::{Reported, Spread};
 use super::{Identification, Parameter, Warning};
 
@@ -37,39 +37,26 @@ pub struct EmsRefit {
 /// A sentence when no start gives a model that runs.
 pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usize; 2]) -> Result<EmsRefit, String> {
     let layout = Layout {
-        symmetric: found.model.insertion == found.model.withdrawal,
-        viscous: true,
-        stribeck: found.steady.stribeck.is_some(),
+        own_slopes: found.model.insertion != found.model.withdrawal,
+        stribeck: found.model.insertion.static_force > found.model.insertion.coulomb_force,
         damping: true,
-        hidden_mass: false,
-        yielding: false,
-        creep: false,
-        lag: false,
-        arms: 0,
-        second: false,
+        ..Layout::PAPER
     };
     let candidate = Candidate { hidden_mass: 0.0, ..found.model.clone() };
     let candidates = match &found.deformation {
         Ok(_) => vec![candidate],
         Err(_) => WIDTHS.map(|part| straight(&candidate, part * data.scales.half_width, degrees)).to_vec(),
     };
-    let trials = candidates.into_iter().map(|candidate| EmsTrial { candidate, layout });
-    let short = trials.filter_map(|trial| output_error::fit(&data.training, &trial, SHORT));
+    let trials = candidates.into_iter().map(|candidate| EmsTrial::new(candidate, layout));
+    let short = trials.filter_map(|trial| likelihood::fit(&data.training, &trial, SHORT));
     let best = short.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
-    let fitted = output_error::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
+    let fitted = likelihood::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
     let model = fitted.best.candidate.clone();
     let stages = model.stages().map_err(|error| error.to_string())?;
     let parameters = parameters(&fitted);
-    let free_parameters = layout.free(&model).len() - 1;
+    let free_parameters = fitted.best.free_numbers() - 1;
     let warnings = doubts(&fitted, &parameters);
     Ok(EmsRefit { model, stages, parameters, free_parameters, warnings })
-}
-
-/// The candidate with straight branches of polynomials of `degrees`.
-pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
-    let pins = candidate.pins();
-    let branch = BranchShape { join_force: 0.5 * (pins.low + pins.high), ..BranchShape::straight(degrees) };
-    Candidate { half_width, rising: branch.clone(), falling: branch, ..candidate.clone() }
 }
 
 /// Name, unit, least sensible value, whether on the logarithm, and how it follows from a candidate.
@@ -90,15 +77,14 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
         all.push(("static_force_n", "N", 0.0, true, |c| c.insertion.static_force));
         all.push(("stribeck_velocity_m_s", "m/s", 0.0, true, |c| c.insertion.stribeck_velocity));
     }
-    if !layout.symmetric {
-        all.push(("coulomb_force_n_negative", "N", 0.0, true, |c| c.withdrawal.coulomb_force));
+    if layout.own_slopes {
         all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| c.withdrawal.viscous_damping));
     }
     all
 }
 
 fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
-    let EmsTrial { candidate: best, layout } = &fitted.best;
+    let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
     let force = best.insertion.coulomb_force;
     let parameter = |(name, unit, least, log, of): Quantity| {
@@ -107,7 +93,7 @@ fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
             "m" => best.half_width,
             _ => best.insertion.viscous_damping.max(1.0),
         };
-        let how = Reported { unit, log, scale, least };
+        let how = Reported { unit, log, scale, least, factor: 1.0 };
         let estimate = match is_held(fitted, of) {
             true => Estimate::not_pinned(of(best), unit, "the fit holds it at an end of its range"),
             false => spread.estimate(how, &|t| of(&t.candidate)),

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::estimate::{Estimate, t_quantile};
-use super::output_error::{Fitted, Trial};
+use super::likelihood::{Fitted, Trial};
 
 /// Width of the weak prior on a number, in steps of its difference quotient: four orders of magnitude of a logarithm,
 /// ten times the sliding force.
@@ -57,6 +57,8 @@ pub(crate) struct Reported {
     pub(crate) scale: f64,
     /// Least value that makes sense, in `unit`.
     pub(crate) least: f64,
+    /// Factor on the standard error: above 1 where the first order is known to understate it.
+    pub(crate) factor: f64,
 }
 
 impl<'a, T: Trial> Spread<'a, T> {
@@ -71,6 +73,19 @@ impl<'a, T: Trial> Spread<'a, T> {
         ratios.sort_by(f64::total_cmp);
         spread.inflation = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0).max(1.0);
         spread
+    }
+
+    /// Median ratio of the clusters' variance to that of independent samples.
+    pub(crate) fn inflation(&self) -> f64 {
+        self.inflation
+    }
+
+    /// Variance that the errors of the prior's values add.
+    fn beforehand(&self, direction: &DVector<f64>) -> f64 {
+        let variance = self.found.rms[1].powi(2).max(f64::MIN_POSITIVE);
+        let precisions = self.found.prior_precisions();
+        // The direction holds σ² already.
+        precisions.iter().zip(direction.iter()).map(|(p, d)| p * d * d).sum::<f64>() / variance * self.inflation
     }
 
     /// Variance by the jackknife over clusters.
@@ -91,7 +106,7 @@ impl<'a, T: Trial> Spread<'a, T> {
 
     /// A number of the best trial with its interval, or without one where the data do not pin it.
     pub(crate) fn estimate(&self, how: Reported, of: &dyn Fn(&T) -> f64) -> Estimate {
-        let Reported { unit, log, scale, least } = how;
+        let Reported { unit, log, scale, least, factor } = how;
         let best = &self.found.best;
         let Dependent { value, gradient } = match log {
             true => Dependent::new(best, &|t| of(t).ln()),
@@ -99,7 +114,8 @@ impl<'a, T: Trial> Spread<'a, T> {
         };
         let plain = |u: f64| if log { u.exp() } else { u };
         let direction = &self.covariance * &gradient;
-        let error = self.jackknife(&gradient).sqrt();
+        let remaining = gradient.dot(&self.found.remaining());
+        let error = factor * (self.jackknife(&gradient) + self.beforehand(&direction) + remaining * remaining).sqrt();
         let own = Estimate::from_standard_error(value, error, self.degrees(&direction), unit);
         if !own.pinned {
             return Estimate { value: plain(value), ..own };
@@ -117,8 +133,10 @@ impl<'a, T: Trial> Spread<'a, T> {
 
 fn known_no_better(half: f64, log: bool, unit: &str) -> String {
     match log {
-        true if half > 1e3_f64.ln() => "known no better than within a factor of 1000".to_owned(),
-        true => format!("known no better than within a factor of {:.0}", half.exp()),
-        false => format!("known no better than within ±{half:.1e} {unit}"),
+        true if half > 1e3_f64.ln() => {
+            "not identifiable from these data (95 % interval wider than a factor of 1000)".to_owned()
+        }
+        true => format!("not identifiable from these data (95 % interval: a factor of {:.0} either way)", half.exp()),
+        false => format!("not identifiable from these data (95 % interval ±{half:.1e} {unit})"),
     }
 }

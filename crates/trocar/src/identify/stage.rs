@@ -147,23 +147,4 @@ impl Candidate {
         let rest = self.rebuilt(1.0 - share_of_force, self.half_width, first_alone)?;
         Some(Candidate { second: with.second.clone(), ..rest })
     }
-
-    /// The one element with the force of both stages upon full strokes.
-    pub(super) fn joined(&self) -> Option<Candidate> {
-        let second = self.second.as_ref()?;
-        let both = |d, travel| Some(self.first_upon_stroke(d, travel)? + self.second_upon_stroke(d, travel)?);
-        let whole = self.rebuilt(self.stage_factor(), self.half_width.max(second.half_width), both)?;
-        Some(Candidate { second: None, ..whole })
-    }
-
-    /// The same with the second stage's branches of the first's degrees; `None` without a second stage.
-    pub(super) fn with_finer_second(&self) -> Option<Candidate> {
-        let mut second = self.second.clone()?;
-        let [left, right] = self.rising.degrees();
-        for shape in [&mut second.rising, &mut second.falling] {
-            shape.left.resize(left - 1, 0.0);
-            shape.right.resize(right - 1, 0.0);
-        }
-        Some(Candidate { second: Some(second), ..self.clone() })
-    }
 }

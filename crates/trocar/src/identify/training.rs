@@ -3,8 +3,7 @@
 //! Inside a settled constant-velocity stretch nothing happens that a longer step would miss, so its samples are
 //! taken together; elsewhere samples are taken together while the motion is a few thousandths of the half width or less, and
 //! their mean reading is compared with the force at the mean of their places. A *cluster* is a cycle of two passes (or several short ones):
-//! the unit that is resampled for intervals. Its weight is that of readings that share a level scattering by τ between passes:
-//! 1/(s² + n·τ²).
+//! the unit that is left out for intervals. A *stroke* is a pass, or several short ones, with a friction scale of its own.
 
 use std::ops::Range;
 
@@ -14,13 +13,18 @@ use crate::recording::Recording;
 use crate::replay::forgotten_after;
 use crate::segment::{Pass, Stretch};
 
-/// Most samples taken together.
-const THINNING: usize = 20;
+/// Most samples taken together, and longest time, s.
+const THINNING: usize = 50;
+const LONGEST: f64 = 0.03;
+/// Change of the velocity, m/s, within which samples are taken together: a step has one velocity.
+const STEADY: f64 = 1e-3;
 /// Longest travel, as a part of the half width, over which samples are taken together.
-const FINEST: f64 = 0.003;
+const FINEST: f64 = 0.006;
 /// The same where the sliding has settled and is scored, in units of that: models may take longer to settle than the
 /// EMS element.
-const SETTLED: f64 = 50.0;
+const SETTLED: f64 = 25.0;
+/// Path after a reversal from which the instrument slides, in half widths.
+const SLIDES: f64 = 3.0;
 
 /// One step of the simulation.
 #[derive(Debug, Clone, Copy)]
@@ -31,11 +35,47 @@ pub(crate) struct Step {
     pub(crate) force: f64,
     /// Mean acceleration over the step's samples, m/s².
     pub(crate) acceleration: f64,
-    /// Samples in the step; 0 where the state is not yet known.
-    pub(crate) samples: f64,
-    /// Where in the step the mean over its samples lies: (n + 1)/(2n) of the way for n samples.
+    /// Samples in the step that count as independent; 0 where the state is not yet known.
+    pub(crate) weight: f64,
+    /// Where in the step the mean position of its samples lies, as a part of the displacement.
     pub(crate) centre: f64,
+    /// Errors of the step that count as one: what a residual variance is divided by.
+    pub(crate) independent: f64,
+    pub(crate) stroke: usize,
+    /// Path since the stroke began, m.
+    path: f64,
+    /// w: part in which the stroke's friction scale has replaced that of the stroke before.
+    pub(crate) blend: f64,
+}
+
+/// Motion with one friction scale: a pass, or several short ones.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stroke {
     pub(crate) cluster: usize,
+    pub(crate) recording: usize,
+    /// First sample.
+    pub(crate) start: usize,
+    /// Start, s.
+    pub(crate) time: f64,
+}
+
+/// The friction scale of the strokes in the likelihood.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Scale {
+    /// Whether each stroke has a scale of its own.
+    pub(crate) is_free: bool,
+    /// λ = σ²/τ², N²: infinite holds all strokes at the drift.
+    pub(crate) lambda: f64,
+    /// Strokes whose size tells nothing: their speed answers to the friction.
+    pub(crate) unconstrained: Vec<bool>,
+    /// φ_k(g): drift over the strokes.
+    pub(crate) basis: Vec<Vec<f64>>,
+}
+
+impl Scale {
+    pub(crate) fn is_unconstrained(&self, stroke: usize) -> bool {
+        self.unconstrained.get(stroke).copied().unwrap_or(false)
+    }
 }
 
 /// Steps of one unbroken part of a recording, from an unknown start.
@@ -46,16 +86,16 @@ pub(crate) struct Run {
     pub(crate) first_force: f64,
 }
 
-/// All that the refinement simulates.
+/// All that the fit simulates.
 #[derive(Debug, Clone)]
 pub(crate) struct Training {
     pub(crate) runs: Vec<Run>,
-    /// Weight of a sample of each cluster, 1/N².
-    pub(crate) weights: Vec<f64>,
-    /// What is known of the free numbers beforehand, in their order: value and precision (1/variance).
+    clusters: usize,
+    /// What is known of the free numbers beforehand, in their order: value, and σ² over its variance.
     pub(crate) prior: Vec<(f64, f64)>,
-    /// Recording and sample at which each cluster starts, in order.
-    starts: Vec<(usize, usize)>,
+    /// In order.
+    pub(crate) strokes: Vec<Stroke>,
+    pub(crate) scale: Scale,
 }
 
 /// A recording with what the segmentation found in it.
@@ -64,29 +104,40 @@ pub(crate) struct Segmented<'a> {
     pub(crate) passes: &'a [Pass],
     /// Stretches of constant velocity from where the sliding has settled.
     pub(crate) settled: Vec<Stretch>,
-    /// Whether these are scored. Not where their means are data already, those of the steady state.
-    pub(crate) settled_scored: bool,
     pub(crate) acceleration: Vec<f64>,
 }
 
+/// Most samples of a step that count as independent: what the model does not explain changes little within it.
+pub(crate) const INDEPENDENT: f64 = 8.0;
+/// Travel after which a stroke may end, in half widths.
+const SHORTEST_STROKE: f64 = 4.0;
+/// Below this many strokes each is a cluster of its own.
+const FEW_STROKES: usize = 30;
+/// Most strokes.
+const MOST_STROKES: f64 = 400.0;
+
 impl Training {
     /// Shorter cycles are put together until there are at most `most_clusters`.
-    pub(crate) fn new(data: &[Segmented], noise: f64, scatter: f64, half_width: f64, most_clusters: usize) -> Self {
-        let shortest: f64 = data.iter().map(|d| d.recording.duration()).sum::<f64>() / most_clusters as f64;
-        let mut runs = Vec::new();
-        let mut sizes: Vec<f64> = Vec::new();
-        let mut starts = Vec::new();
+    pub(crate) fn new(data: &[Segmented], half_width: f64, most_clusters: usize, independent: f64) -> Self {
+        let duration: f64 = data.iter().map(|d| d.recording.duration()).sum();
+        let limits = Limits {
+            cluster: duration / most_clusters as f64,
+            stroke: duration / MOST_STROKES,
+            finest: FINEST * half_width,
+            half_width,
+            independent,
+            strokes_of_cluster: if data.iter().map(|d| d.passes.len()).sum::<usize>() < FEW_STROKES { 1 } else { 2 },
+        };
+        let (mut runs, mut strokes) = (Vec::new(), Vec::new());
         for (index, part) in data.iter().enumerate() {
             for Range { start: from, end: to } in part.recording.unbroken() {
                 if to > from + 1 {
-                    runs.push(run(part, from, to, [shortest, FINEST * half_width], &mut sizes, |sample| {
-                        starts.push((index, sample))
-                    }));
+                    runs.push(run(part, index, from..to, limits, &mut strokes));
                 }
             }
         }
-        let weights = sizes.iter().map(|n| 1.0 / (noise * noise + n * scatter * scatter)).collect();
-        Self { runs, weights, prior: Vec::new(), starts }
+        let clusters = strokes.last().map_or(0, |s: &Stroke| s.cluster + 1);
+        Self { runs, clusters, prior: Vec::new(), strokes, scale: Scale::default() }
     }
 
     /// Takes the weight from all steps before the state is known: until unknown starts give one force.
@@ -94,99 +145,142 @@ impl Training {
         for run in &mut self.runs {
             let steps = run.steps.iter().map(|s| (s.displacement, s.duration));
             let known = forgotten_after(elements, steps).map_or(run.steps.len(), |i| i + 1);
-            run.steps[..known].iter_mut().for_each(|s| s.samples = 0.0);
+            run.steps[..known].iter_mut().for_each(|s| s.weight = 0.0);
         }
     }
 
-    /// Cluster that holds a sample of a recording.
-    pub(crate) fn cluster_of(&self, recording: usize, sample: usize) -> usize {
-        self.starts.partition_point(|start| *start <= (recording, sample)).saturating_sub(1)
+    /// w = 1 − exp(−path/length), `length` in m.
+    pub(crate) fn blend_over(&mut self, length: f64) {
+        let steps = self.runs.iter_mut().flat_map(|run| &mut run.steps);
+        steps.for_each(|step| step.blend = 1.0 - (-step.path / length).exp());
     }
 
-    /// The same training with the weight taken from some clusters.
-    pub(crate) fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
-        let mut part = self.clone();
-        part.weights.iter_mut().enumerate().filter(|(g, _)| left_out(*g)).for_each(|(_, w)| *w = 0.0);
-        part
-    }
-
-    /// Root mean square acceleration, m/s².
-    pub(crate) fn rms_acceleration(&self) -> f64 {
-        let steps = || self.runs.iter().flat_map(|r| &r.steps);
-        let samples: f64 = steps().map(|s| s.samples).sum();
-        (steps().map(|s| s.samples * s.acceleration.powi(2)).sum::<f64>() / samples.max(1.0)).sqrt()
+    /// Strokes of each cluster.
+    pub(crate) fn cluster_strokes(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let mut from = 0;
+        self.strokes.chunk_by(|a, b| a.cluster == b.cluster).map(move |chunk| {
+            from += chunk.len();
+            from - chunk.len()..from
+        })
     }
 
     pub(crate) fn clusters(&self) -> usize {
-        self.weights.len()
+        self.clusters
     }
 }
 
-fn run(
-    part: &Segmented,
-    from: usize,
-    to: usize,
-    [shortest, finest]: [f64; 2],
-    sizes: &mut Vec<f64>,
-    mut on_cluster: impl FnMut(usize),
-) -> Run {
-    let recording = part.recording;
+/// Shortest cluster and stroke, s; longest travel taken together and half width, m.
+#[derive(Clone, Copy)]
+struct Limits {
+    cluster: f64,
+    stroke: f64,
+    finest: f64,
+    half_width: f64,
+    /// Most samples of a step that count as independent.
+    independent: f64,
+    strokes_of_cluster: usize,
+}
+
+/// Where the strokes and clusters of a run stand.
+struct Progress {
+    pass: usize,
+    strokes_inside: usize,
+    cluster_time: f64,
+    /// Path since the stroke began, m.
+    path: f64,
+    /// Path since the last reversal, m.
+    since_reversal: f64,
+    is_first: bool,
+}
+
+fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, strokes: &mut Vec<Stroke>) -> Run {
+    let (recording, finest) = (part.recording, limits.finest);
     let mut steps = Vec::new();
-    let mut pass = part.passes.partition_point(|p| p.end <= from);
-    let mut stretch = part.settled.partition_point(|s| s.end <= from);
-    sizes.push(0.0);
-    on_cluster(from);
-    let mut cluster_start = recording.time[from];
-    let mut passes_inside = 0;
-    let mut at = from;
-    while at + 1 < to {
+    let mut stretch = part.settled.partition_point(|s| s.end <= range.start);
+    let cluster = strokes.last().map_or(0, |s| s.cluster + 1);
+    let mut at = range.start;
+    strokes.push(Stroke { cluster, recording: index, start: at, time: recording.time[at] });
+    let mut progress = Progress {
+        pass: part.passes.partition_point(|p| p.end <= at),
+        strokes_inside: 0,
+        cluster_time: recording.time[at],
+        path: 0.0,
+        since_reversal: 0.0,
+        is_first: true,
+    };
+    while at + 1 < range.end {
         while part.settled.get(stretch).is_some_and(|s| s.end <= at + 1) {
             stretch += 1;
         }
         let inside = part.settled.get(stretch).filter(|s| s.start <= at);
+        progress.reverse(part, index, at, limits, strokes);
         let next = match inside {
-            Some(s) if part.settled_scored => together(recording, at, s.end, SETTLED * finest),
-            Some(s) => (at + THINNING).min(s.end - 1).max(at + 1),
-            None => together(recording, at, to, finest),
-        };
-        if part.passes.get(pass).is_some_and(|p| p.end <= at) {
-            pass += 1;
-            passes_inside += 1;
-            if passes_inside >= 2 && recording.time[at] - cluster_start >= shortest {
-                passes_inside = 0;
-                cluster_start = recording.time[at];
-                sizes.push(0.0);
-                on_cluster(at);
+            Some(s) => together(part, at, s.end, SETTLED * finest),
+            None if progress.since_reversal > SLIDES * limits.half_width => {
+                together(part, at, range.end, SETTLED * finest)
             }
-        }
+            None => together(part, at, range.end, finest),
+        };
         let samples = (next - at) as f64;
         let mean = |values: &[f64]| values[at + 1..=next].iter().sum::<f64>() / samples;
-        let cluster = sizes.len() - 1;
-        let unscored = (inside.is_some() && !part.settled_scored) || (at + 1..=next).any(|i| recording.is_clipped(i));
-        let scored = if unscored { 0.0 } else { samples };
-        sizes[cluster] += scored;
+        let displacement = recording.position[next] - recording.position[at];
+        progress.path += displacement.abs();
+        progress.since_reversal += displacement.abs();
+        let is_clipped = (at + 1..=next).any(|i| recording.is_clipped(i));
         steps.push(Step {
-            displacement: recording.position[next] - recording.position[at],
+            displacement,
             duration: recording.time[next] - recording.time[at],
             force: mean(&recording.force),
             acceleration: mean(&part.acceleration),
-            samples: scored,
-            centre: 0.5 * (samples + 1.0) / samples,
-            cluster,
+            weight: if is_clipped { 0.0 } else { samples / (1.0 + samples / limits.independent) },
+            centre: if displacement == 0.0 {
+                0.5 * (samples + 1.0) / samples
+            } else {
+                (mean(&recording.position) - recording.position[at]) / displacement
+            },
+            independent: if limits.independent.is_finite() { 1.0 } else { samples },
+            stroke: strokes.len() - 1,
+            path: if progress.is_first { f64::INFINITY } else { progress.path },
+            blend: 1.0,
         });
         at = next;
     }
-    Run { steps, first_force: recording.force[from] }
+    Run { steps, first_force: recording.force[range.start] }
+}
+
+impl Progress {
+    /// Begins a stroke at a reversal, and a cluster with every other stroke.
+    fn reverse(&mut self, part: &Segmented, index: usize, at: usize, limits: Limits, strokes: &mut Vec<Stroke>) {
+        if part.passes.get(self.pass).is_none_or(|p| p.end > at) {
+            return;
+        }
+        self.pass += 1;
+        self.since_reversal = 0.0;
+        let last = *strokes.last().expect("a run begins with a stroke");
+        let time = part.recording.time[at];
+        if self.path < SHORTEST_STROKE * limits.half_width || time - last.time < limits.stroke {
+            return;
+        }
+        self.strokes_inside += 1;
+        let mut cluster = last.cluster;
+        if self.strokes_inside >= limits.strokes_of_cluster && time - self.cluster_time >= limits.cluster {
+            (self.strokes_inside, self.cluster_time) = (0, time);
+            cluster += 1;
+        }
+        (self.path, self.is_first) = (0.0, false);
+        strokes.push(Stroke { cluster, recording: index, start: at, time });
+    }
 }
 
 /// Last of the samples behind `at` that are taken together: few, close in position and time, moving one way.
-fn together(recording: &Recording, at: usize, to: usize, finest: f64) -> usize {
-    const LONGEST: f64 = 0.02;
-    let (x, t) = (&recording.position, &recording.time);
+fn together(part: &Segmented, at: usize, to: usize, finest: f64) -> usize {
+    let (x, t, a) = (&part.recording.position, &part.recording.time, &part.acceleration);
     let first = x[at + 1] - x[at];
     let close = |i: &usize| {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
-        one_way && (x[*i] - x[at]).abs() <= finest && t[*i] - t[at] <= LONGEST
+        let duration = t[*i] - t[at];
+        let is_steady = duration * a[*i].abs() <= STEADY;
+        one_way && is_steady && (x[*i] - x[at]).abs() <= finest && duration <= LONGEST
     };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }

@@ -124,8 +124,8 @@ fn method(comparison: &Comparison) -> String {
     format!(
         "Every model is run along the measured positions alone, at rest with the first reading at the start, and scored on the same \
          samples: those at which the state of the EMS element no longer depends on its unknown start. The classical models minimise \
-         the squared error of that run over the training recordings. The EMS element is what the identification gives: the two steps \
-         of the paper and a refinement.{refitted} Each model has its own sensor offset, which is not counted among its parameters."
+         the squared error of that run over the training recordings. The EMS element is what the identification gives: one fit to all \
+         motion, with the optional terms that it accepts.{refitted} Each model has its own sensor offset, which is not counted among its parameters."
     )
 }
 

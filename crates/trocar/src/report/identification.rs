@@ -8,7 +8,7 @@ use trocar_model::Element;
 use super::document::{Document, Section, Tile};
 use super::figures::{self, Scored};
 use super::number::{fixed, significant};
-use crate::identify::{Identification, Parameter, Warning};
+use crate::identify::{Identification, Warning};
 use crate::recording::Recording;
 use crate::validate::Validation;
 
@@ -31,10 +31,102 @@ pub struct IdentificationReport<'a> {
     pub bootstrap: usize,
     /// Title of the report.
     pub title: &'a str,
+    /// What two of the figures show.
+    pub choice: FigureChoice<'a>,
+}
+
+/// What figures 7 and 9 of EMS show; empty lists show the default.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct FigureChoice<'a> {
+    /// Deflections, m, at which the force is drawn against the velocity of the deformation (EMS figure 7); by default ∓c/2 and 0.
+    pub deflections: &'a [f64],
+    /// Speeds, m/s, of the cycles drawn in the cross-validation (EMS figure 9); by default the lowest and the highest.
+    pub speeds: &'a [f64],
+}
+
+/// Most deflections or speeds that one figure shows.
+pub const MOST_CHOSEN: usize = 6;
+/// Largest difference of a stroke's speed from the one asked for, as a part of it.
+pub const LIKE_SPEED: f64 = 0.1;
+
+/// Why a figure cannot show what was chosen.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChoiceError {
+    /// More than [`MOST_CHOSEN`].
+    #[error("figure {figure} shows at most {MOST_CHOSEN} {what}, got {count}")]
+    TooMany {
+        /// Number of the figure in EMS.
+        figure: u8,
+        /// `deflections` or `speeds`.
+        what: &'static str,
+        /// How many were chosen.
+        count: usize,
+    },
+    /// A deflection that the seal does not reach.
+    #[error("figure 7: the deflection {} mm lies outside ±c = ±{} mm", thousandths(*.deflection), thousandths(*.half_width))]
+    OutsideSeal {
+        /// The deflection, m.
+        deflection: f64,
+        /// c, m.
+        half_width: f64,
+    },
+    /// No cycle of that speed was recorded.
+    #[error("figure 9: no recorded stroke has a speed within 10 % of {} mm/s{}", thousandths(*.speed), recorded_in_words(.recorded))]
+    NoSuchSpeed {
+        /// The speed, m/s.
+        speed: f64,
+        /// Speeds of the cycles that can be drawn, m/s, ascending.
+        recorded: Vec<f64>,
+    },
+}
+
+/// In millimetres (a second), to three decimals.
+fn thousandths(metres: f64) -> f64 {
+    (1e6 * metres).round() / 1e3
+}
+
+fn recorded_in_words(speeds: &[f64]) -> String {
+    let mut shown: Vec<String> = speeds.iter().map(|speed| format!("{:.0}", 1e3 * speed)).collect();
+    shown.dedup();
+    match shown.as_slice() {
+        [] => "; the recordings hold no full cycle of two strokes whose initial deflection is known".to_owned(),
+        speeds => format!("; recorded are {} mm/s", speeds.join(", ")),
+    }
+}
+
+/// Whether the figures can show what was chosen.
+///
+/// # Errors
+/// [`ChoiceError`]: too many values, a deflection outside ±c, a speed that was not recorded. A figure that cannot be drawn at
+/// all takes any choice: the report says why it is missing.
+pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
+    let FigureChoice { deflections, speeds } = input.choice;
+    for (figure, what, count) in [(7, "deflections", deflections.len()), (9, "speeds", speeds.len())] {
+        if count > MOST_CHOSEN {
+            return Err(ChoiceError::TooMany { figure, what, count });
+        }
+    }
+    if let Ok(deformation) = &input.identification.deformation {
+        let half_width = deformation.half_width.value;
+        if let Some(&deflection) = deflections.iter().find(|z| z.is_nan() || z.abs() > half_width) {
+            return Err(ChoiceError::OutsideSeal { deflection, half_width });
+        }
+    }
+    if speeds.is_empty() {
+        return Ok(());
+    }
+    let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
+    let recorded = figures::cycle_speeds(&figures::scored(input.identification, input.training, validation));
+    let is_recorded = |speed: &&f64| recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed);
+    match speeds.iter().find(|speed| !is_recorded(speed)) {
+        Some(&speed) => Err(ChoiceError::NoSuchSpeed { speed, recorded }),
+        None => Ok(()),
+    }
 }
 
 /// Heading of the section on the fit to all motion.
-const MOTION: &str = "Motion of any kind";
+const FIT: &str = "Fit to all motion";
 
 /// What the section of the live model is.
 const LIVE: &str = "The identified model itself runs here, the same steps as in every other program of this project. Turn its parameters (the \
@@ -128,7 +220,7 @@ fn warnings(found: &Identification, scored: &Scored) -> Vec<String> {
 fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
     let found = input.identification;
     let section = |heading: &str, drawn| figures::with(Section::new(heading), drawn);
-    let deformation = section("Deformation", figures::deformation_velocity(found));
+    let deformation = section("Deformation", figures::deformation_velocity(found, input.choice.deflections));
     let deformation = figures::with(deformation, figures::deformation_force(found, input.truth));
     let errors = Section::new("Residuals")
         .table(figures::error_by_recording(scored))
@@ -141,12 +233,12 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
             .table(figures::sampling(recordings(input)))
             .table(figures::resolution(recordings(input))),
     ];
-    all.extend(motion(input, scored));
+    all.extend(fit(input, scored));
     all.extend([
         section("Velocity reversal", figures::velocity_step(found, input.training)),
         section("Static friction", figures::static_friction(found)),
         figures::with(deformation, figures::half_width(found)),
-        section("Cross-validation", figures::cross_validation(scored)),
+        section("Cross-validation", figures::cross_validation(scored, input.choice.speeds)),
         figures::with(errors, figures::error_by_speed(scored)),
     ]);
     if let Some(table) = figures::branch_coefficients(found) {
@@ -165,15 +257,17 @@ fn live(input: &IdentificationReport, scored: &Scored) -> Section {
     }
 }
 
-/// The fit to all motion; `None` where there was none.
-fn motion(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
+/// The fit; `None` where there was none.
+fn fit(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
     let found = input.identification;
-    let fit = found.motion.as_ref()?;
-    let section = Section {
-        paragraphs: figures::motion_in_words(found, fit),
-        ..Section::new(MOTION).table(figures::ingredients(fit)).figure(figures::held_out_errors(fit))
-    };
-    Some(figures::with(section, figures::small_motion(found, input.training, scored)))
+    let fit = found.fit.as_ref()?;
+    let mut section = Section { paragraphs: figures::fit_in_words(found, fit), ..Section::new(FIT) };
+    if !fit.terms.is_empty() {
+        section = section.table(figures::terms(fit));
+    }
+    let section = figures::with(section, figures::friction_scale(found, input.training));
+    let small = found.free_motion.partial_reversals > 0 && found.free_motion.held_s > 1.0;
+    Some(if small { figures::with(section, figures::small_motion(found, input.training, scored)) } else { section })
 }
 
 fn parameters(input: &IdentificationReport) -> Section {
@@ -182,7 +276,7 @@ fn parameters(input: &IdentificationReport) -> Section {
         Some(_) => " The truth is what the virtual bench was run with; a dash marks what has no single true value.",
         None => "",
     };
-    let (values, intervals) = if found.motion.is_some() { of_all_motion(found) } else { of_full_strokes(input) };
+    let (values, intervals) = if found.fit.is_some() { of_all_motion(found) } else { of_two_steps(input) };
     Section::new("Parameters")
         .paragraph(format!("{values}{truth}"))
         .paragraph(format!(
@@ -199,44 +293,22 @@ fn of_all_motion(found: &Identification) -> (String, String) {
         "The paper's two steps stand beside it."
     };
     let values = format!(
-        "The value is that of the fit to all motion (section “{MOTION}”), in which F_0, F_c and β are free as well. {beside}"
+        "The value is that of the fit to all motion (section “{FIT}”), in which F_0, F_c and β are free as well. {beside}"
     );
-    let symmetric = found.model.insertion == found.model.withdrawal;
-    let of_direction = |p: &Parameter| p.name.ends_with("_positive") || p.name.ends_with("_negative");
-    let lines = if symmetric && found.parameters.iter().any(of_direction) {
-        " The lines of each direction are those of the steady state, with its intervals."
-    } else {
-        ""
-    };
-    let intervals = format!("Intervals come from the jackknife over clusters of cycles, to first order.{lines}");
-    (values, intervals)
+    (values, "Intervals come from the jackknife over clusters of cycles, to first order.".to_owned())
 }
 
-/// The same for the paper's two steps and their refinement.
-fn of_full_strokes(input: &IdentificationReport) -> (String, String) {
-    let found = input.identification;
+/// The same for the paper's two steps.
+fn of_two_steps(input: &IdentificationReport) -> (String, String) {
     let branches = match input.bootstrap {
         0 => "by the jackknife over passes".to_owned(),
         n => format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.seed),
     };
-    let refinement = match &found.refinement {
-        Some(r) if r.accepted => format!(
-            "The value is that of the refinement against the simulated force, which holds F_0, F_c and β at the steady state's. On passes held out of it the weighted \
-             error is {:.4} N, against {:.4} N of the paper's two steps, which stand beside it.",
-            r.held_out_refined_rms_n, r.held_out_two_step_rms_n
-        ),
-        Some(r) => format!(
-            "The value is that of the paper's two steps. A refinement against the simulated force was not accepted: \
-             on passes held out of it the weighted error is {:.4} N, against {:.4} N of the two steps.",
-            r.held_out_refined_rms_n, r.held_out_two_step_rms_n
-        ),
-        None => "The value is that of the paper's two steps; no refinement was made.".to_owned(),
-    };
     let intervals = format!(
-        "Intervals of the sliding force come from the scatter between passes, those of the refinement from the jackknife over passes, \
-         those of the joins and of the coefficients of the branches {branches}."
+        "Intervals of the sliding force come from the scatter between passes, those of the joins and of the coefficients of the \
+         branches {branches}."
     );
-    (refinement, intervals)
+    ("The value is that of the paper's two steps.".to_owned(), intervals)
 }
 
 fn recordings<'a>(input: &IdentificationReport<'a>) -> impl Iterator<Item = (&'a Recording, &'static str)> {

@@ -46,6 +46,7 @@ fn find_features(elements: &[Element], constants: &[ElementConstants], filling: 
     filling.set("creep", general.iter().any(|params| params.creep_velocity > 0.0));
     filling.set("lag", general.iter().any(|params| params.friction_lag > 0.0));
     filling.set("arms", general.iter().any(|params| !params.relaxation.is_none()));
+    filling.set("means", filling.has("lag") || filling.has("arms"));
     let slidings = general.iter().flat_map(|params| [&params.withdrawal, &params.insertion]);
     let falling = slidings.filter(|sliding| !sliding.is_constant());
     stribeck_shapes(falling.map(|sliding| sliding.stribeck_exponent), filling);

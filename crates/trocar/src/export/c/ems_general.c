@@ -58,6 +58,22 @@ static double trocar_damping_slope(const trocar_element *e, double velocity)
 }
 
 //@end
+//@if means
+/* exp(-x), and its mean over 0 to x, (1 - exp(-x))/x, for x >= 0. */
+static double trocar_decay_and_mean(double x, double *mean)
+{
+    double left;
+    if (x < 1.0 / 64.0) { /* the series is good to the last bit */
+        const double high = 1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0));
+        *mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * high));
+        return 1.0 - x * *mean;
+    }
+    left = trocar_decay(x);
+    *mean = (1.0 - left) / x;
+    return left;
+}
+
+//@end
 //@if arms
 /* What the relaxing arms do within one step: da/dt = E*dz/dt - a/tau. */
 typedef struct {
@@ -76,13 +92,9 @@ static trocar_step_arms trocar_arms_within(const trocar_element *e, const double
         step.left[i] = forces[i];
         step.response[i] = 0.0;
         if (e->arm_stiffness_n_m[i] > 0.0) {
-            const double x = duration / e->arm_time_s[i];
-            /* (1 - exp(-x))/x: the series is good to the last bit up to 1/64. */
-            const double high = 1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0));
-            const double lost = x < 1.0 / 64.0 ? 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * high))
-                                               : (1.0 - trocar_decay(x)) / x;
-            step.left[i] *= 1.0 - x * lost;
-            step.response[i] = e->arm_stiffness_n_m[i] * lost;
+            double mean;
+            step.left[i] *= trocar_decay_and_mean(duration / e->arm_time_s[i], &mean);
+            step.response[i] = e->arm_stiffness_n_m[i] * mean;
             step.held += step.left[i];
             step.stiffness += step.response[i];
         }
@@ -104,7 +116,7 @@ static void trocar_arm_forces(const trocar_step_arms *step, double change, doubl
 typedef struct {
     double force, slope;
 //@if lag
-    double rise;
+    double rise, fall, at; /* the slip speed, and how the part falls with it, in N s/m */
 //@end
 } trocar_resistance;
 
@@ -114,13 +126,24 @@ typedef struct {
     double kept, now;
 } trocar_rise;
 
-static trocar_rise trocar_rise_after(const trocar_element *e, double rise, double duration)
+/* For a step that starts at slip speed `speed`: exact where the curve's value changes linearly over the step. */
+static trocar_rise trocar_rise_after(const trocar_element *e, const trocar_contact *c, double rise, double duration,
+                                     double speed)
 {
     trocar_rise after = { 0.0, 1.0 };
     if (e->friction_lag_s > 0.0) {
-        const double left = trocar_decay(duration / e->friction_lag_s);
-        after.kept = rise * left;
-        after.now = 1.0 - left;
+        double mean, before = 1.0;
+        const double left = trocar_decay_and_mean(duration / e->friction_lag_s, &mean);
+//@if stribeck
+        if (c->surplus_force_n > 0.0) {
+            before = trocar_decay(trocar_stribeck_exponent(c, speed));
+        }
+//@else
+        (void)c;
+        (void)speed;
+//@end
+        after.kept = rise * left + (mean - left) * before;
+        after.now = 1.0 - mean;
     }
     return after;
 }
@@ -183,6 +206,8 @@ static trocar_resistance trocar_resist(const trocar_balance *b, double u)
         reached = resistance.rise;
 //@end
         fall *= b->memory.now;
+        resistance.fall = fall;
+        resistance.at = u;
 //@end
 //@if stribeck
         level = c->coulomb_force_n + c->surplus_force_n * reached;
@@ -199,9 +224,28 @@ static trocar_resistance trocar_resist(const trocar_balance *b, double u)
     resistance.slope = fall + beta;
 //@if lag
     resistance.rise = 1.0;
+    resistance.fall = 0.0;
+    resistance.at = u;
 //@end
     return resistance;
 }
+
+//@if lag
+/* The part at slip speed u beside the last one seen, to first order. */
+static double trocar_rise_beside(const trocar_balance *b, double u)
+{
+//@if stribeck
+    const double difference = b->seen.fall / b->contact->surplus_force_n * (u - b->seen.at);
+    if (fabs(difference) <= trocar_greatest) {
+        return trocar_least(trocar_most(b->seen.rise + difference, 0.0), 1.0);
+    }
+//@else
+    (void)u;
+//@end
+    return b->seen.rise;
+}
+
+//@end
 
 /* What is left over of the force at slip speed u, EMS (13), and its slope. */
 static double trocar_residual(trocar_balance *b, double u, double *slope)
@@ -304,6 +348,7 @@ static trocar_balance trocar_balance_of(const trocar_element *e, int side, doubl
     b.memory.kept = 0.0;
     b.memory.now = 1.0;
     b.seen.rise = 1.0;
+    b.seen.fall = b.seen.at = 0.0;
 //@end
     b.seen.force = b.seen.slope = 0.0;
     return b;
@@ -434,7 +479,7 @@ static void trocar_slide_with(const trocar_element *e, trocar_element_state *sta
     b.arms = arms;
 //@end
 //@if lag
-    b.memory = trocar_rise_after(e, onset->rise, time);
+    b.memory = trocar_rise_after(e, b.contact, onset->rise, time, onset->speed);
 //@end
     guess = trocar_search(&b, onset, guess, &stride);
     u = trocar_find_root(&b, guess, stride, &slope);
@@ -453,7 +498,7 @@ static void trocar_slide_with(const trocar_element *e, trocar_element_state *sta
     state->contact_slope_n_s_m = b.seen.slope;
 //@end
 //@if lag
-    state->rise = b.seen.rise;
+    state->rise = e->friction_lag_s > 0.0 ? trocar_rise_beside(&b, u) : b.seen.rise;
 //@end
     state->sliding = !(u <= @CREEP_VELOCITY@);
 }

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
+use trocar_model::travel::FADE;
 use trocar_model::{Seal, Travel};
 
 use crate::model_file::{ModelFile, ModelFileError, OriginKind};
@@ -147,12 +148,14 @@ fn origin_lines(model: &ModelFile, origin: &str) -> String {
 /// The profile along the way; its values are named in `public.c`.
 fn travel_constants(travel: Travel<'_>) -> String {
     let mut text = String::from(
-        "/* How the force depends on the position: F = F_0(x) + level(x)*F_seal, straight between even knots. */\n",
+        "/* How the force depends on the position: F = F_0(x) + level(x)*F_seal, straight between even knots. Outside, F_0\n \
+         * fades to 0 and the level to 1 over a fraction of the range. */\n",
     );
     let knots = travel.levels().len();
     let _ = writeln!(text, "enum {{ trocar_knots = {knots} }};");
     constant(&mut text, "trocar_from_m", travel.from());
     constant(&mut text, "trocar_to_m", travel.to());
+    constant(&mut text, "trocar_fade", FADE);
     table(&mut text, "trocar_offset_n", travel.offsets());
     table(&mut text, "trocar_level_along", travel.levels());
     text.push('\n');

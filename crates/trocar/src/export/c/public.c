@@ -1,15 +1,22 @@
 //@if travel
-/* A profile along the way at position x: straight between the knots, constant outside. */
-static double trocar_along(const double *values, double x)
+/* A profile along the way at position x: straight between the knots; outside, it fades to `none`. */
+static double trocar_along(const double *values, double none, double x)
 {
     const double intervals = (double)(trocar_knots - 1);
     double along = (x - trocar_from_m) / (trocar_to_m - trocar_from_m) * intervals;
+    const double outside = x < trocar_from_m ? trocar_from_m - x : x > trocar_to_m ? x - trocar_to_m : 0.0;
+    const double faded = outside / (trocar_fade * (trocar_to_m - trocar_from_m));
+    double inside;
     int knot;
+    if (faded >= 1.0) {
+        return none;
+    }
     along = along > 0.0 ? along : 0.0;
     along = along < intervals ? along : intervals;
     knot = (int)along;
     knot = knot < trocar_knots - 2 ? knot : trocar_knots - 2;
-    return values[knot] + (along - (double)knot) * (values[knot + 1] - values[knot]);
+    inside = values[knot] + (along - (double)knot) * (values[knot + 1] - values[knot]);
+    return faded > 0.0 ? inside + faded * (none - inside) : inside;
 }
 
 //@end
@@ -26,7 +33,7 @@ static double trocar_force_at(const trocar_state *state, double x)
     const double force = state->seal_force_n;
 //@end
 //@if travel
-    return trocar_along(trocar_offset_n, x) + trocar_along(trocar_level_along, x) * force;
+    return trocar_along(trocar_offset_n, 0.0, x) + trocar_along(trocar_level_along, 1.0, x) * force;
 //@else
     (void)x;
     return force;

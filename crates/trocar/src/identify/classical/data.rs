@@ -3,7 +3,8 @@
 use trocar_model::Element;
 
 use crate::identify::training::{Segmented, Training};
-use crate::identify::{Identification, IdentifyOptions, Segments, segment, settled_stretches};
+use crate::identify::two_steps::settled_stretches;
+use crate::identify::{Identification, IdentifyOptions, Segments, segment};
 use crate::recording::Recording;
 use crate::segment::Stretch;
 
@@ -56,9 +57,9 @@ pub(crate) fn plain_training(
     for (recording, (segments, settled)) in recordings.iter().zip(&parts) {
         let (passes, settled) = (segments.passes.as_slice(), settled.clone());
         let acceleration = acceleration(recording);
-        all.push(Segmented { recording, passes, settled, settled_scored: true, acceleration });
+        all.push(Segmented { recording, passes, settled, acceleration });
     }
-    let mut training = Training::new(&all, 1.0, 0.0, half_width, MOST_CLUSTERS);
+    let mut training = Training::new(&all, half_width, MOST_CLUSTERS, f64::INFINITY);
     training.forget_unknown_starts(elements);
     training
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use trocar_model::{Passivity, SlipRate};
 
 use crate::identify::estimate::Estimate;
-use crate::identify::output_error::{self, Fitted, Free, Stop, Trial};
+use crate::identify::likelihood::{self, Column, Fitted, Free, Stop, Trial};
 use crate::identify::spread::{Reported, Spread};
 use crate::identify::{Parameter, Warning};
 use trocar_model::Classical;
@@ -15,8 +15,8 @@ use super::kind::{Coordinate, Kind, Quantity, build, coordinates, quantities};
 use super::starts;
 
 /// When the short fits from every start stop, and when the best is done.
-pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3 };
-pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6 };
+pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
+pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6, promise: f64::INFINITY };
 /// Part of the squares that a fit at rest may still promise.
 const WORST_PROMISE: f64 = 2e-3;
 /// Fresh starts that are fitted to the end.
@@ -85,9 +85,11 @@ impl Trial for ClassicalTrial {
     fn free(&self) -> Vec<Free> {
         let of = |(value, c): (&f64, &Coordinate)| {
             let [low, high] = Self::range(c);
-            Free { value: *value, step: c.step, low, high }
+            Free { value: *value, step: c.step, low, high, column: Column::Simulated }
         };
-        self.values.iter().zip(self.coordinates.iter()).map(of).collect()
+        let mut free: Vec<Free> = self.values.iter().zip(self.coordinates.iter()).map(of).collect();
+        free[0].column = Column::Offset;
+        free
     }
 
     fn with(&self, values: &[f64]) -> Self {
@@ -135,10 +137,10 @@ pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: Kin) -> Result<Classica
     };
     let fresh = trials(starts::fresh(kind, data, kin));
     let mut short: Vec<Fitted<ClassicalTrial>> =
-        fresh.iter().filter_map(|trial| output_error::fit(&data.training, trial, SHORT)).collect();
+        fresh.iter().filter_map(|trial| likelihood::fit(&data.training, trial, SHORT)).collect();
     short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
     let finalists = short.into_iter().take(FINALISTS).map(|s| s.best).chain(trials(starts::from_kin(kind, data, kin)));
-    let long = finalists.filter_map(|trial| output_error::fit(&data.training, &trial, LONG));
+    let long = finalists.filter_map(|trial| likelihood::fit(&data.training, &trial, LONG));
     let found = long.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
     let model = found.best.model().ok_or("the best numbers make no model")?;
     let parameters = parameters(&found);
@@ -164,7 +166,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let estimate = |q: Quantity| {
         let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
         let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
-        let how = Reported { unit: q.unit, log: q.log, scale, least: q.least(&best.numbers()) };
+        let how = Reported { unit: q.unit, log: q.log, scale, least: q.least(&best.numbers()), factor: 1.0 };
         let estimate = match q.from.iter().any(|j| found.held[*j]) {
             true => Estimate::not_pinned(of(best), q.unit, "the fit holds it at an end of its range"),
             false => spread.estimate(how, &of),
@@ -191,11 +193,14 @@ pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> V
 /// Why a fit is not at rest, if it is not.
 fn unrest<T: Trial>(found: &Fitted<T>) -> Option<String> {
     if !found.converged {
-        return Some(format!("the fit did not come to rest in {} steps", found.iterations));
+        return Some(format!("the fit did not converge in {} iterations", found.iterations));
     }
     let promised = found.promised_fall();
     (promised > WORST_PROMISE).then(|| {
-        format!("the fit stalled: to first order another {:.1} % of the squares were to be had", 1e2 * promised)
+        format!(
+            "the fit did not converge: a further decrease of {:.1} % of the squared error is predicted",
+            1e2 * promised
+        )
     })
 }
 

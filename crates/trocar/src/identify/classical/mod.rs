@@ -10,7 +10,7 @@ mod fit;
 mod kind;
 mod starts;
 
-pub(crate) use data::{ASSUMED_WIDTH, ClassicalData, plain_training};
+pub(crate) use data::{ASSUMED_WIDTH, ClassicalData};
 pub use fit::ClassicalFit;
 pub(crate) use fit::{Kin, LONG, SHORT, doubts, fit};
 pub use kind::Kind;

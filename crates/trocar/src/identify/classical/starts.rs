@@ -172,10 +172,10 @@ fn bank_at(limits: &[f64], data: &ClassicalData) -> Vec<[f64; 2]> {
             }
             row[p - 2] = step.displacement / step.duration;
             row[p - 1] = 1.0;
-            if step.samples > 0.0 {
+            if step.weight > 0.0 {
                 for (j, a) in row.iter().enumerate() {
-                    moment[j] += step.samples * a * step.force;
-                    row.iter().enumerate().for_each(|(i, b)| gram[(i, j)] += step.samples * a * b);
+                    moment[j] += step.weight * a * step.force;
+                    row.iter().enumerate().for_each(|(i, b)| gram[(i, j)] += step.weight * a * b);
                 }
             }
         }

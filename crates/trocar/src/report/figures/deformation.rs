@@ -10,7 +10,7 @@ use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::significant;
 use crate::segment::Direction;
 
-/// Deflections shown against velocity, as z/c.
+/// Deflections shown against velocity unless others are chosen, as z/c.
 const LEVELS: [f64; 3] = [-0.5, 0.0, 0.5];
 /// Points of a drawn branch.
 const BRANCH_POINTS: usize = 300;
@@ -21,8 +21,8 @@ fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a Deformation
     })
 }
 
-/// Force at several deflections against deformation velocity.
-pub(in super::super) fn deformation_velocity(found: &Identification) -> Drawn {
+/// Force at several deflections against deformation velocity: at those of `chosen`, m, or else at [`LEVELS`].
+pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
     let deformation = resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
     let test = deformation.damping.as_ref().ok_or(
         "There is no figure of the deformation force against deformation velocity (EMS figure 7): all turn-overs of the seal have one \
@@ -31,9 +31,11 @@ pub(in super::super) fn deformation_velocity(found: &Identification) -> Drawn {
     let c = deformation.half_width.value;
     let mut panel =
         Panel::new(Axis::new("deformation velocity", "mm/s").with_zero(), Axis::new("deformation force", "N"));
-    for (category, level) in LEVELS.into_iter().enumerate() {
+    let levels: Vec<f64> = if chosen.is_empty() { LEVELS.to_vec() } else { chosen.iter().map(|z| z / c).collect() };
+    let digits = if chosen.is_empty() { 2 } else { 4 };
+    for (category, &level) in levels.iter().enumerate() {
         let role = Role::Category(category as u8);
-        let name = format!("z = {} mm", significant(MM * level * c, 2));
+        let name = format!("z = {} mm", significant(MM * level * c, digits));
         for direction in [Direction::Positive, Direction::Negative] {
             let at = Level::new(deformation, direction, level);
             panel = panel.series(at.points(&name, role, test.deflection_error_m)).series(at.line(role, test));
@@ -41,7 +43,7 @@ pub(in super::super) fn deformation_velocity(found: &Identification) -> Drawn {
     }
     Ok(Figure::new("deformation-velocity", 0, "Influence of the deformation velocity")
         .panel(panel)
-        .caption(velocity_caption(found, test)))
+        .caption(velocity_caption(found, test, levels.len())))
 }
 
 /// The force of one direction's traverses at one deflection.
@@ -96,8 +98,17 @@ fn fit_of(deformation: &DeformationFit, direction: Direction) -> &BranchFit {
     }
 }
 
-fn velocity_caption(found: &Identification, test: &DampingTest) -> String {
-    let verdict = if found.motion.is_some() {
+fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -> String {
+    const COUNTS: [&str; 6] = [
+        "one deflection",
+        "two deflections",
+        "three deflections",
+        "four deflections",
+        "five deflections",
+        "six deflections",
+    ];
+    let deflections = COUNTS.get(levels.saturating_sub(1)).copied().unwrap_or("the chosen deflections");
+    let verdict = if found.fit.is_some() {
         "which is where the fit to all motion starts from; its own σ is in the table of parameters, if it keeps one"
     } else if test.kept {
         "so σ is kept in the model"
@@ -107,9 +118,9 @@ fn velocity_caption(found: &Identification, test: &DampingTest) -> String {
         "so σ is set to zero, although these data do not exclude a larger influence"
     };
     format!(
-        "Force at three deflections against the velocity of the deformation (insertion at the right, withdrawal at the left), as in \
+        "Force at {deflections} against the velocity of the deformation (insertion at the right, withdrawal at the left), as in \
          figure 7 of EMS. Bars are the change of the force within ± {:.3} mm, one standard deviation of the rebuilt deflection \
-         (EMS (24)). Lines have the one slope σ that all levels and turn-overs give together, with that error as a common \
+         (EMS (24)). Lines have the one slope σ that all turn-overs give together at ∓c/2 and 0, with that error as a common \
          disturbance of the levels of one turn-over: σ = {}, {} against σ = 0. At the fastest deformation it amounts to {:.3} N, and \
          to {:.3} N at most within its interval, {verdict}.",
         MM * test.deflection_error_m,
@@ -186,12 +197,8 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
             all.push(drawn(JOINED, Role::Fit, &branch));
         }
     }
-    match super::model_name(found) {
-        Some(name) if found.motion.is_some() => {
-            all.extend([1.0, -1.0].map(|sign| full_stroke(name, found, deformation, sign)));
-        }
-        Some(name) => all.extend([rising(found), falling(found)].map(|branch| drawn(name, Role::Model, branch))),
-        None => {}
+    if let Some(name) = super::model_name(found) {
+        all.extend([1.0, -1.0].map(|sign| full_stroke(name, found, deformation, sign)));
     }
     if let Some([element]) = truth {
         let force = &element.params().deformation;
@@ -242,21 +249,14 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
     let count = |d| deformation.traverses.iter().filter(|t| t.direction == d).count();
     let [left, right] = deformation.rising.shape.degrees();
     let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
-    let refined = if found.motion.is_some() {
+    let refined = if found.fit.is_some() {
         format!(
             " The model is drawn as a whole, turned over at {:.0} mm/s, the mean speed of the turn-overs: all of its elements, damping \
              and relaxation, which the measured mean holds too. Joins marked are those of {stages}.",
             MM * mean_speed(deformation)
         )
-    } else if found.refinement.as_ref().is_some_and(|r| r.accepted) {
-        " The refined branches fit the force over whole recordings, not this mean; joins marked are theirs.".to_owned()
     } else {
         " Joins are marked.".to_owned()
-    };
-    let damped = if found.motion.is_none() && found.model.seal_damping > 0.0 {
-        " The measured force holds the damping force σ·ż as well, which the refined branches leave to σ."
-    } else {
-        ""
     };
     let true_branches = match truth {
         Some([_]) => " The truth is that of the virtual bench.",
@@ -266,7 +266,7 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
     format!(
         "(a) Force against deflection in deformation, as in figure 8 of EMS: {} insertions (upper branch) and {} withdrawals (lower \
          branch), sensor offset removed, deflection by EMS (24). The joined polynomials of degrees {left} and {right}, EMS (25), are \
-         fitted to the mean of the turn-overs by EMS (26), through the sliding limits at ±c.{refined}{damped} (b), (c) What both fits leave \
+         fitted to the mean of the turn-overs by EMS (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
          of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
          of degree 7, in insertion and withdrawal.{true_branches}",
         count(Direction::Positive),

@@ -25,12 +25,12 @@ use crate::recording::{Recording, local_acceleration};
 pub(super) use deformation::{deformation_force, deformation_velocity};
 pub(super) use half_width::half_width;
 pub(super) use live::live_model;
-pub(super) use motion::{held_out_errors, in_words as motion_in_words, ingredients, small_motion};
+pub(super) use motion::{friction_scale, in_words as fit_in_words, small_motion, terms};
 pub(super) use reversal::velocity_step;
 pub(super) use sliding::static_friction;
 pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
 pub(super) use tables::{branch_coefficients, display, name_of, parameters, resolution, sampling};
-pub(super) use validation::{Scored, cross_validation, residual_statistics, residuals, scored};
+pub(super) use validation::{Scored, cross_validation, cycle_speeds, residual_statistics, residuals, scored};
 
 /// A figure, or why there is none.
 pub(super) type Drawn = Result<Figure, String>;
@@ -43,11 +43,7 @@ pub(super) const MM: f64 = 1e3;
 
 /// Name of the model's curves beside those of the two steps; `None` where the model is the two steps'.
 fn model_name(found: &Identification) -> Option<&'static str> {
-    let refined = found.refinement.as_ref().is_some_and(|r| r.accepted);
-    match &found.motion {
-        Some(_) => Some("model (fitted to all motion)"),
-        None => refined.then_some("model (refined)"),
-    }
+    found.fit.as_ref().map(|_| "model")
 }
 
 /// Whether the model has elements in parallel.

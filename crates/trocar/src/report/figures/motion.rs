@@ -1,9 +1,9 @@
-//! The fit to all motion: what each ingredient is worth, and a stretch of small reversals and rests.
+//! The fit: optional terms, friction scale of each stroke, and a part with small reversals and rests.
 
 use std::ops::Range;
 
 use super::{Drawn, MM, Scored, has_stages, thinned, without_hidden_mass};
-use crate::identify::{Identification, IngredientTrial, MotionFit};
+use crate::identify::{FitSummary, Identification};
 use crate::recording::Recording;
 use crate::replay::{Replay, replay, replay_along};
 use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
@@ -19,21 +19,9 @@ const SHORTEST_REST: f64 = 0.1;
 const RESTING: f64 = 0.1;
 
 /// What was fitted, from what, and how it came out.
-pub(in super::super) fn in_words(found: &Identification, motion: &MotionFit) -> Vec<String> {
-    let asked = match found.free_motion {
-        Some(free) if free.is_enough() => format!(
-            "The recordings hold {} partial reversals (shorter than 2c) and {} s of rest, which full strokes at constant speed tell \
-             nothing of.",
-            free.partial_reversals,
-            significant(free.held_s, 3)
-        ),
-        Some(free) => format!(
-            "The paper's two steps resolve no element here, although the recordings hold {} reversals.",
-            free.reversals
-        ),
-        None => String::new(),
-    };
-    let rest = if motion.converged { "" } else { " The last fit stalled before it came to rest." };
+pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> {
+    let free = &found.free_motion;
+    let rest = if fit.converged { "" } else { " The last fit did not converge." };
     let stages = if has_stages(found) {
         " The model has two elements in parallel: c, the joins and the minor-loop stiffness are those of the first; forces and \
          damping are those of both together."
@@ -42,32 +30,32 @@ pub(in super::super) fn in_words(found: &Identification, motion: &MotionFit) -> 
     };
     vec![
         format!(
-            "{asked} All numbers of the element were therefore fitted at once to the whole force, run freely from measured positions, and \
-             every ingredient was put on trial: the cycles were divided into four parts, each was predicted from the others, and an \
-             ingredient was kept if the error on these held-out cycles grows without it by more than its scatter between cycles explains."
+            "All numbers of the element were fitted at once to the whole force, run freely from measured positions: {} reversals, {} \
+             of them partial (shorter than 2c), and {} s at rest. Each stroke has a friction scale of its own, which scatters and drifts \
+             as the strokes ask for, so that neither is taken for viscosity or for a property of the seal. An optional term is accepted \
+             where its p value is below 1 % over all terms tried.",
+            free.reversals,
+            free.partial_reversals,
+            significant(free.held_s, 3)
         ),
         format!(
-            "The held-out error is {} N for the paper's element fitted to the same readings and {} N for the model chosen, which leaves \
-             {} N (weighted alike) of the readings it was fitted to.{rest}{stages}",
-            significant(motion.held_out_paper_n, 3),
-            significant(motion.held_out_chosen_n, 3),
-            significant(motion.fitted_rms_n, 3)
+            "The root mean square error, friction scales taken out, is {} N for the paper's element and {} N for the model.{rest}{stages}",
+            significant(fit.paper_rms_n, 3),
+            significant(fit.rms_n, 3)
         ),
     ]
 }
 
-/// Each ingredient with its held-out errors.
-pub(in super::super) fn ingredients(motion: &MotionFit) -> Table {
-    let columns = ["Ingredient", "With it (N)", "Without it (N)", "Growth (s.e.)", "Numbers", "Kept"];
-    let caption = "Root mean square error on held-out cycles with and without each ingredient, the growth of its square without it in \
-                   standard errors, and the numbers that it adds; in the order of the trials";
-    motion.ingredients.iter().fold(Table::new(caption, columns), |table, trial| {
+/// Each optional term with its p value.
+pub(in super::super) fn terms(fit: &FitSummary) -> Table {
+    let columns = ["Term", "p value", "Squared error less by (%)", "In the model"];
+    let caption = "Optional terms: p value of each beside those accepted before it, and the part of the squared error that it takes \
+                   away, to first order";
+    fit.terms.iter().fold(Table::new(caption, columns), |table, trial| {
         table.row([
-            Cell::from(capital(trial.ingredient.words())),
-            Cell::Number { value: trial.held_out_with_n, digits: 3 },
-            Cell::Number { value: trial.held_out_without_n, digits: 3 },
-            Cell::Number { value: trial.surety, digits: 2 },
-            Cell::Text(trial.parameters.to_string()),
+            Cell::from(capital(trial.term.words())),
+            Cell::Number { value: trial.p_value, digits: 2 },
+            Cell::Number { value: 1e2 * trial.gain, digits: 2 },
             Cell::from(if trial.kept { "yes" } else { "no" }),
         ])
     })
@@ -78,44 +66,32 @@ fn capital(words: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A place of the figure: its name, error and role.
-type Place = (String, f64, Role);
-
-const PAPER: Role = Role::Alternative;
-const LEFT_OUT: Role = Role::Measured;
-const CHOSEN: Role = Role::Model;
-
-/// Held-out errors of the paper's element, of the trials and of the model chosen, one below the other.
-pub(in super::super) fn held_out_errors(motion: &MotionFit) -> Figure {
-    let trial = |t: &IngredientTrial| {
-        let (name, error) = if t.kept {
-            (format!("without {}", t.ingredient.words()), t.held_out_without_n)
-        } else {
-            (format!("with {}", t.ingredient.words()), t.held_out_with_n)
-        };
-        (name, error, LEFT_OUT)
-    };
-    let mut places: Vec<Place> = vec![("paper's element".to_owned(), motion.held_out_paper_n, PAPER)];
-    places.extend(motion.ingredients.iter().map(trial));
-    places.push(("model chosen".to_owned(), motion.held_out_chosen_n, CHOSEN));
-    places.reverse();
-    let names = places.iter().map(|place| place.0.clone()).collect();
-    let mut panel = Panel::new(Axis::new("rms error on held-out cycles", "N").with_zero(), Axis::named(names));
-    for (at, (_, error, _)) in places.iter().enumerate() {
-        panel = panel.series(Series::line("", Role::Neutral, vec![0.0, *error], vec![at as f64; 2]));
+/// Friction of each stroke over that of the model, along the time of the recordings, one behind the other.
+pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
+    let scale = &found.friction_scale;
+    if scale.strokes.len() < 2 {
+        return Err("There is no figure of the friction scale: fewer than two strokes.".to_owned());
     }
-    for (name, role) in [("paper's element", PAPER), ("ingredient on trial", LEFT_OUT), ("model chosen", CHOSEN)] {
-        let own: Vec<(f64, f64)> =
-            places.iter().zip(0..).filter(|(place, _)| place.2 == role).map(|(p, at)| (p.1, f64::from(at))).collect();
-        let (x, y) = own.into_iter().unzip();
-        panel = panel.series(Series::points(name, role, x, y));
+    let mut panel =
+        Panel::new(Axis::new("time, recordings one after the other", "s"), Axis::new("friction over the model's", "1"));
+    let mut from = 0.0;
+    for (index, recording) in recordings.iter().enumerate() {
+        let own = || scale.strokes.iter().filter(|s| s.recording == index);
+        let role = [Role::Measured, Role::Model, Role::Alternative][index % 3];
+        let (x, y): (Vec<f64>, Vec<f64>) = own().map(|s| (from + s.time_s, s.scale)).unzip();
+        panel = panel.series(Series::points(recording.name.as_str(), role, x, y));
+        from += recording.duration();
     }
-    let panel = panel.mark(Mark::x(motion.held_out_chosen_n, "")).aspect(0.06 * places.len() as f64);
-    Figure::new("held-out-errors", 0, "What each ingredient is worth").panel(panel).caption(
-        "Root mean square error on cycles that a fit has not seen (four parts, each predicted from the others): of the paper's \
-         element, of the model without each ingredient that it keeps, of the model with each one that was tried and left out, and of \
-         the model chosen (broken line). Each trial is against what the model had by then, in the order of the table.",
-    )
+    for jump in &scale.jumps {
+        let before: f64 = recordings[..jump.recording].iter().map(Recording::duration).sum();
+        panel = panel.mark(Mark::x(before + jump.time_s, "jump"));
+    }
+    let caption = format!(
+        "Friction of each stroke over that of the model. Neighbouring strokes scatter by {} %; the slow drift spans {} %.",
+        significant(1e2 * scale.scatter, 2),
+        significant(1e2 * scale.drift, 2)
+    );
+    Ok(Figure::new("friction-scale", 0, "How friction changed").panel(panel.aspect(0.35)).caption(&caption))
 }
 
 /// A stretch of a recording.
@@ -192,7 +168,7 @@ fn caption(shown: &Stretch, model: f64, paper: Option<f64>) -> String {
     let errors = match paper {
         Some(paper) => format!(
             "Both models run freely from measured positions; the element of the paper's two steps is what the same recordings give \
-             without this fit and without the refinement. Root mean square errors here: {model} N and {} N.",
+             without this fit. Root mean square errors here: {model} N and {} N.",
             significant(paper, 2)
         ),
         None => format!(

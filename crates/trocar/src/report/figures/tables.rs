@@ -44,7 +44,7 @@ pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
         "second_coulomb_force_n" => ("Coulomb force of the second stage, part of F_c", "F_c2"),
         "second_half_width_m" => ("Half width of the second stage", "c_2"),
         "sliding friction" => ("Sliding friction", "F_sl"),
-        "refinement" => ("Refinement", ""),
+        "fit" => ("Fit", ""),
         "hidden_mass_kg" => ("Undeclared mass before the seal", "m"),
         "rising_join_m" => ("Join, insertion", "a⁺"),
         "falling_join_m" => ("Join, withdrawal", "a⁻"),
@@ -111,7 +111,7 @@ fn table<'a>(
     truth: Option<&[Element]>,
 ) -> Table {
     let two_steps_made = !found.steady.means.is_empty();
-    let refined = (found.motion.is_some() && two_steps_made) || found.refinement.as_ref().is_some_and(|r| r.accepted);
+    let refined = found.fit.is_some() && two_steps_made;
     let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
     if refined {
         columns.extend(["Two-step value", "Two-step 95 % interval"]);

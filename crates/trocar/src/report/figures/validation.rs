@@ -128,25 +128,51 @@ pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Rang
     if steady.is_empty() { found } else { steady }
 }
 
-/// Force and deflection over a cycle at the lowest and at the highest speed.
-pub(in super::super) fn cross_validation(scored: &Scored) -> Drawn {
+/// The cycles that can be drawn, by speed.
+fn sorted_cycles(scored: &Scored) -> Vec<Cycle> {
     let mut cycles = cycles(&scored.recordings, |index| scored.known(index));
     cycles.sort_by(|a, b| a.speed.total_cmp(&b.speed));
+    cycles
+}
+
+/// Speeds, m/s, of the cycles that can be drawn, ascending.
+pub(in super::super) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
+    sorted_cycles(scored).iter().map(|cycle| cycle.speed).collect()
+}
+
+/// Force and deflection over a cycle at the lowest and at the highest speed, or at each of the speeds `chosen`, m/s.
+pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
+    let cycles = sorted_cycles(scored);
     let (Some(slowest), Some(fastest)) = (cycles.first(), cycles.last()) else {
         return Err("There is no figure of the model against measurement at two speeds (EMS figure 9): the recordings hold no full \
                     cycle of two strokes whose initial deflection is known."
             .to_owned());
     };
     let one_speed = fastest.speed < ONE_SPEED * slowest.speed;
-    let shown = if one_speed { vec![&cycles[cycles.len() / 2]] } else { vec![slowest, fastest] };
-    let mut figure = Figure::new("cross-validation", 0, "Model against measurement").columns(shown.len());
-    for panel in shown.iter().map(|cycle| forces(scored, cycle)) {
-        figure = figure.panel(panel);
+    let shown: Vec<&Cycle> = if !chosen.is_empty() {
+        let nearest = |speed: &f64| {
+            let off = |cycle: &&Cycle| (cycle.speed - speed).abs();
+            cycles.iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(slowest)
+        };
+        chosen.iter().map(nearest).collect()
+    } else if one_speed {
+        vec![&cycles[cycles.len() / 2]]
+    } else {
+        vec![slowest, fastest]
+    };
+    let mut figure = Figure::new("cross-validation", 0, "Model against measurement").columns(shown.len().min(2));
+    for pair in shown.chunks(2) {
+        for panel in pair.iter().map(|cycle| forces(scored, cycle)) {
+            figure = figure.panel(panel);
+        }
+        for panel in pair.iter().map(|cycle| deflections(scored, cycle)) {
+            figure = figure.panel(panel);
+        }
     }
-    for panel in shown.iter().map(|cycle| deflections(scored, cycle)) {
-        figure = figure.panel(panel);
-    }
-    let speeds = if one_speed {
+    let speeds = if !chosen.is_empty() {
+        let of = |cycle: &&Cycle| format!("{:.0}", MM * cycle.speed);
+        format!("The cycles chosen are at {} mm/s.", shown.iter().map(of).collect::<Vec<_>>().join(", "))
+    } else if one_speed {
         format!("All cycles have about one speed, so one of them is shown, at {:.0} mm/s.", MM * shown[0].speed)
     } else {
         format!(
@@ -155,9 +181,10 @@ pub(in super::super) fn cross_validation(scored: &Scored) -> Drawn {
             MM * fastest.speed
         )
     };
+    let rows = if shown.len() > 2 { " of each two" } else { "" };
     let stages = if scored.stages { " (of the first of the model's elements)" } else { "" };
     Ok(figure.caption(format!(
-        "Measured force, computed force (upper row) and computed deflection{stages} (lower row), as in figure 9 of EMS, on {}. {speeds} The \
+        "Measured force, computed force (upper row) and computed deflection{stages} (lower row{rows}), as in figure 9 of EMS, on {}. {speeds} The \
          sensor offset of {} N is taken out of the measured force; the model's force is the seal's alone, from measured positions \
          only. Over all samples whose state is known the root mean square error is {:.3} N.",
         scored.kind(),

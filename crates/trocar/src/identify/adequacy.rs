@@ -1,0 +1,321 @@
+//! What the data determine, and whether the model is adequate: looked at in the motion that the model makes of the recordings.
+//!
+//! - F_c, c and the branches need full reversals: the model slides one way, and after a reversal the other way, each over a stated
+//!   travel, and the measured force is flat where the model slides.
+//! - F_c and β apart need sliding at two speeds; sliding force at rest is an extrapolation otherwise.
+//! - The residual of each phase is compared with sensor noise and the scatter between strokes.
+
+use serde::Serialize;
+use trocar_model::Stages;
+
+use super::candidate::Candidate;
+use super::element::Input;
+use super::estimate::t_p_value;
+use super::inertia;
+use super::scale::FrictionScale;
+use crate::recording::{Recording, local_velocity};
+use crate::replay::replay_along;
+use crate::travel::TravelProfile;
+
+/// Travel in sliding, in half widths, that shows that the force stays where it is.
+const SHOWS_SLIDING: f64 = 0.5;
+/// Fewest full reversals.
+const FEWEST_REVERSALS: usize = 2;
+/// Least ratio of fast to slow sliding (a tenth of the travel each) that tells F_c from β.
+const SPEED_RATIO: f64 = 1.5;
+/// Largest change of the force, as a part of it, over the travel in which the model slides.
+const FLAT: f64 = 0.1;
+/// Residual over sensor noise and scatter between strokes that makes the result doubtful.
+const EXCESS: f64 = 4.0;
+/// Part of the sliding force that a model may always be off.
+const TOLERATED: f64 = 0.03;
+
+/// Error of the model in one phase of the motion, each stroke's friction scale taken out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Phase {
+    /// `deforming` or `sliding`.
+    pub phase: &'static str,
+    /// Samples.
+    pub samples: usize,
+    /// Root mean square error, N.
+    pub rms_n: f64,
+    /// What sensor noise and the scatter between strokes explain, N.
+    pub expected_n: f64,
+}
+
+/// Parameters that share a reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Group {
+    /// Sliding force of the directions.
+    Sliding,
+    /// Viscous part, and F_c with it.
+    Speed,
+    /// c, joins, branches.
+    Shape,
+}
+
+impl Group {
+    /// Whether a parameter belongs to the group.
+    pub(super) fn holds(self, name: &str) -> bool {
+        let starts = |all: &[&str]| all.iter().any(|start| name.starts_with(start));
+        match self {
+            Self::Sliding => {
+                starts(&["coulomb_force", "static_force", "viscous_damping", "stribeck", "second_coulomb"])
+            }
+            Self::Speed => starts(&["coulomb_force", "static_force", "viscous_damping", "stribeck"]),
+            Self::Shape => starts(&["half_width", "rising", "falling", "yield_stiffness", "second_", "seal_damping"]),
+        }
+    }
+}
+
+/// What was found.
+pub(super) struct Adequacy {
+    pub(super) phases: Vec<Phase>,
+    /// What is not determined, and why.
+    pub(super) undetermined: Vec<(Group, String)>,
+    /// Why the result is doubtful.
+    pub(super) doubts: Vec<(String, String)>,
+    /// Root mean square error, N, without any friction scale of strokes.
+    pub(super) residual_rms: f64,
+}
+
+/// The model over the recordings.
+pub(super) struct Model<'a> {
+    pub(super) candidate: &'a Candidate,
+    pub(super) stages: &'a Stages,
+    pub(super) profile: Option<&'a TravelProfile>,
+    pub(super) scale: &'a FrictionScale,
+    /// Whether c and the branches were fitted.
+    pub(super) has_shape: bool,
+}
+
+/// What one recording shows.
+#[derive(Default)]
+struct Seen {
+    /// Σ e² and samples: deforming, sliding; and without the scale of the strokes.
+    squares: [f64; 2],
+    samples: [usize; 2],
+    plain_squares: f64,
+    /// Σ F².
+    power: f64,
+    full_reversals: usize,
+    /// Speed, m/s, and travel, m, of sliding.
+    speeds: Vec<(f64, f64)>,
+    /// Force over the model's, by stroke, in the first and the second half of its sliding.
+    halves: Vec<[f64; 2]>,
+    oscillations: Vec<Oscillation>,
+}
+
+/// A force that swings by itself at constant speed.
+struct Oscillation {
+    frequency: f64,
+    swing: f64,
+    speed: f64,
+}
+
+/// Judges the model.
+pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
+    let seen: Vec<Seen> = (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
+    let mut undetermined = Vec::new();
+    if model.has_shape {
+        undetermined.extend(full_reversals(input, model, &seen));
+    }
+    undetermined.extend(separated_speeds(&seen));
+    let phases = phases(input, model, &seen);
+    let mut doubts: Vec<(String, String)> = phases.iter().filter_map(doubt).collect();
+    if model.has_shape {
+        doubts.extend(stick_slip(model, &seen));
+    }
+    let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
+    let squares: f64 = seen.iter().map(|s| s.plain_squares).sum();
+    Adequacy { phases, undetermined, doubts, residual_rms: (squares / samples.max(1) as f64).sqrt() }
+}
+
+fn look(input: &Input, model: &Model, index: usize) -> Seen {
+    let (recording, segments) = (&input.recordings[index], &input.segments[index]);
+    let candidate = model.candidate;
+    let run = replay_along(model.stages.elements(), model.profile, recording, candidate.offset);
+    let inertia = inertia(recording, candidate.hidden_mass);
+    let velocity = local_velocity(recording, (5.0 * recording.quality.median_interval).max(0.02));
+    let mut known = vec![false; recording.len()];
+    run.known.iter().cloned().for_each(|range| known[range].fill(true));
+    let mut seen = Seen::default();
+    let reading = |i: usize| recording.force[i] - candidate.offset - inertia[i];
+    let x = &recording.position;
+    let mut slid_before: Option<f64> = None;
+    for pass in &segments.passes {
+        let scale = model.scale.at(index, recording.time[pass.start] - recording.time[0]);
+        let (mut slid, mut sums) = (0.0, Vec::new());
+        for i in (pass.start + 1..=pass.end).filter(|i| known[*i] && !recording.is_clipped(*i)) {
+            let step = (x[i] - x[i - 1]).abs();
+            let error = reading(i) - scale * run.force[i];
+            let phase = usize::from(run.sliding[i]);
+            seen.squares[phase] += error * error;
+            seen.samples[phase] += 1;
+            seen.plain_squares += (reading(i) - run.force[i]).powi(2);
+            seen.power += run.force[i].powi(2);
+            if run.sliding[i] && step > 0.0 {
+                slid += step;
+                seen.speeds.push((velocity[i].abs(), step));
+                sums.push((slid, reading(i) / run.force[i]));
+            }
+        }
+        let slides = slid >= SHOWS_SLIDING * candidate.half_width;
+        let turned = slid_before.is_some_and(|d| d != pass.direction.sign()) && pass.starts_at_reversal;
+        seen.full_reversals += usize::from(slides && turned);
+        slid_before = slides.then_some(pass.direction.sign());
+        if slides {
+            let mean = |first: bool| {
+                let part = sums.iter().filter(|(at, _)| (*at < 0.5 * slid) == first).map(|s| s.1);
+                part.clone().sum::<f64>() / part.count().max(1) as f64
+            };
+            seen.halves.push([mean(true), mean(false)]);
+        }
+    }
+    seen.oscillations = oscillations(input, index);
+    seen
+}
+
+/// Full reversals enough, and a flat force where the model slides.
+fn full_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, String)> {
+    let count: usize = seen.iter().map(|s| s.full_reversals).sum();
+    let longest = input.recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+    let mut all = Vec::new();
+    if count < FEWEST_REVERSALS {
+        let why = format!(
+            "{count} full reversals with sliding on both sides, at least {FEWEST_REVERSALS} are needed: record strokes of several \
+             centimetres in both directions (longest here: {:.1} mm)",
+            1e3 * longest
+        );
+        all.push((Group::Sliding, why.clone()));
+        all.push((Group::Shape, why));
+        return all;
+    }
+    let halves: Vec<f64> = seen.iter().flat_map(|s| &s.halves).map(|[a, b]| b - a).filter(|d| d.is_finite()).collect();
+    let n = halves.len() as f64;
+    let mean = halves.iter().sum::<f64>() / n.max(1.0);
+    let error = (halves.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0) / n.max(1.0)).sqrt();
+    let short = longest < 4.0 * SHOWS_SLIDING * model.candidate.half_width + 2.0 * model.candidate.half_width;
+    let changes = mean.abs() > FLAT && t_p_value(mean / error, n - 1.0) < 0.01;
+    if changes || (short && mean.abs() > 0.5 * FLAT) {
+        let why = format!(
+            "the force still changes by {:.0} % while the model slides, so nothing shows that the instrument slides at all: record \
+             strokes that are longer than the deformation (longest here: {:.1} mm)",
+            1e2 * mean,
+            1e3 * longest
+        );
+        all.push((Group::Sliding, why.clone()));
+        all.push((Group::Shape, why));
+    }
+    all
+}
+
+/// Whether sliding was seen at speeds that separate F_c from β.
+fn separated_speeds(seen: &[Seen]) -> Option<(Group, String)> {
+    let mut speeds: Vec<(f64, f64)> = seen.iter().flat_map(|s| s.speeds.iter().copied()).collect();
+    speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = speeds.iter().map(|s| s.1).sum();
+    let quantile = |part: f64| {
+        let mut travelled = 0.0;
+        let beyond = |(_, step): &&(f64, f64)| {
+            travelled += step;
+            travelled >= part * total
+        };
+        speeds.iter().find(beyond).map_or(0.0, |s| s.0)
+    };
+    let (slow, fast) = (quantile(0.1), quantile(0.9));
+    (fast < SPEED_RATIO * slow || speeds.is_empty()).then(|| {
+        let why = format!(
+            "sliding was seen at {:.0} to {:.0} mm/s only: F_c and β cannot be told apart; record strokes at speeds that differ by a \
+             factor of 3 or more",
+            1e3 * slow,
+            1e3 * fast
+        );
+        (Group::Speed, why)
+    })
+}
+
+fn phases(input: &Input, model: &Model, seen: &[Seen]) -> Vec<Phase> {
+    let noise = input.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
+    let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
+    let force = (seen.iter().map(|s| s.power).sum::<f64>() / samples.max(1) as f64).sqrt();
+    let expected_n = noise.hypot(model.scale.scatter.max(TOLERATED) * force);
+    let of = |(k, phase): (usize, &'static str)| {
+        let samples: usize = seen.iter().map(|s| s.samples[k]).sum();
+        let squares: f64 = seen.iter().map(|s| s.squares[k]).sum();
+        (samples > 0).then(|| Phase { phase, samples, rms_n: (squares / samples as f64).sqrt(), expected_n })
+    };
+    [(0, "deforming"), (1, "sliding")].into_iter().filter_map(of).collect()
+}
+
+fn doubt(phase: &Phase) -> Option<(String, String)> {
+    (phase.rms_n > EXCESS * phase.expected_n).then(|| {
+        let message = format!(
+            "while {} the model is off by {:.3} N rms, sensor noise and the scatter between strokes explain {:.3} N: the seal is no EMS \
+             element, or the recording holds something else (another load, a late signal); see the residuals in the report",
+            phase.phase, phase.rms_n, phase.expected_n
+        );
+        (phase.phase.to_owned(), message)
+    })
+}
+
+/// Fewest swings, and least swing as a part of the force and of the sensor noise, that count as stick-slip.
+const FEWEST_SWINGS: usize = 8;
+const LEAST_SWING: f64 = 0.06;
+const OVER_NOISE: f64 = 6.0;
+
+/// Swings of the force about its mean at constant speed, counted with a hysteresis of a quarter of the swing.
+fn oscillations(input: &Input, index: usize) -> Vec<Oscillation> {
+    let (recording, segments) = (&input.recordings[index], &input.segments[index]);
+    let of = |stretch: &crate::segment::Stretch| {
+        let from = stretch.start + (stretch.end - stretch.start) / 3;
+        let force = &recording.force[from..stretch.end];
+        let mut sorted = force.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
+        let (low, middle, high) = (quantile(0.02), quantile(0.5), quantile(0.98));
+        let swing = high - low;
+        if swing
+            < LEAST_SWING * (middle - input.two.candidate.offset).abs() + OVER_NOISE * recording.quality.force_noise
+        {
+            return None;
+        }
+        let (mut above, mut swings) = (force[0] > middle, 0);
+        for f in force {
+            let crossed = if above { *f < middle - 0.25 * swing } else { *f > middle + 0.25 * swing };
+            if crossed {
+                above = !above;
+                swings += 1;
+            }
+        }
+        let time = recording.time[stretch.end - 1] - recording.time[from];
+        let frequency = 0.5 * swings as f64 / time;
+        (swings >= FEWEST_SWINGS).then(|| Oscillation { frequency, swing, speed: stretch.velocity.abs() })
+    };
+    segments.stretches.iter().filter_map(of).collect()
+}
+
+/// Stick-slip, named with its speeds, frequency and swing.
+fn stick_slip(model: &Model, seen: &[Seen]) -> Option<(String, String)> {
+    let all: Vec<&Oscillation> = seen.iter().flat_map(|s| &s.oscillations).collect();
+    let range = |of: fn(&Oscillation) -> f64| {
+        all.iter().map(|o| of(o)).fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)))
+    };
+    let (slow, fast) = range(|o| 1e3 * o.speed);
+    let (low, high) = range(|o| o.frequency);
+    let swing = all.iter().map(|o| o.swing).sum::<f64>() / all.len().max(1) as f64;
+    (all.len() >= 2).then(|| {
+        let folded = model.candidate.insertion.static_force > 1.02 * model.candidate.insertion.coulomb_force;
+        let fitted = if folded { "" } else { "; the model has no velocity weakening and shows the mean force only" };
+        let message = format!(
+            "at {slow:.0} to {fast:.0} mm/s the force swings by {swing:.2} N, {low:.1} to {high:.1} times a second{fitted}. \
+             Sliding forces and c are then not determined by averages; record faster strokes too"
+        );
+        ("stick-slip".to_owned(), message)
+    })
+}
+
+/// Names of the recordings.
+pub(super) fn names(recordings: &[Recording]) -> Vec<&str> {
+    recordings.iter().map(|r| r.name.as_str()).collect()
+}

@@ -1,0 +1,477 @@
+//! The fit of the element: from the start that the two steps give to the likelihood's minimum, with the friction scale of each
+//! stroke and the optional terms that the data ask for.
+//!
+//! ```text
+//! starts -> fit with one scale -> fit with a scale per stroke -> τ², ω² (restricted likelihood) -> terms -> τ², ω² -> last fit
+//! ```
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+use trocar_model::{Branch, Element, ElementParams};
+
+use super::along::repeats;
+use super::candidate::{Candidate, EmsTrial, Layout};
+use super::classical::ASSUMED_WIDTH;
+use super::delay::PositionLag;
+use super::estimate::t_p_value;
+use super::likelihood::{self, Extra, Fitted, ScaleVariance, Stop};
+use super::scale::{FrictionScale, Jump};
+use super::shape::BranchShape;
+use super::spread::Spread;
+use super::terms::{self, Chosen, Term, TermTrial, with_prior};
+use super::training::{INDEPENDENT, Scale, Segmented, Training};
+use super::two_steps::{TwoSteps, settled_stretches};
+use super::{FreeMotion, IdentifyOptions, Progress, Segments, acceleration};
+use crate::recording::Recording;
+
+/// Half widths to start from where the two steps resolved none, in units of that assumed.
+const WIDTHS: [f64; 5] = [0.05, 0.2, 0.5, 1.0, 1.8];
+/// Half widths tried once more, as parts of the best.
+const OTHER_WIDTHS: [f64; 3] = [0.5, 0.7, 1.4];
+/// Most clusters.
+const MOST_CLUSTERS: usize = 120;
+/// Fewest strokes from which their scatter is estimated: of fewer each has the same scale.
+const FEWEST_STROKES: usize = 12;
+/// Fewest clusters from which anything is fitted.
+const FEWEST_CLUSTERS: usize = 4;
+
+const SHORT: Stop = Stop { iterations: 4, fall: 1e-2, promise: 10.0 * 1e-2 };
+const NEXT: Stop = Stop { iterations: 25, fall: 1e-3, promise: 10.0 * 1e-3 };
+const LAST: Stop = Stop { iterations: 80, fall: 1e-5, promise: 10.0 * 1e-5 };
+
+/// What the fit starts from.
+pub(super) struct Input<'a> {
+    pub(super) recordings: &'a [Recording],
+    pub(super) segments: &'a [Segments],
+    pub(super) two: &'a TwoSteps,
+    pub(super) options: &'a IdentifyOptions,
+}
+
+/// The element with all that belongs to it.
+pub(super) struct ElementFit {
+    pub(super) fitted: Fitted<EmsTrial>,
+    pub(super) trials: Vec<TermTrial>,
+    pub(super) scale: FrictionScale,
+    /// Root mean square error, N, of the paper's element fitted to the same readings.
+    pub(super) paper_rms: f64,
+}
+
+/// A fit with the training and the variances of the friction scale that belong to it.
+struct Scaled {
+    training: Training,
+    fitted: Fitted<EmsTrial>,
+    /// τ.
+    scatter: f64,
+}
+
+/// The paper's element with a friction scale for each stroke.
+pub(super) struct Begun {
+    training: Training,
+    pub(super) fitted: Fitted<EmsTrial>,
+}
+
+/// Fits the paper's element; `None` where no start gives a model that runs or there are too few strokes.
+pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
+    let starts = starts(input);
+    let widest = starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
+    let plain = training(input, &widest.candidate)?;
+    progress("fitting the element", 0.3);
+    let best = unresolved(best_of(&plain, &starts, input.two.is_assumed)?, input);
+    let (mut training, mut fitted) = fitted_from(input, &best)?;
+    // A wider element forgets its unknown start later, and takes longer strokes.
+    if fitted.best.candidate.half_width > 1.05 * best.candidate.half_width {
+        (training, fitted) = fitted_from(input, &fitted.best)?;
+    }
+    training.scale = Scale {
+        is_free: training.strokes.len() >= FEWEST_STROKES,
+        lambda: variance(&fitted) / INITIAL_SCATTER.powi(2),
+        unconstrained: unconstrained(input, &training),
+        basis: Vec::new(),
+    };
+    training.blend_over(blend_length(&training, &fitted.best));
+    progress("friction scale", 0.4);
+    let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
+    Some(Begun { training, fitted })
+}
+
+/// Part of the squared error that another width must take away.
+const TRUE_GAIN: f64 = 0.05;
+
+/// The best of fits from other half widths, all terms kept.
+fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<EmsTrial>> {
+    let best = &found.best;
+    let fit = |part: &f64| {
+        let candidate = best.candidate.with_half_width(part * best.candidate.half_width)?;
+        let start = EmsTrial { candidate, ..best.clone() };
+        likelihood::fit(&with_prior(training, &start), &start, NEXT)
+    };
+    OTHER_WIDTHS.iter().filter_map(fit).min_by(|a, b| a.cost().total_cmp(&b.cost()))
+}
+
+/// The training that a trial asks for, and the fit to it with one friction scale.
+fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsTrial>)> {
+    let training = training(input, &trial.candidate)?;
+    let fitted = likelihood::fit(&training, trial, NEXT)?;
+    (training.clusters() >= FEWEST_CLUSTERS).then_some((training, fitted))
+}
+
+/// Adds the optional terms that the data ask for, and fits to the end.
+pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
+    let Begun { training, fitted } = begun;
+    let paper_rms = fitted.rms[1];
+    progress("optional terms", 0.5);
+    let mut excluded = excluded(input, fitted.best.candidate.half_width);
+    if !training.scale.is_free {
+        // Differences between few strokes cannot be told from their scatter.
+        excluded.push(Term::Stribeck);
+    }
+    let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input));
+    if input.two.is_assumed && chosen.fitted.best.layout.shape {
+        // The width was found without the terms: with them another may do better.
+        let other = other_width(&training, &chosen.fitted);
+        if let Some(other) = other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost()) {
+            let before = std::mem::take(&mut chosen.trials);
+            chosen = terms::choose(&training, other, &excluded, speeds(input));
+            chosen.trials.splice(0..0, before.into_iter().filter(|t| t.kept));
+        }
+    }
+    let Chosen { fitted, trials } = chosen;
+    progress("last fit", 0.7);
+    let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
+    let Scaled { training, fitted, scatter } = scaled(training, without_drift, LAST)?;
+    let scale = FrictionScale::new(&training, &fitted, input.recordings, scatter);
+    Some(ElementFit { fitted, trials, scale, paper_rms })
+}
+
+impl Begun {
+    /// The delay of the positions: beside an unmodelled mass and the damping of the deformation, where the sampling resolves those.
+    pub(super) fn position_lag(&self, recordings: &[Recording]) -> Option<PositionLag> {
+        let best = &self.fitted.best;
+        let mut damped = best.clone();
+        damped.candidate.seal_damping += 1.0;
+        let extra = [Extra::Delay, Extra::Acceleration, Extra::Secant(damped)];
+        let normal = self.fitted.with_columns(&self.training, &extra)?;
+        let own = self.fitted.held.len();
+        let beside: &[usize] = if acceleration_is_resolved(recordings) { &[own + 1, own + 2] } else { &[] };
+        let step = normal.one_step(&self.fitted.held, beside, own, variance(&self.fitted))?;
+        let p_value = 0.5 * t_p_value(step.amplitude / step.standard_error, step.degrees);
+        let lag = PositionLag { lag_s: step.amplitude, standard_error_s: step.standard_error, p_value };
+        (step.amplitude > 0.0 && step.gain > PositionLag::LEAST_GAIN && p_value < PositionLag::LEVEL).then_some(lag)
+    }
+}
+
+/// ℓ in half widths.
+const BLENDS: [f64; 5] = [0.1, 0.25, 0.5, 1.0, 2.0];
+
+/// ℓ, m: the travel over which the scale of a stroke replaces that of the one before, of least C.
+fn blend_length(training: &Training, trial: &EmsTrial) -> f64 {
+    let of = |part: &f64| {
+        let (length, mut training) = (part * trial.candidate.half_width, training.clone());
+        training.blend_over(length);
+        (length, likelihood::cost(&training, trial))
+    };
+    let tried: Vec<(f64, f64)> = BLENDS.par_iter().map(of).collect();
+    let best = tried.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("several are tried");
+    best.0
+}
+
+/// Scatter between strokes to begin with.
+const INITIAL_SCATTER: f64 = 0.01;
+
+/// σ², N²: the mean squared residual, times what the correlation of neighbouring residuals adds to the variance of sums.
+pub(super) fn variance(fitted: &Fitted<EmsTrial>) -> f64 {
+    fitted.rms[1].powi(2).max(1e-18) * Spread::new(fitted).inflation().clamp(1.0, 100.0)
+}
+
+/// Sets the variances of the friction scale from a fit at `from`, and fits with them.
+fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
+    (training.prior, training.scale.basis) = (Vec::new(), Vec::new());
+    if !training.scale.is_free {
+        let fitted = likelihood::fit(&training, &from, stop)?;
+        return Some(Scaled { training, fitted, scatter: 0.0 });
+    }
+    let first = likelihood::fit(&training, &from, SHORT)?;
+    let sigma2 = variance(&first);
+    let jumps = Jump::find(&training, &first);
+    let drift = drift_basis(&training);
+    let mut relative: Vec<f64> = drift.iter().map(|d| d.1).collect();
+    training.scale.basis = drift.into_iter().map(|d| d.0).collect();
+    let of_jumps: Vec<Vec<f64>> = jumps.iter().map(|jump| jump.basis(&training)).collect();
+    training.scale.basis.extend(of_jumps);
+    let columns = training.scale.basis.len();
+    let start = EmsTrial { drift: vec![0.0; columns], ..first.best.clone() };
+    let own = start.free_numbers();
+    let flat = Stop { iterations: 0, fall: 0.0, promise: 0.0 };
+    let with_drift = likelihood::fit(&training, &start, flat)?;
+    let of_drift: Vec<(usize, f64)> = relative.iter().enumerate().map(|(k, b)| (own + k, *b)).collect();
+    let ScaleVariance { scatter, drift } = with_drift.normal.scale_variance(&training, sigma2, &of_drift);
+    training.scale.lambda = sigma2 / scatter.max(1e-12);
+    // A drift below a part in ten thousand is none.
+    if drift < 1e-8 {
+        training.scale.basis.drain(..relative.len());
+        relative.clear();
+    }
+    let jump_precision = sigma2 / Jump::WIDTH.powi(2);
+    let precisions = relative.iter().map(|b| sigma2 / (drift * b)).chain(jumps.iter().map(|_| jump_precision));
+    training.prior = vec![(0.0, 0.0); own];
+    training.prior.extend(precisions.map(|p| (0.0, p)));
+    let start = EmsTrial { drift: vec![0.0; training.scale.basis.len()], ..first.best };
+    let fitted = likelihood::fit(&training, &start, stop)?;
+    Some(Scaled { training, fitted, scatter: scatter.sqrt() })
+}
+
+/// Most cosines of the drift in a recording, and strokes for each.
+const COSINES: usize = 6;
+const STROKES_PER_COSINE: usize = 4;
+
+/// φ_k over the strokes with the variance of their amplitude over ω²: cosines over each recording (the expansion of a Brownian
+/// motion about its mean), and a step from the first recording to each other one. Each has the mean 0, so that the seal's numbers
+/// are those of the mean stroke.
+fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
+    let strokes = &training.strokes;
+    let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
+    let mut all = Vec::new();
+    for recording in 0..recordings {
+        let own: Vec<usize> = (0..strokes.len()).filter(|g| strokes[*g].recording == recording).collect();
+        let (Some(first), Some(last)) = (own.first(), own.last()) else { continue };
+        let (from, to) = (strokes[*first].time, strokes[*last].time);
+        for k in 1..=COSINES.min(own.len() / STROKES_PER_COSINE) {
+            let phase = |g: usize| PI * k as f64 * (strokes[g].time - from) / (to - from).max(f64::MIN_POSITIVE);
+            let value = |g: usize| if strokes[g].recording == recording { phase(g).cos() } else { 0.0 };
+            all.push((centred(training, value), 2.0 / (PI * k as f64).powi(2)));
+        }
+        if recording > 0 && !own.iter().all(|g| training.scale.is_unconstrained(*g)) {
+            all.push((centred(training, |g| f64::from(strokes[g].recording == recording)), 1.0));
+        }
+    }
+    all
+}
+
+/// Values over the strokes less their mean over those whose size counts.
+pub(super) fn centred(training: &Training, value: impl Fn(usize) -> f64) -> Vec<f64> {
+    let count = training.strokes.len();
+    let counted: Vec<usize> = (0..count).filter(|g| !training.scale.is_unconstrained(*g)).collect();
+    let mean = counted.iter().map(|g| value(*g)).sum::<f64>() / counted.len().max(1) as f64;
+    (0..count).map(|g| value(g) - mean).collect()
+}
+
+/// Slowest and fastest speed of sliding, m/s.
+fn speeds(input: &Input) -> [f64; 2] {
+    let [slow, fast] = input.two.steady.speed_range_m_s;
+    [slow.max(1e-3), fast.max(2e-3)]
+}
+
+/// Least part of a motion's time that a plateau holds whose speed was imposed.
+const IMPOSED: f64 = 0.5;
+
+/// Strokes whose speed was not imposed, where the others separate speeds in both directions: under a constant push the speed
+/// answers to the friction of the stroke, so its size is no datum.
+fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
+    let strokes = &training.strokes;
+    let mut imposed = vec![false; strokes.len()];
+    let mut speeds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
+    for (recording, segments) in input.segments.iter().enumerate() {
+        for stretch in segments.stretches.iter().filter(|s| s.dwell >= IMPOSED) {
+            let stroke = strokes.partition_point(|s| (s.recording, s.start) <= (recording, stretch.start));
+            imposed[stroke.saturating_sub(1)] = true;
+            speeds[usize::from(stretch.velocity > 0.0)].push(stretch.velocity.abs());
+        }
+    }
+    let separated = |own: &Vec<f64>| {
+        let (low, high) = own.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        own.len() >= 3 && high > 1.5 * low
+    };
+    if speeds.iter().all(separated) { imposed.iter().map(|i| !i).collect() } else { vec![false; strokes.len()] }
+}
+
+/// Terms that are not tried.
+fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
+    let Input { recordings, options, .. } = input;
+    let mut excluded = options.without.clone();
+    // Beside a declared mass a small remainder is its error.
+    if !options.estimate_hidden_mass || options.inertia_removed || !acceleration_is_resolved(recordings) {
+        excluded.push(Term::HiddenMass);
+    }
+    if !options.free_motion {
+        excluded.extend([Term::Creep, Term::Relaxation]);
+    }
+    // Equal strokes without rests tell nothing of creep, and a contact that creeps would rule a position profile out.
+    if !input.two.steady.viscous_damping_n_s_m.pinned
+        && !has_partial_reversals(input, half_width)
+        && repeats(recordings)
+    {
+        excluded.push(Term::Creep);
+    }
+    if !options.free_motion || !has_partial_reversals(input, half_width) {
+        excluded.extend(Term::OF_FREE_MOTION);
+    }
+    excluded
+}
+
+/// Fewest partial reversals that tell of minor loops and of a second stage.
+const FEWEST_PARTIAL: usize = 4;
+
+/// Whether the recordings hold what full strokes say nothing of.
+pub(super) fn has_partial_reversals(input: &Input, half_width: f64) -> bool {
+    let motion = FreeMotion::of(input.recordings, input.segments, half_width);
+    motion.partial_reversals >= FEWEST_PARTIAL
+}
+
+/// Whether all recordings are sampled finely enough to see the acceleration of a reversal, which lasts some hundredths
+/// of a second: it takes five positions.
+fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
+    const REVERSAL: f64 = 0.03;
+    recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
+}
+
+/// All samples, those of settled sliding taken together.
+fn training(input: &Input, of: &Candidate) -> Option<Training> {
+    let Input { recordings, segments, two, .. } = input;
+    let segmented = |(recording, segments): (&'_ Recording, &'_ Segments)| {
+        let settled = match &two.deformation {
+            Ok(found) => settled_stretches(recording, segments, &two.steady, found),
+            Err(_) => Vec::new(),
+        };
+        (settled, acceleration(recording))
+    };
+    let parts: Vec<_> = recordings.iter().zip(*segments).map(segmented).collect();
+    let data: Vec<Segmented> = recordings
+        .iter()
+        .zip(*segments)
+        .zip(parts)
+        .map(|((recording, segments), (settled, acceleration))| Segmented {
+            recording,
+            passes: &segments.passes,
+            settled,
+            acceleration,
+        })
+        .collect();
+    let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
+    let stages = of.stages().ok()?;
+    let elements: &[Element] = stages.elements();
+    training.forget_unknown_starts(elements);
+    Some(training)
+}
+
+/// Part of the stroke below which a deformation of an axis whose inertia was taken out is none of a seal.
+const NEGLIGIBLE: f64 = 0.01;
+/// p value of the two steps' test of symmetry from which each direction starts with a slope of its own.
+const SURE: f64 = 1e-3;
+
+/// None for an axis without a seal; the element of the two steps; where they resolved no deformation, straight ones of several widths.
+fn starts(input: &Input) -> Vec<EmsTrial> {
+    let Input { recordings, two, options, .. } = input;
+    let mut candidate = two.candidate.clone();
+    let steady = &two.steady;
+    let own_slopes = steady.symmetry_p_value.is_some_and(|p| p < SURE);
+    let layout = Layout {
+        offset: options.offset.is_none(),
+        own_slopes,
+        own_levels: own_slopes && options.offset.is_some(),
+        stribeck: steady.stribeck.is_some(),
+        narrowest: narrowest(input),
+        ..Layout::PAPER
+    };
+    if let Some(offset) = options.offset {
+        candidate.offset = offset;
+    }
+    candidate.seal_damping = 0.0;
+    let candidate = layout.with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
+    let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+    if !two.is_assumed {
+        // The spring of a drive is no seal: its friction is what is asked for, and the two steps give that.
+        let is_axis = options.inertia_removed && 2.0 * candidate.half_width < NEGLIGIBLE * longest;
+        return if is_axis { Vec::new() } else { vec![EmsTrial::new(candidate, layout)] };
+    }
+    if options.inertia_removed && !steady.means.is_empty() {
+        return Vec::new();
+    }
+    let straight =
+        |part: &f64| straight(&candidate, (part * ASSUMED_WIDTH * longest).max(layout.narrowest), options.degrees);
+    let both = |part: &f64| {
+        let straight = straight(part);
+        [snapping(&straight, options.degrees), Some(straight)].into_iter().flatten().collect::<Vec<_>>()
+    };
+    WIDTHS.iter().flat_map(both).map(|candidate| EmsTrial::new(candidate, layout)).collect()
+}
+
+/// The candidate with branches that snap through as those of the plausible seal do, at its own forces.
+fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
+    const POINTS: usize = 100;
+    let seal = ElementParams::plausible_10_5_mm().ok()?.deformation;
+    let (c, end) = (seal.half_width(), seal.rising().force(seal.half_width()));
+    let pins = candidate.pins();
+    let force = pins.high.min(-pins.low) / end;
+    let fitted = |branch: &Branch| {
+        let at = |k: usize| 2.0 * (k as f64 + 0.5) / POINTS as f64 - 1.0;
+        let points: Vec<(f64, f64)> = (0..POINTS).map(|k| (at(k), force * branch.force(c * at(k)))).collect();
+        BranchShape::fit(degrees, pins, &points).map(|found| found.0)
+    };
+    Some(Candidate { rising: fitted(seal.rising())?, falling: fitted(seal.falling())?, ..candidate.clone() })
+}
+
+/// Positions within c that resolve it.
+const RESOLVED: f64 = 3.0;
+
+/// Least half width, m, that encoder and sampling resolve.
+pub(super) fn narrowest(input: &Input) -> f64 {
+    let step = input.recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
+    let interval = input.recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
+    let [slow, fast] = input.two.steady.speed_range_m_s;
+    RESOLVED * step.max(interval * (slow * fast).sqrt())
+}
+
+/// The trial with a straight spring of the least width in place of a deformation that is not resolved.
+fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
+    let narrowest = narrowest(input);
+    if trial.candidate.half_width > 1.05 * narrowest || !trial.layout.shape || !input.two.is_assumed {
+        return trial;
+    }
+    let layout = Layout { shape: false, ..trial.layout };
+    EmsTrial { candidate: straight(&trial.candidate, narrowest, [2, 2]), layout, ..trial }
+}
+
+/// The candidate with straight branches of polynomials of `degrees`.
+pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
+    let pins = candidate.pins();
+    let branch = BranchShape { join_force: 0.5 * (pins.low + pins.high), ..BranchShape::straight(degrees) };
+    Candidate { half_width, rising: branch.clone(), falling: branch, ..candidate.clone() }
+}
+
+/// The start that a fit carries farthest: a short one of all, a longer one of the best two.
+fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTrial> {
+    if let ([only], false) = (starts, wide) {
+        return Some(only.clone());
+    }
+    let carried = |trials: Vec<EmsTrial>, stop| {
+        let fit = |trial: &EmsTrial| likelihood::fit(&with_prior(training, trial), trial, stop);
+        let mut fits: Vec<_> = trials.iter().filter_map(fit).collect();
+        fits.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
+        fits.into_iter().map(|fitted| fitted.best).take(2).collect::<Vec<_>>()
+    };
+    let best_two = carried(carried(starts.to_vec(), SHORT), NEXT);
+    // A wide element may stand in for a narrower one: the same full stroke at other widths.
+    let best = best_two.first()?;
+    let other = |part: &f64| {
+        Some(EmsTrial { candidate: best.candidate.with_half_width(part * best.candidate.half_width)?, ..best.clone() })
+    };
+    let others = OTHER_WIDTHS.iter().filter_map(other);
+    carried(carried(others.chain([best.clone()]).collect(), SHORT), NEXT).into_iter().next()
+}
+
+/// The same terms fitted to other readings of the same motion.
+pub(super) fn again(input: &Input, found: &ElementFit) -> Option<ElementFit> {
+    let mut training = training(input, &found.fitted.best.candidate)?;
+    training.scale = Scale {
+        is_free: training.strokes.len() >= FEWEST_STROKES,
+        lambda: found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2),
+        unconstrained: unconstrained(input, &training),
+        basis: Vec::new(),
+    };
+    training.blend_over(blend_length(&training, &found.fitted.best));
+    let start = EmsTrial { drift: Vec::new(), ..found.fitted.best.clone() };
+    let Scaled { training, fitted, scatter } = scaled(training, start, LAST)?;
+    let scale = FrictionScale::new(&training, &fitted, input.recordings, scatter);
+    Some(ElementFit { fitted, trials: found.trials.clone(), scale, paper_rms: found.paper_rms })
+}

@@ -1,0 +1,357 @@
+//! The paper's two steps: steady state, then deformation (EMS section IV).
+//!
+//! They need strokes at constant speed that slide fully. Their element is where the fit of the likelihood starts, and a result
+//! of its own (`--paper`).
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use trocar_model::{Relaxation, SlidingFriction};
+
+use super::candidate::Candidate;
+use super::deformation::{self, DampingTest, DeformationFit, Limits, Sensors, Traverse, curves_of, mean_points};
+use super::estimate::Estimate;
+use super::numbers::{BranchQuantity, branch_quantities, named};
+use super::replicates::Replicates;
+use super::shape::BranchShape;
+use super::steady::{self, DirectionLine, PassMean, SteadyFit};
+use super::{IdentifyError, IdentifyOptions, Parameter, Segments, stribeck};
+use crate::cancel;
+use crate::recording::Recording;
+use crate::segment::{Direction, Stretch, behind_start};
+
+/// What the two steps gave.
+pub(super) struct TwoSteps {
+    pub(super) steady: SteadyFit,
+    pub(super) deformation: Result<DeformationFit, String>,
+    pub(super) candidate: Candidate,
+    /// The deformation was not resolved: the candidate's is assumed.
+    pub(super) is_assumed: bool,
+}
+
+/// Both steps.
+///
+/// # Errors
+/// [`IdentifyError::ForceSign`].
+pub(super) fn two_steps(
+    recordings: &[Recording],
+    segments: &[Segments],
+    options: &IdentifyOptions,
+) -> Result<TwoSteps, IdentifyError> {
+    let (steady, deformation) = alternately(recordings, segments, options)?;
+    let (candidate, is_assumed) = candidate_of(&steady, &deformation, recordings);
+    Ok(TwoSteps { steady, deformation, candidate, is_assumed })
+}
+
+/// Steady state and deformation, each with what the other has found: where the sliding has settled depends on the
+/// deformation, and the switching level (12) on the sliding force.
+fn alternately(
+    recordings: &[Recording],
+    segments: &[Segments],
+    options: &IdentifyOptions,
+) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
+    let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<PassMean> {
+        let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
+            let halved: Vec<Stretch> = s.stretches.iter().map(|st| latter_half(r, st)).collect();
+            steady::pass_means(i, r, &s.passes, if second_half { &halved } else { &s.stretches }, settled)
+        };
+        recordings.iter().zip(segments).enumerate().flat_map(of).collect()
+    };
+    let deform = |steady: &SteadyFit| {
+        let limits = limits(steady, sensors(recordings).force_noise);
+        let found = recordings.iter().zip(segments).enumerate();
+        let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
+            let levels = pass_levels(i, s, steady);
+            deformation::traverses(i, r, &s.passes, &limits, |pass| levels[pass])
+        };
+        let traverses = found.flat_map(of).collect();
+        deformation::fit(traverses, &limits, options.degrees, sensors(recordings))
+    };
+    let mut steady = steady::fit(steady::imposed(means(&|_| 0.0, true)));
+    let mut deformation = deform(&steady);
+    for _ in 0..2 {
+        let Ok(found) = &deformation else { break };
+        let settled = steady::imposed(means(&|v| settled_travel(&steady, found, v), false));
+        if settled.len() < 2 {
+            break;
+        }
+        steady = steady::fit(settled);
+        deformation = deform(&steady);
+    }
+    let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+    let negligible = deformation.as_ref().map_or(true, |found| 2.0 * found.half_width.value < 0.01 * longest);
+    if negligible && options.inertia_removed {
+        steady = steady::fit(with_transients(steady.means, recordings, segments));
+    } else if deformation.is_err() {
+        steady = steady::fit(without_trend(means(&|_| 0.0, false), recordings, segments));
+    }
+    if steady.means.is_empty() {
+        let why = "nothing slides steadily behind a reversal".to_owned();
+        return Ok((steady::from_levels(recordings)?, Err(why)));
+    }
+    if steady.coulomb_force_n.ci95[1] <= 0.0 {
+        return Err(IdentifyError::ForceSign { coulomb_force: steady.coulomb_force_n.value });
+    }
+    stribeck::test(&mut steady, options.seed);
+    if steady.stribeck.is_some() && deformation.is_ok() {
+        deformation = deform(&steady);
+    }
+    Ok((steady, deformation))
+}
+
+/// Sliding force of each pass relative to the fitted line; 1 for a pass without a mean of its own.
+fn pass_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
+    let mut levels = vec![1.0; segments.passes.len()];
+    for mean in steady.means.iter().filter(|m| m.recording == index) {
+        let fitted = steady.line(mean.velocity_m_s) - steady.offset_n.value;
+        let level = (mean.force_n - steady.offset_n.value) / fitted;
+        let pass = segments.passes.partition_point(|p| p.end <= mean.sample);
+        // A mean far off the line is no small variation of the whole force.
+        if pass < levels.len() && (level - 1.0).abs() < 0.2 {
+            levels[pass] = level;
+        }
+    }
+    levels
+}
+
+/// The coarsest sensors among the recordings'.
+fn sensors(recordings: &[Recording]) -> Sensors {
+    let coarsest = |of: fn(&Recording) -> f64| recordings.iter().map(of).fold(0.0, f64::max);
+    Sensors {
+        position_step: coarsest(|r| r.quality.position_resolution),
+        force_noise: coarsest(|r| r.quality.force_noise),
+    }
+}
+
+/// Travel, m, behind a reversal after which the sliding at `speed`, m/s, has settled: the deformation and five time
+/// constants β/K.
+fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
+    let stiffness = deformation::end_stiffness(&found.rising, &found.falling, found.half_width.value);
+    let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
+    2.2 * found.half_width.value + 5.0 * time_constant * speed
+}
+
+/// The part of each stretch in which the sliding has settled.
+pub(super) fn settled_stretches(
+    recording: &Recording,
+    segments: &Segments,
+    steady: &SteadyFit,
+    found: &DeformationFit,
+) -> Vec<Stretch> {
+    behind_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
+}
+
+/// Blocks of all motion instead of the plateaus' means, down to a fiftieth of the fastest plateau.
+fn with_transients(plateaus: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
+    const BLOCK: f64 = 0.1;
+    let fastest = plateaus.iter().map(|m| m.velocity_m_s.abs()).fold(0.0, f64::max);
+    if fastest == 0.0 {
+        return plateaus;
+    }
+    let found = recordings.iter().zip(segments).enumerate();
+    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.passes, 0.02 * fastest, BLOCK)).collect()
+}
+
+fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
+    let x = &recording.position;
+    let middle = 0.5 * (x[stretch.start] + x[stretch.end - 1]);
+    let rising = x[stretch.end - 1] > x[stretch.start];
+    let behind = |i: &usize| if rising { x[*i] >= middle } else { x[*i] <= middle };
+    let start = (stretch.start..stretch.end).find(behind).unwrap_or(stretch.start);
+    Stretch { start, ..*stretch }
+}
+
+/// Drops means of stretches over which the force still climbs from one limit to the other: no sliding.
+fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
+    let steady = |mean: &PassMean| {
+        let recording = &recordings[mean.recording];
+        let mut sorted = recording.force.clone();
+        sorted.sort_by(f64::total_cmp);
+        let swing = sorted[sorted.len() * 19 / 20] - sorted[sorted.len() / 20];
+        let own = segments[mean.recording].stretches.iter().filter(|s| s.plateau == mean.plateau);
+        let quarter = |s: &Stretch| ((s.end - s.start) / 4).max(1);
+        let level = |from: usize, to: usize| recording.force[from..to].iter().sum::<f64>() / (to - from) as f64;
+        own.map(|s| (level(s.end - quarter(s), s.end) - level(s.start, s.start + quarter(s))).abs())
+            .all(|trend| trend < 0.4 * swing)
+    };
+    let keep: Vec<bool> = means.iter().map(steady).collect();
+    means.into_iter().zip(keep).filter_map(|(m, k)| k.then_some(m)).collect()
+}
+
+/// Sliding friction of both directions and the sensor offset, from the steady state.
+///
+/// With different slopes the offset is taken so that both Coulomb forces are equal: the data cannot divide the two.
+fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
+    let least = 1e-6;
+    let own_slopes = steady.is_asymmetric() && steady.stribeck.is_none();
+    if let (true, Some(plus), Some(minus)) = (own_slopes, &steady.positive, &steady.negative) {
+        let coulomb = 0.5 * (plus.coulomb_force_n.value + minus.coulomb_force_n.value);
+        let offset = 0.5 * (plus.coulomb_force_n.value - minus.coulomb_force_n.value);
+        let friction = |line: &DirectionLine| {
+            SlidingFriction::coulomb(coulomb.max(least), line.viscous_damping_n_s_m.value.max(0.0))
+        };
+        return (offset, friction(plus), friction(minus));
+    }
+    let mut friction =
+        SlidingFriction::coulomb(steady.coulomb_force_n.value.max(least), steady.viscous_damping_n_s_m.value.max(0.0));
+    if let Some(stribeck) = &steady.stribeck {
+        friction.static_force = stribeck.static_force_n.value.max(friction.coulomb_force);
+        friction.stribeck_velocity = stribeck.stribeck_velocity_m_s.value;
+        friction.stribeck_exponent = stribeck.stribeck_exponent;
+    }
+    (steady.offset_n.value, friction, friction)
+}
+
+/// Levels at which the seal switches (12).
+///
+/// Where one speed leaves the level at rest open, it is the lower edge of the sliding force: its mean less twice the
+/// ripple (scatter within and between passes beyond the sensor's noise).
+fn limits(steady: &SteadyFit, noise: f64) -> Limits {
+    let (offset, insertion, withdrawal) = sliding(steady);
+    let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
+    let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
+    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
+    Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
+}
+
+/// Two-step candidate; with the deformation not resolved a stiff straight spring stands in for it (second value true).
+fn candidate_of(
+    steady: &SteadyFit,
+    deformation: &Result<DeformationFit, String>,
+    recordings: &[Recording],
+) -> (Candidate, bool) {
+    let (offset, insertion, withdrawal) = sliding(steady);
+    let straight = || BranchShape {
+        join: 0.0,
+        join_force: 0.5 * (insertion.static_force - withdrawal.static_force),
+        left: vec![0.0],
+        right: vec![0.0],
+    };
+    let step = sensors(recordings).position_step;
+    let (half_width, rising, falling, seal_damping) = match deformation {
+        Ok(found) => {
+            let kept = found.damping.as_ref().filter(|d| d.kept).map_or(0.0, |d| d.seal_damping_n_s_m.value);
+            (found.half_width.value, found.rising.shape.clone(), found.falling.shape.clone(), kept)
+        }
+        Err(_) => ((20.0 * step).max(5e-5), straight(), straight(), 0.0),
+    };
+    let candidate = Candidate {
+        offset,
+        hidden_mass: 0.0,
+        insertion,
+        withdrawal,
+        half_width,
+        rising,
+        falling,
+        seal_damping,
+        yield_ratio: Candidate::DEFAULT_YIELD_RATIO,
+        creep_velocity: 0.0,
+        friction_lag: 0.0,
+        relaxation: Relaxation::NONE,
+        second: None,
+    };
+    (candidate, deformation.is_err())
+}
+
+/// Lines of both directions: always the steady state's own, through the readings as they are.
+fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
+    let lines = [("positive", &steady.positive), ("negative", &steady.negative)];
+    let found = lines.into_iter().filter_map(|(name, line)| Some((name, line.as_ref()?)));
+    found
+        .flat_map(|(name, line)| {
+            [
+                named(format!("coulomb_force_n_{name}"), line.coulomb_force_n.clone()),
+                named(format!("viscous_damping_n_s_m_{name}"), line.viscous_damping_n_s_m.clone()),
+            ]
+        })
+        .collect()
+}
+
+pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Parameter> {
+    let steady = &two.steady;
+    let mut all = vec![
+        named("coulomb_force_n", steady.coulomb_force_n.clone()),
+        named("viscous_damping_n_s_m", steady.viscous_damping_n_s_m.clone()),
+        named("offset_n", steady.offset_n.clone()),
+    ];
+    all.extend(direction_parameters(steady));
+    if let Some(s) = &steady.stribeck {
+        all.push(named("static_force_n", s.static_force_n.clone()));
+        all.push(named("stribeck_velocity_m_s", s.stribeck_velocity_m_s.clone()));
+    }
+    match &two.deformation {
+        Ok(found) => {
+            all.push(named("half_width_m", found.half_width.clone()));
+            if let Some(test) = &found.damping {
+                all.push(named("seal_damping_n_s_m", tested_damping(test)));
+            }
+            let replicates = two_step_replicates(two, found, options);
+            all.extend(branch_parameters(&two.candidate, &replicates));
+        }
+        Err(why) => {
+            all.push(named("half_width_m", Estimate::not_pinned(two.candidate.half_width, "m", why.clone())));
+        }
+    }
+    all
+}
+
+/// Branches refitted to traverses resampled by cycle (or left out one at a time).
+fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates<Candidate> {
+    let pins = two.candidate.pins();
+    let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
+        let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
+        let curves: Vec<&[f64]> =
+            (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
+        BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
+    };
+    let [up, down] = [Direction::Positive, Direction::Negative].map(|d| curves_of(&found.traverses, d).len());
+    let with = |rising, falling| Candidate { rising, falling, ..two.candidate.clone() };
+    if options.bootstrap == 0 {
+        let n = up.min(down);
+        let left_out = |g: usize| {
+            cancel::check();
+            let skip = |k: usize| if k < g { k } else { k + 1 };
+            with(
+                refit(Direction::Positive, &two.candidate.rising, &skip, up.max(2) - 1),
+                refit(Direction::Negative, &two.candidate.falling, &skip, down.max(2) - 1),
+            )
+        };
+        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect(), n as f64, Vec::new());
+    }
+    let resampled = |index: usize| {
+        cancel::check();
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        rng.set_stream(index as u64);
+        let drawn: Vec<usize> = (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();
+        let chosen = |k: usize| drawn[k];
+        with(
+            refit(Direction::Positive, &two.candidate.rising, &chosen, up),
+            refit(Direction::Negative, &two.candidate.falling, &chosen, down),
+        )
+    };
+    Replicates::Bootstrap((0..options.bootstrap).into_par_iter().map(resampled).collect())
+}
+
+/// σ as the model has it: what the test found, or zero with what the test could not exclude.
+pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
+    let found = &test.seal_damping_n_s_m;
+    if test.kept || !found.pinned {
+        return found.clone();
+    }
+    Estimate::from_bounds(0.0, found.ci95[0], found.ci95[1], found.unit)
+        .with_note(format!("set to zero by the test: {:.3} N s/m found, p = {:.2}", found.value, test.p_value))
+}
+
+/// Join and coefficients of both branches; a join at the end of its range is not pinned, whatever its replicates say.
+fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Vec<Parameter> {
+    let parameter = |quantity: BranchQuantity| {
+        let shape = if quantity.name.starts_with("rising") { &best.rising } else { &best.falling };
+        let estimate = if quantity.name.ends_with("join_m") && shape.join_at_bound() {
+            Estimate::not_pinned((quantity.of)(best), quantity.unit, "no best join inside the range searched")
+        } else {
+            replicates.estimate(best, quantity.unit, &quantity.of)
+        };
+        named(quantity.name, estimate)
+    };
+    branch_quantities(best).into_iter().map(parameter).collect()
+}

@@ -1,0 +1,125 @@
+//! Whether what an identification states about a parameter is true.
+
+use std::time::Instant;
+
+use serde::Serialize;
+use trocar::identify::{Estimate, IdentifyOptions, identify};
+
+use super::kinds::{AnyError, Bench, Range};
+
+/// What an estimate is worth beside the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Verdict {
+    /// Determined by the data, and the interval holds the truth.
+    Right,
+    /// Determined by the data, the interval misses the truth, and no warning calls the result doubtful.
+    ConfidentlyWrong,
+    /// The interval misses the truth, but a warning calls the result doubtful.
+    WrongButDoubtful,
+    /// Stated not to be determined by the data.
+    Undetermined,
+    /// Not listed, though the seal has it.
+    Absent,
+}
+
+impl Verdict {
+    pub(crate) const ALL: [Self; 5] =
+        [Self::Right, Self::ConfidentlyWrong, Self::WrongButDoubtful, Self::Undetermined, Self::Absent];
+
+    /// Of an estimate that is listed. The interval is right if it shares a value with the range of the truth.
+    pub(crate) fn of(estimate: &Estimate, truth: Range, doubtful: bool) -> Self {
+        let [low, high] = estimate.ci95;
+        match estimate {
+            e if !e.pinned || !e.half_width().is_finite() => Self::Undetermined,
+            _ if low <= truth[1] && truth[0] <= high => Self::Right,
+            _ if doubtful => Self::WrongButDoubtful,
+            _ => Self::ConfidentlyWrong,
+        }
+    }
+}
+
+/// A parameter of one identification.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Judged {
+    pub(crate) parameter: String,
+    pub(crate) truth: Range,
+    /// `None` where the parameter is not listed.
+    pub(crate) value: Option<f64>,
+    pub(crate) ci95: Option<[f64; 2]>,
+    pub(crate) verdict: Verdict,
+}
+
+/// One identification.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Outcome {
+    pub(crate) kind: &'static str,
+    pub(crate) seed: u64,
+    pub(crate) seconds: f64,
+    /// Why there is no result.
+    pub(crate) refused: Option<String>,
+    /// Subjects and messages of the doubtful warnings.
+    pub(crate) doubts: Vec<String>,
+    pub(crate) judged: Vec<Judged>,
+}
+
+impl Outcome {
+    pub(crate) fn count(&self, verdict: Verdict) -> usize {
+        self.judged.iter().filter(|j| j.verdict == verdict).count()
+    }
+}
+
+/// Identifies from the recordings of `bench` and judges every parameter that has a truth.
+///
+/// # Errors
+/// The bench does not run. A refused identification is an outcome.
+pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outcome, AnyError> {
+    // Noise of its own for every kind: else one odd draw would show in all of them.
+    let noise = kind.bytes().fold(seed, |sum, byte| 31 * (sum % 1_000_000_007) + u64::from(byte));
+    let recordings = bench.recordings(noise)?;
+    let truths = bench.truths();
+    let options = IdentifyOptions { inertia_removed: bench.mass_declared, ..IdentifyOptions::default() };
+    let begin = Instant::now();
+    let found = identify(&recordings, &options, &|_, _| {});
+    let mut outcome = Outcome {
+        kind,
+        seed,
+        seconds: begin.elapsed().as_secs_f64(),
+        refused: None,
+        doubts: Vec::new(),
+        judged: Vec::new(),
+    };
+    let found = match found {
+        Ok(found) => found,
+        Err(error) => {
+            outcome.refused = Some(error.to_string());
+            return Ok(outcome);
+        }
+    };
+    let doubts = found.warnings.iter().filter(|w| w.doubtful);
+    outcome.doubts = doubts.map(|w| format!("{}: {}", w.subject, w.message)).collect();
+    let listed = found.parameters.iter().filter_map(|p| {
+        let truth = *truths.get(p.name.as_str())?;
+        let verdict = Verdict::of(&p.estimate, truth, found.is_doubtful());
+        let (value, ci95) = (Some(p.estimate.value), Some(p.estimate.ci95));
+        Some(Judged { parameter: p.name.clone(), truth, value, ci95, verdict })
+    });
+    let absent = truths.iter().filter(|(name, _)| found.parameter(name).is_none()).filter_map(|(name, truth)| {
+        let verdict = unlisted(name, *truth, &truths)?;
+        Some(Judged { parameter: (*name).to_owned(), truth: *truth, value: None, ci95: None, verdict })
+    });
+    outcome.judged = listed.chain(absent).collect();
+    Ok(outcome)
+}
+
+/// A parameter that is not listed: right for a mass that is not there; `None` for other model terms that the seal does
+/// not have either, and for what is listed only where the fit has a use for it.
+fn unlisted(name: &str, truth: Range, truths: &std::collections::BTreeMap<&str, Range>) -> Option<Verdict> {
+    let by_need = name.ends_with("_positive") || name.ends_with("_negative") || name == "yield_stiffness_n_m";
+    match name {
+        "hidden_mass_kg" if truth == [0.0; 2] => Some(Verdict::Right),
+        "static_force_n" if truth == truths["coulomb_force_n"] => None,
+        _ if by_need || name.contains("join") || truth == [0.0; 2] => None,
+        _ => Some(Verdict::Absent),
+    }
+}

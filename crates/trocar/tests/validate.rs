@@ -1,0 +1,152 @@
+//! What a validation says about a model: its error by phase, and whether it contradicts the identification.
+
+use std::sync::LazyLock;
+
+use trocar::bench::{BenchConfig, Protocol, run};
+use trocar::identify::{Identification, IdentifyOptions, identify};
+use trocar::model_file::{ErrorSource, ForceError};
+use trocar::recording::Recording;
+use trocar::summary::{MovingMass, Outcome, validated};
+use trocar_model::{Element, ElementParams};
+
+fn record(protocol: Protocol, friction: f64, seed: u64) -> Recording {
+    let seal = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
+    let config = BenchConfig::default();
+    // The branches of the seal end at its sliding force, so a change of the friction is a wetting from the first sample on.
+    let mut wetted = config.clone();
+    (wetted.lubrication.level, wetted.lubrication.onset_s, wetted.lubrication.spread_s) = (friction, 0.0, 0.0);
+    let made = run(&wetted, protocol, &[seal], seed).unwrap().to_recording(format!("{protocol}.csv")).unwrap();
+    made.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
+}
+
+struct Found {
+    identification: Identification,
+    options: IdentifyOptions,
+    recordings: Vec<Recording>,
+}
+
+static FOUND: LazyLock<Found> = LazyLock::new(|| {
+    let recordings = vec![record(Protocol::Steady, 1.0, 1), record(Protocol::Dynamic, 1.0, 1)];
+    let options = IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let identification = identify(&recordings, &options, &|_, _| {}).unwrap();
+    Found { identification, options, recordings }
+});
+
+/// What the identification leaves behind, validated on `held_back`.
+fn with_outcome<T>(held_back: &[Recording], of: impl FnOnce(&Outcome) -> T) -> T {
+    let Found { identification, options, recordings } = &*FOUND;
+    let validation = validated(identification, held_back);
+    of(&Outcome {
+        identification,
+        options,
+        recordings,
+        held_back,
+        validation: validation.as_ref(),
+        moving_mass: MovingMass { mass: BenchConfig::default().rod.mass_kg, gravity: 0.0 },
+    })
+}
+
+fn error(held_back: &[Recording]) -> ForceError {
+    with_outcome(held_back, |outcome| outcome.model_file().force_error.unwrap())
+}
+
+/// Full strokes show neither rests nor partial reversals; a hand's motion shows both.
+#[test]
+fn phases_that_no_recording_shows_are_unknown() {
+    let own = error(&[]);
+    assert_eq!(own.source, ErrorSource::Identification);
+    assert!(own.deforming_n.is_some() && own.sliding_n.is_some(), "{own:?}");
+    assert!(own.partial_n.is_none() && own.held_n.is_none(), "{own:?}");
+    let hand = error(&[record(Protocol::Surgeon, 1.0, 2)]);
+    assert_eq!(hand.source, ErrorSource::Validation);
+    assert!(hand.partial_n.is_some() && hand.held_n.is_some(), "{hand:?}");
+}
+
+/// Validated on strokes alone, or on a quieter recording than those identified from, no phase looks better than the
+/// identification left it.
+#[test]
+fn the_worse_of_identification_and_validation_counts() {
+    let own = error(&[]);
+    for held_back in
+        [record(Protocol::Validation, 1.0, 3), record(Protocol::Surgeon, 1.0, 3), record(Protocol::Step, 1.0, 3)]
+    {
+        let both = error(std::slice::from_ref(&held_back));
+        for (worse, alone) in [(both.deforming_n, own.deforming_n), (both.sliding_n, own.sliding_n)] {
+            assert!(worse >= alone, "{}: {both:?}, {own:?}", held_back.name);
+        }
+    }
+    let wet = error(&[record(Protocol::Validation, 0.8, 3)]);
+    assert!(wet.sliding_n > own.sliding_n.map(|own| 3.0 * own), "{wet:?}");
+}
+
+#[test]
+fn by_phase_the_larger_error_is_the_worse() {
+    let of = |deforming_n, partial_n, sliding_n, held_n| ForceError {
+        source: ErrorSource::Identification,
+        deforming_n,
+        partial_n,
+        sliding_n,
+        held_n,
+    };
+    let one = of(Some(0.1), None, Some(0.4), None);
+    let other = of(Some(0.2), Some(0.7), Some(0.3), None);
+    let worse = ForceError { source: ErrorSource::Validation, ..of(Some(0.2), Some(0.7), Some(0.4), None) };
+    assert_eq!(one.worse(&other, ErrorSource::Validation), worse);
+    assert_eq!(other.worse(&one, ErrorSource::Validation), worse);
+    assert_eq!(one.largest(), Some(0.4));
+    assert_eq!(of(None, None, None, None).largest(), None);
+}
+
+/// The same seal, full strokes or a hand's motion: nothing contradicts.
+#[test]
+fn a_validation_that_agrees_is_not_doubtful() {
+    for protocol in [Protocol::Validation, Protocol::Step, Protocol::Surgeon] {
+        let held_back = [record(protocol, 1.0, 4)];
+        with_outcome(&held_back, |outcome| {
+            let times = outcome.validation.unwrap().rms_n / outcome.identification.residual_rms;
+            assert!(times < 2.0 && !outcome.is_doubtful(), "{protocol}: {times}, {:?}", outcome.summary().warnings);
+        });
+    }
+}
+
+/// A seal that was wetted meanwhile is another: by how much and what to do is said, in the summary too.
+#[test]
+fn a_validation_that_contradicts_is_doubtful() {
+    for friction in [0.8, 0.9] {
+        let held_back = [record(Protocol::Validation, friction, 4)];
+        with_outcome(&held_back, |outcome| {
+            assert!(!outcome.identification.is_doubtful() && outcome.is_doubtful());
+            let summary = outcome.summary();
+            assert!(summary.doubtful);
+            let warning = summary.warnings.iter().find(|w| w.subject == "validation.csv").expect("a warning");
+            assert!(warning.doubtful);
+            let times = outcome.validation.unwrap().rms_n / outcome.identification.residual_rms;
+            println!("friction {friction}: {times:.1} times: {}", warning.message);
+            let said = format!(
+                "is {} times the identification error",
+                if times < 10.0 { format!("{times:.1}") } else { format!("{times:.0}") }
+            );
+            for part in
+                ["validation error 0.", said.as_str(), "the model does not describe this motion; record such motion"]
+            {
+                assert!(warning.message.contains(part), "{part}: {}", warning.message);
+            }
+        });
+    }
+}
+
+/// Another tare is found as such.
+#[test]
+fn an_offset_is_named() {
+    let mut moved = record(Protocol::Validation, 1.0, 4);
+    moved.force.iter_mut().for_each(|force| *force += 1.0);
+    with_outcome(&[moved], |outcome| {
+        let warnings = outcome.summary().warnings;
+        let message = &warnings.iter().find(|w| w.subject == "validation.csv").expect("a warning").message;
+        assert!(message.contains("check the sensor offset"), "{message}");
+        let named = message.split("is mostly an offset of ").nth(1).and_then(|rest| rest.split(' ').next());
+        let named: f64 = named.expect("an offset is named").parse().expect("a number");
+        // The bench's seal varies by 1 % of its 3 N from pass to pass, in both recordings.
+        assert!((named - 1.0).abs() < 0.04, "{message}");
+    });
+}
