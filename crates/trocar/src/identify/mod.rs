@@ -306,7 +306,7 @@ pub fn identify(
         Ok((segments, two))
     };
     let begun = |recordings: &[Recording], (segments, two): &(Vec<Segments>, TwoSteps)| {
-        element::begin(&Input { recordings, segments, two, options }, progress).filter(|_| !options.paper)
+        if options.paper { None } else { element::begin(&Input { recordings, segments, two, options }, progress) }
     };
     progress("steady state", 0.1);
     let lag_of = |recordings: &[Recording]| begun(recordings, &prepared(recordings).ok()?)?.position_lag(recordings);
