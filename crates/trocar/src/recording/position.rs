@@ -1,36 +1,59 @@
 //! What a position sensor may do to its readings: single ones that are off, and all of them late.
 
+use std::ops::Range;
+
 use super::{MIN_SAMPLES, Recording, RecordingError};
 
-/// A glitch is off the line between its neighbours by this many times noise and resolution ...
+/// A glitch is off the line through its neighbours by this many times noise and resolution, at least by [`FLOOR`] ...
 const OVER_NOISE: f64 = 10.0;
-/// ... and by this many times what the neighbours are off theirs.
-const OVER_NEIGHBOURS: f64 = 3.0;
+/// ... and by this many times what the neighbours are off it, in the median.
+const OVER_NEIGHBOURS: f64 = 4.0;
+/// Least size of a glitch, m.
+const FLOOR: f64 = 1e-6;
+/// Neighbours on either side.
+const NEIGHBOURS: usize = 3;
+
+fn median<const N: usize>(mut values: [f64; N]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    0.5 * (values[(N - 1) / 2] + values[N / 2])
+}
+
+/// How far `x[i]` is off the line through its neighbours, and these themselves in the median, m. The line is that of the
+/// median slope (THEIL), so that another glitch among the neighbours does not bend it.
+fn off_line(t: &[f64], x: &[f64], i: usize) -> (f64, f64) {
+    let near: [usize; 2 * NEIGHBOURS] =
+        std::array::from_fn(|k| if k < NEIGHBOURS { i - NEIGHBOURS + k } else { i + 1 + k - NEIGHBOURS });
+    let mut slopes = [0.0; NEIGHBOURS * (2 * NEIGHBOURS - 1)];
+    let pairs = (0..near.len()).flat_map(|b| (0..b).map(move |a| (near[a], near[b])));
+    slopes.iter_mut().zip(pairs).for_each(|(slope, (a, b))| *slope = (x[b] - x[a]) / (t[b] - t[a]));
+    let slope = median(slopes);
+    let level = median(near.map(|k| x[k] - slope * (t[k] - t[i])));
+    let off = |k: usize| (x[k] - level - slope * (t[k] - t[i])).abs();
+    (off(i), median(near.map(off)))
+}
 
 impl Recording {
-    /// The recording with each single position that jumps off and comes straight back put between its neighbours, and a
+    /// The recording with single positions that jump off and come straight back put between their neighbours, and a
     /// note on how many those were. A model that integrates the motion would turn over at each of them.
     #[must_use]
     pub fn without_glitches(mut self) -> Self {
-        let least = OVER_NOISE * self.quality.position_noise.max(self.quality.position_resolution);
+        let least = (OVER_NOISE * self.quality.position_noise.max(self.quality.position_resolution)).max(FLOOR);
         let (t, x) = (&self.time, &self.position);
-        let between = |i: usize, a: usize, b: usize| x[a] + (x[b] - x[a]) * (t[i] - t[a]) / (t[b] - t[a]);
-        let mut glitches = Vec::new();
-        for range in self.unbroken().filter(|range| range.len() > 4) {
-            for i in range.start + 2..range.end - 2 {
-                let value = between(i, i - 1, i + 1);
-                let off = (x[i] - value).abs();
-                let before = (x[i - 1] - between(i - 1, i - 2, i + 1)).abs();
-                let behind = (x[i + 1] - between(i + 1, i - 1, i + 2)).abs();
-                if off > least && off > OVER_NEIGHBOURS * before.max(behind) {
-                    glitches.push((i, value));
-                }
+        let is_glitch = |i: &usize| {
+            let (off, neighbours) = off_line(t, x, *i);
+            off > least.max(OVER_NEIGHBOURS * neighbours)
+        };
+        let inside =
+            |range: Range<usize>| (range.start + NEIGHBOURS..range.end.saturating_sub(NEIGHBOURS)).filter(is_glitch);
+        let glitches: Vec<usize> = self.unbroken().flat_map(inside).collect();
+        for run in glitches.clone().chunk_by(|a, b| b - a == 1) {
+            let (a, b) = (run[0] - 1, run[run.len() - 1] + 1);
+            let slope = (self.position[b] - self.position[a]) / (self.time[b] - self.time[a]);
+            for i in run {
+                self.position[*i] = self.position[a] + slope * (self.time[*i] - self.time[a]);
             }
         }
-        for (i, value) in &glitches {
-            self.position[*i] = *value;
-        }
-        if let (count @ 1.., Some((first, _))) = (glitches.len(), glitches.first()) {
+        if let (count @ 1.., Some(first)) = (glitches.len(), glitches.first()) {
             let (what, at) = (if count == 1 { "position jumps" } else { "positions jump" }, self.time[*first]);
             let note =
                 format!("{count} single {what} off and straight back, first at {at:.3} s: put between neighbours");
