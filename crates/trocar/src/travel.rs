@@ -260,7 +260,8 @@ impl TravelProfile {
 
     /// Whether the level varies so slowly that no closed motion of a seal with this [`storage_length`] (m) yields work.
     pub fn is_passive(&self, storage_length: f64) -> bool {
-        self.steepness() * storage_length <= 1.0
+        let steepness = self.steepness();
+        steepness == 0.0 || steepness * storage_length <= 1.0
     }
 
     /// The seal's own force, N, behind `force` (N) at position `x` (m).

@@ -20,6 +20,8 @@ const INTERVALS: [usize; 8] = [4, 8, 16, 32, 48, 64, 96, 128];
 const ROUGHNESS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 /// The same of the squared departures from constants: decides only what the readings leave open.
 const RIDGE: f64 = 1e-3;
+/// The same for levels that are held at 1.
+const HELD: f64 = 1e9;
 /// Fewest readings a knot.
 const FEWEST_PER_KNOT: usize = 8;
 /// Fewest and most parts into which the strokes are divided for leaving out.
@@ -133,12 +135,13 @@ pub fn strokes(recording: &Recording, passes: &[Pass]) -> Vec<usize> {
 }
 
 /// Fits a profile; the level is held so that a seal with `storage_length` (m, see [`super::storage_length`]) stays
-/// dissipative.
+/// dissipative: at 1 where that is infinite.
 ///
 /// # Errors
 /// [`NoProfile`] with the reason; [`NoProfile::NotBetter`] when the force does not depend on the position.
 pub fn fit(samples: &[TravelSample], storage_length: f64) -> Result<TravelFit, NoProfile> {
-    let data = Data::new(samples)?;
+    let mut data = Data::new(samples)?;
+    data.level_is_free = storage_length.is_finite();
     let mut weights = huber(&data.residuals(|s| data.level_force(s)));
     let mut best = data.choose(&weights, storage_length)?;
     weights = huber(&data.residuals(|s| best.reading(s)));
@@ -182,6 +185,8 @@ struct Data<'a> {
     force: f64,
     /// Mean difference between reading and seal force, N.
     offset: f64,
+    /// Whether the level may vary.
+    level_is_free: bool,
 }
 
 /// A profile under trial.
@@ -262,7 +267,7 @@ impl<'a> Data<'a> {
         let count = samples.len() as f64;
         let force = rms(samples.iter().map(|s| s.seal_force)).max(f64::MIN_POSITIVE);
         let offset = samples.iter().map(|s| s.reading - s.seal_force).sum::<f64>() / count;
-        Ok(Self { samples, fold, folds, from, to, force, offset })
+        Ok(Self { samples, fold, folds, from, to, force, offset, level_is_free: true })
     }
 
     /// What the model says without a profile, N.
@@ -313,8 +318,7 @@ impl<'a> Data<'a> {
 
     fn candidate(&self, parts: &[Sums], all: &Sums, knots: usize, roughness: f64) -> Option<Candidate> {
         cancel::check();
-        let unit = self.samples.len() as f64 / knots as f64;
-        let penalty = penalty(knots, roughness * unit, RIDGE * unit);
+        let penalty = self.penalty(knots, roughness);
         let (mut held_out, mut constant, mut better_folds) = (0.0, 0.0, 0);
         for part in parts {
             let others = all.combine(part, -1.0);
@@ -329,7 +333,8 @@ impl<'a> Data<'a> {
         let offset: Vec<f64> = solved.values.iter().step_by(2).copied().collect();
         let mean = mean_along(&offset);
         let offset = offset.iter().map(|o| o - mean).collect();
-        let level: Vec<f64> = solved.values.iter().skip(1).step_by(2).map(|l| l / self.force).collect();
+        let level_of = |value: &f64| if self.level_is_free { value / self.force } else { 1.0 };
+        let level: Vec<f64> = solved.values.iter().skip(1).step_by(2).map(level_of).collect();
         let profile = TravelProfile::new(self.from, self.to, offset, level).ok()?;
         let effective_parameters = solved.effective_parameters(all);
         Some(Candidate {
@@ -341,6 +346,11 @@ impl<'a> Data<'a> {
             better_folds,
             effective_parameters,
         })
+    }
+
+    fn penalty(&self, knots: usize, roughness: f64) -> Banded {
+        let unit = self.samples.len() as f64 / knots as f64;
+        penalty(knots, roughness * unit, [RIDGE * unit, if self.level_is_free { RIDGE } else { HELD } * unit])
     }
 
     /// Held-out errors, N, without weights, of the candidate and of the constant.
@@ -360,8 +370,7 @@ impl<'a> Data<'a> {
             return Err(refuse([profile, constant]));
         }
         let knots = best.profile.levels().len();
-        let unit = self.samples.len() as f64 / knots as f64;
-        let penalty = penalty(knots, best.roughness * unit, RIDGE * unit);
+        let penalty = self.penalty(knots, best.roughness);
         let weighted = self.sums(knots, weights);
         let plain = self.sums(knots, &vec![1.0; self.samples.len()]);
         let all = weighted[1..].iter().fold(weighted[0].clone(), |sum, part| sum.combine(part, 1.0));
@@ -378,10 +387,10 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Squared second differences of offsets and of levels, and a ridge on their first differences.
-fn penalty(knots: usize, roughness: f64, ridge: f64) -> Banded {
+/// Squared second differences of offsets and of levels, and a ridge on the first differences of either.
+fn penalty(knots: usize, roughness: f64, ridges: [f64; 2]) -> Banded {
     let mut matrix = Banded::zero(2 * knots);
-    for side in [0, 1] {
+    for (side, ridge) in ridges.into_iter().enumerate() {
         let mut add = |knot: usize, row: &[f64], weight: f64| {
             let at = |k: usize| 2 * (knot + k) + side;
             for (i, a) in row.iter().enumerate() {
