@@ -33,7 +33,10 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
         without
     };
     let recordings: Vec<Recording> = input.recordings.iter().map(without).collect();
-    let again = element::again(&Input { recordings: &recordings, ..*input }, &fit);
+    let without = Input { recordings: &recordings, ..*input };
+    // A fit that ends higher than it began has lost its way.
+    let error = |f: &ElementFit| element::sampled_rms(&without, &f.fitted.best.candidate);
+    let again = element::again(&without, &fit).filter(|again| error(again) <= error(&fit));
     (Some(again.unwrap_or(fit)), Ok(Some(profile)))
 }
 

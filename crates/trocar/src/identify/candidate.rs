@@ -1,5 +1,6 @@
 //! A candidate model as a vector of free numbers, for the fit of the simulated force.
 
+use rand::{Rng, RngExt};
 use trocar_model::{
     DeformationForce, Element, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction, Stages,
 };
@@ -120,6 +121,8 @@ pub(super) struct Layout {
     /// Minor-loop stiffness.
     pub(super) yielding: bool,
     pub(super) creep: bool,
+    /// Least v_c, m/s, that the motion shows.
+    pub(super) slowest_creep: f64,
     /// Lag of the Stribeck curve.
     pub(super) lag: bool,
     /// Relaxing arms.
@@ -142,39 +145,56 @@ impl Layout {
         damping: false,
         yielding: false,
         creep: false,
+        slowest_creep: 0.0,
         lag: false,
         arms: 0,
         second: false,
     };
 }
 
+/// Step of the difference quotient of a free number, its range, and what is expected of its amount beforehand.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    pub(super) step: f64,
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// Standard deviation about 0; infinite where nothing is expected.
+    pub(super) expected: f64,
+}
+
+impl Span {
+    pub(super) fn new(step: f64, low: f64, high: f64) -> Self {
+        Self { step, low, high, expected: f64::INFINITY }
+    }
+}
+
 /// Visits the logarithm of a number that must stay positive.
-fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, f64, f64, f64)) {
+fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, Span)) {
     let mut log = value.max(low).min(high).ln();
-    on(&mut log, 1e-3, low.ln(), high.ln());
+    on(&mut log, Span::new(1e-3, low.ln(), high.ln()));
     *value = log.exp();
 }
 
 impl Layout {
     /// Visits every free number of the candidate, in a fixed order.
-    fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, f64, f64, f64)) {
+    fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, Span)) {
         let free = f64::INFINITY;
         let force = 1e-4 * candidate.insertion.coulomb_force;
         if self.offset {
-            on(&mut candidate.offset, force, -free, free);
+            on(&mut candidate.offset, Span::new(force, -free, free));
         }
         if self.hidden_mass {
-            on(&mut candidate.hidden_mass, 1e-4, 0.0, free);
+            on(&mut candidate.hidden_mass, Span::new(1e-4, 0.0, free));
         }
-        on(&mut candidate.insertion.coulomb_force, force, 10.0 * force, free);
+        on(&mut candidate.insertion.coulomb_force, Span::new(force, 10.0 * force, free));
         if self.viscous {
-            on(&mut candidate.insertion.viscous_damping, 100.0 * force, 0.0, free);
+            on(&mut candidate.insertion.viscous_damping, Span::new(100.0 * force, 0.0, free));
         }
         if self.stribeck {
             let most = 10.0 * candidate.insertion.coulomb_force;
-            on(&mut candidate.insertion.static_force, force, 10.0 * force, most);
-            on(&mut candidate.insertion.stribeck_velocity, 1e-5, 5e-4, 1.0);
-            on(&mut candidate.insertion.stribeck_exponent, 1e-2, 0.5, 3.0);
+            on(&mut candidate.insertion.static_force, Span::new(force, 10.0 * force, most));
+            on(&mut candidate.insertion.stribeck_velocity, Span::new(1e-5, 5e-4, 1.0));
+            on(&mut candidate.insertion.stribeck_exponent, Span::new(1e-2, 0.5, 3.0));
         } else {
             candidate.insertion.static_force = candidate.insertion.coulomb_force;
         }
@@ -182,42 +202,38 @@ impl Layout {
         candidate.withdrawal = candidate.insertion;
         if self.own_levels {
             candidate.withdrawal.coulomb_force = other.coulomb_force;
-            on(&mut candidate.withdrawal.coulomb_force, force, 10.0 * force, free);
+            on(&mut candidate.withdrawal.coulomb_force, Span::new(force, 10.0 * force, free));
             candidate.withdrawal.static_force = candidate.withdrawal.coulomb_force;
             if self.stribeck {
                 candidate.withdrawal.static_force = other.static_force;
-                on(&mut candidate.withdrawal.static_force, force, 10.0 * force, free);
+                on(&mut candidate.withdrawal.static_force, Span::new(force, 10.0 * force, free));
             }
         }
         if self.own_slopes && self.viscous {
             candidate.withdrawal.viscous_damping = other.viscous_damping;
-            on(&mut candidate.withdrawal.viscous_damping, 100.0 * force, 0.0, free);
+            on(&mut candidate.withdrawal.viscous_damping, Span::new(100.0 * force, 0.0, free));
         }
         for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
             sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
         }
         let width = candidate.half_width;
-        // Forces far beyond those of sliding are never reached: no reading would hold them.
-        let wildest = 10.0 * candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
+        let sliding = candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
         if self.shape {
-            on(
-                &mut candidate.half_width,
-                1e-4 * width,
-                (0.3 * width).max(self.narrowest),
-                (3.0 * width).max(self.narrowest),
-            );
+            let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
+            on(&mut candidate.half_width, Span::new(1e-4 * width, low, high));
             for shape in [&mut candidate.rising, &mut candidate.falling] {
-                shape.visit(force, wildest, &mut on);
+                shape.visit(force, sliding, &mut on);
             }
         }
         if self.damping {
-            on(&mut candidate.seal_damping, 10.0 * force, 0.0, free);
+            on(&mut candidate.seal_damping, Span::new(10.0 * force, 0.0, free));
         }
         if self.yielding {
-            on(&mut candidate.yield_ratio, 1e-3, Candidate::DEFAULT_YIELD_RATIO, 20.0);
+            on(&mut candidate.yield_ratio, Span::new(1e-3, Candidate::DEFAULT_YIELD_RATIO, 20.0));
         }
         if self.creep {
-            on_log(&mut candidate.creep_velocity, CREEP_RANGE, &mut on);
+            let [low, high] = CREEP_RANGE;
+            on_log(&mut candidate.creep_velocity, [low.max(self.slowest_creep), high], &mut on);
         }
         if self.lag {
             on_log(&mut candidate.friction_lag, LAG_RANGE, &mut on);
@@ -232,7 +248,7 @@ impl Layout {
             on_log(&mut second.share, SHARE_RANGE, &mut on);
             on_log(&mut second.half_width, [0.02 * width, 5.0 * width], &mut on);
             for shape in [&mut second.rising, &mut second.falling] {
-                shape.visit(force, wildest, &mut on);
+                shape.visit(force, sliding, &mut on);
             }
         }
     }
@@ -240,8 +256,8 @@ impl Layout {
     /// The free numbers of a candidate.
     pub(super) fn free(self, candidate: &Candidate) -> Vec<Free> {
         let mut free = Vec::new();
-        self.visit(&mut candidate.clone(), |value, step, low, high| {
-            free.push(Free { value: *value, step, low, high, column: Column::Simulated });
+        self.visit(&mut candidate.clone(), |value, Span { step, low, high, expected }| {
+            free.push(Free { value: *value, step, low, high, expected, column: Column::Simulated });
         });
         let linear = [(self.offset, Column::Offset), (self.hidden_mass, Column::Mass)];
         let first = linear.into_iter().filter(|(is_free, _)| *is_free);
@@ -262,7 +278,7 @@ impl Layout {
     fn replaced(self, candidate: &Candidate, values: &[f64], held: impl Fn(f64, f64, f64) -> f64) -> Candidate {
         let mut replaced = candidate.clone();
         let mut values = values.iter();
-        self.visit(&mut replaced, |value, _, low, high| {
+        self.visit(&mut replaced, |value, Span { low, high, .. }| {
             *value = held(*values.next().expect("one value for each free number"), low, high);
         });
         replaced
@@ -281,6 +297,23 @@ pub(super) struct EmsTrial {
 impl EmsTrial {
     pub(super) fn new(candidate: Candidate, layout: Layout) -> Self {
         Self { candidate, layout, drift: Vec::new() }
+    }
+
+    /// The trial with another width, other branches and another creep, by chance but not by far.
+    pub(super) fn shaken(&self, rng: &mut impl Rng) -> Self {
+        let mut shaken = self.clone();
+        let candidate = &mut shaken.candidate;
+        let mut by = |size: f64| size * (2.0 * rng.random::<f64>() - 1.0);
+        candidate.half_width *= by(0.2).exp();
+        candidate.creep_velocity *= by(0.5).exp();
+        let force = 0.2 * candidate.insertion.static_force;
+        for shape in [&mut candidate.rising, &mut candidate.falling] {
+            shape.join += by(0.2);
+            shape.join_force += by(force);
+            shape.left.iter_mut().chain(&mut shape.right).for_each(|bend| *bend += by(force));
+        }
+        let values: Vec<f64> = shaken.free().iter().map(|f| f.value).collect();
+        shaken.with(&values)
     }
 
     /// How many numbers of the model are free.
@@ -307,6 +340,7 @@ impl Trial for EmsTrial {
             step: 1e-3,
             low: f64::NEG_INFINITY,
             high: f64::INFINITY,
+            expected: f64::INFINITY,
             column: Column::Drift(k),
         };
         let mut free = self.layout.free(&self.candidate);

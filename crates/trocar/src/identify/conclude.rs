@@ -183,6 +183,11 @@ fn warnings(
                 let message = "not tried, for fewer than 4 reversals are partial: minor-loop stiffness, second relaxation time, second stage";
                 say("optional terms", message.to_owned(), false);
             }
+            if !element::acceleration_is_resolved(input.recordings) {
+                let message = "not tried, for the sampling is too coarse for the acceleration at a reversal: unmodelled mass, delay of \
+                               the positions";
+                say("optional terms", message.to_owned(), false);
+            }
             of_fit(fit, &mut say);
         }
     }

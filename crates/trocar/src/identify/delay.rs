@@ -1,11 +1,14 @@
 //! Positions that were read later than the forces.
 //!
 //! A late position shifts the whole simulated force in time: F(t) becomes F(t + T), so ∂F/∂T = dF/dt is one more column of the normal
-//! equations. It is tested beside an unmodelled mass and the damping of the deformation, for which it could be mistaken; a force that
-//! comes *late* is not looked for: it may be the seal's own.
+//! equations. It is tested beside an unmodelled mass and the damping of the deformation, for which it could be mistaken, and so only
+//! where the sampling resolves those; a force that comes *late* is not looked for: it may be the seal's own.
 
 use serde::Serialize;
 
+use super::element::{self, Begun, Input};
+use super::two_steps::{self, TwoSteps};
+use super::{IdentifyError, IdentifyOptions, Progress, Segments, segment};
 use crate::recording::Recording;
 
 /// A delay of the position readings.
@@ -34,22 +37,50 @@ impl PositionLag {
     }
 }
 
-/// Recordings with their positions in time, and how late these were.
+/// Recordings with their positions in time, how late these were, and what was found of them.
 pub(super) struct InTime {
     pub(super) recordings: Vec<Recording>,
     pub(super) lag: Option<PositionLag>,
+    pub(super) segments: Vec<Segments>,
+    pub(super) two: TwoSteps,
+    /// The paper's element; `None` where none was asked for or could be fitted.
+    pub(super) begun: Option<Begun>,
 }
 
-/// Takes the delay out of the positions: `lag_of` finds what is left of it.
-pub(super) fn in_time(recordings: &[Recording], lag_of: impl Fn(&[Recording]) -> Option<PositionLag>) -> InTime {
-    let mut found = InTime { recordings: recordings.to_vec(), lag: None };
-    for _ in 0..PositionLag::MOST {
+impl InTime {
+    /// Takes the delay out of the positions, correction by correction.
+    pub(super) fn new(
+        recordings: &[Recording],
+        options: &IdentifyOptions,
+        progress: Progress,
+    ) -> Result<Self, IdentifyError> {
+        let mut found = Self::of(recordings.to_vec(), None, options, progress)?;
         let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
-        let Some(more) = lag_of(&found.recordings).filter(|more| more.lag_s > 0.1 * interval) else { break };
-        let lag = more.added_to(found.lag);
-        let shifted = recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect::<Result<Vec<_>, _>>();
-        let Some(shifted) = shifted.ok().filter(|_| lag.lag_s < PositionLag::LONGEST) else { break };
-        found = InTime { recordings: shifted, lag: Some(lag) };
+        for _ in 0..PositionLag::MOST {
+            let Some(more) = found.begun.as_ref().and_then(|begun| begun.position_lag(&found.recordings)) else {
+                break;
+            };
+            let lag = more.added_to(found.lag);
+            let shifted = recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect::<Result<Vec<_>, _>>();
+            let Some(shifted) = shifted.ok().filter(|_| lag.lag_s < PositionLag::LONGEST) else { break };
+            if more.lag_s < 0.1 * interval {
+                break;
+            }
+            found = Self::of(shifted, Some(lag), options, progress)?;
+        }
+        Ok(found)
     }
-    found
+
+    fn of(
+        recordings: Vec<Recording>,
+        lag: Option<PositionLag>,
+        options: &IdentifyOptions,
+        progress: Progress,
+    ) -> Result<Self, IdentifyError> {
+        let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
+        let two = two_steps::two_steps(&recordings, &segments, options)?;
+        let input = Input { recordings: &recordings, segments: &segments, two: &two, options };
+        let begun = if options.paper { None } else { element::begin(&input, progress) };
+        Ok(Self { recordings, lag, segments, two, begun })
+    }
 }

@@ -7,10 +7,11 @@
 
 use std::f64::consts::PI;
 
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use trocar_model::{Branch, Element, ElementParams};
 
-use super::along::repeats;
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::ASSUMED_WIDTH;
 use super::delay::PositionLag;
@@ -19,14 +20,16 @@ use super::likelihood::{self, Extra, Fitted, ScaleVariance, Stop};
 use super::scale::{FrictionScale, Jump};
 use super::shape::BranchShape;
 use super::spread::Spread;
-use super::terms::{self, Chosen, Term, TermTrial, with_prior};
+use super::terms::{self, Chosen, Term, TermTrial};
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_stretches};
-use super::{FreeMotion, IdentifyOptions, Progress, Segments, acceleration};
+use super::{FreeMotion, IdentifyOptions, Progress, Segments, acceleration, inertia};
 use crate::recording::Recording;
+use crate::replay::replay;
+use crate::segment::Direction;
 
 /// Half widths to start from where the two steps resolved none, in units of that assumed.
-const WIDTHS: [f64; 5] = [0.05, 0.2, 0.5, 1.0, 1.8];
+const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
 /// Half widths tried once more, as parts of the best.
 const OTHER_WIDTHS: [f64; 3] = [0.5, 0.7, 1.4];
 /// Most clusters.
@@ -35,6 +38,9 @@ const MOST_CLUSTERS: usize = 120;
 const FEWEST_STROKES: usize = 12;
 /// Fewest clusters from which anything is fitted.
 const FEWEST_CLUSTERS: usize = 4;
+
+/// Starts whose shape is fitted.
+const STARTS: usize = 5;
 
 const SHORT: Stop = Stop { iterations: 4, fall: 1e-2, promise: 10.0 * 1e-2 };
 const NEXT: Stop = Stop { iterations: 25, fall: 1e-3, promise: 10.0 * 1e-3 };
@@ -77,7 +83,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     let widest = starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
     let plain = training(input, &widest.candidate)?;
     progress("fitting the element", 0.3);
-    let best = unresolved(best_of(&plain, &starts, input.two.is_assumed)?, input);
+    let best = unresolved(best_of(&plain, &starts, is_assumed(input))?, input);
     let (mut training, mut fitted) = fitted_from(input, &best)?;
     // A wider element forgets its unknown start later, and takes longer strokes.
     if fitted.best.candidate.half_width > 1.05 * best.candidate.half_width {
@@ -87,7 +93,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
         is_free: training.strokes.len() >= FEWEST_STROKES,
         lambda: variance(&fitted) / INITIAL_SCATTER.powi(2),
         unconstrained: unconstrained(input, &training),
-        basis: Vec::new(),
+        ..Scale::default()
     };
     training.blend_over(blend_length(&training, &fitted.best));
     progress("friction scale", 0.4);
@@ -104,15 +110,53 @@ fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<E
     let fit = |part: &f64| {
         let candidate = best.candidate.with_half_width(part * best.candidate.half_width)?;
         let start = EmsTrial { candidate, ..best.clone() };
-        likelihood::fit(&with_prior(training, &start), &start, NEXT)
+        likelihood::fit(training, &start, NEXT)
     };
     OTHER_WIDTHS.iter().filter_map(fit).min_by(|a, b| a.cost().total_cmp(&b.cost()))
+}
+
+/// Restarts from near the best, and the most steps of a training that is worth them: where few positions lie within the
+/// deformation each of them makes kinks, and a fit soon stalls between two.
+const RESTARTS: usize = 4;
+const FEW_STEPS: usize = 5000;
+
+/// The best of fits from near `found`: better over the steps, and over all single samples, too, whose noise a step hides.
+fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) -> Fitted<EmsTrial> {
+    if !found.best.layout.shape || training.runs.iter().map(|run| run.steps.len()).sum::<usize>() > FEW_STEPS {
+        return found;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(input.options.seed);
+    let mut error = sampled_rms(input, &found.best.candidate);
+    for _ in 0..RESTARTS {
+        let start = found.best.shaken(&mut rng);
+        let again = likelihood::fit(training, &start, NEXT).filter(|again| again.cost() < found.cost());
+        let Some(again) = again else { continue };
+        let error_again = sampled_rms(input, &again.best.candidate);
+        if error_again < error {
+            (found, error) = (again, error_again);
+        }
+    }
+    found
+}
+
+/// Root mean square error, N, over all samples whose force does not depend on the unknown start.
+pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
+    let Ok(stages) = candidate.stages() else { return f64::INFINITY };
+    let of = |recording: &Recording| {
+        let run = replay(stages.elements(), recording, candidate.offset);
+        let inertia = inertia(recording, candidate.hidden_mass);
+        let error = |i: usize| recording.force[i] - candidate.offset - inertia[i] - run.force[i];
+        let known = run.known.iter().cloned().flatten();
+        known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
+    };
+    let sums = input.recordings.iter().map(of).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    (sums.0 / f64::max(sums.1, 1.0)).sqrt()
 }
 
 /// The training that a trial asks for, and the fit to it with one friction scale.
 fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsTrial>)> {
     let training = training(input, &trial.candidate)?;
-    let fitted = likelihood::fit(&training, trial, NEXT)?;
+    let fitted = restarted(input, &training, likelihood::fit(&training, trial, NEXT)?);
     (training.clusters() >= FEWEST_CLUSTERS).then_some((training, fitted))
 }
 
@@ -127,7 +171,7 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
         excluded.push(Term::Stribeck);
     }
     let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input));
-    if input.two.is_assumed && chosen.fitted.best.layout.shape {
+    if is_assumed(input) && chosen.fitted.best.layout.shape {
         // The width was found without the terms: with them another may do better.
         let other = other_width(&training, &chosen.fitted);
         if let Some(other) = other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost()) {
@@ -137,6 +181,7 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
         }
     }
     let Chosen { fitted, trials } = chosen;
+    let fitted = restarted(input, &training, fitted);
     progress("last fit", 0.7);
     let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
     let Scaled { training, fitted, scatter } = scaled(training, without_drift, LAST)?;
@@ -145,16 +190,19 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
 }
 
 impl Begun {
-    /// The delay of the positions: beside an unmodelled mass and the damping of the deformation, where the sampling resolves those.
+    /// The delay of the positions, beside an unmodelled mass and the damping of the deformation: none where the sampling does not
+    /// resolve those.
     pub(super) fn position_lag(&self, recordings: &[Recording]) -> Option<PositionLag> {
+        if !acceleration_is_resolved(recordings) {
+            return None;
+        }
         let best = &self.fitted.best;
         let mut damped = best.clone();
         damped.candidate.seal_damping += 1.0;
         let extra = [Extra::Delay, Extra::Acceleration, Extra::Secant(damped)];
         let normal = self.fitted.with_columns(&self.training, &extra)?;
         let own = self.fitted.held.len();
-        let beside: &[usize] = if acceleration_is_resolved(recordings) { &[own + 1, own + 2] } else { &[] };
-        let step = normal.one_step(&self.fitted.held, beside, own, variance(&self.fitted))?;
+        let step = normal.one_step(&self.fitted.held, &[own + 1, own + 2], own, variance(&self.fitted))?;
         let p_value = 0.5 * t_p_value(step.amplitude / step.standard_error, step.degrees);
         let lag = PositionLag { lag_s: step.amplitude, standard_error_s: step.standard_error, p_value };
         (step.amplitude > 0.0 && step.gain > PositionLag::LEAST_GAIN && p_value < PositionLag::LEVEL).then_some(lag)
@@ -186,13 +234,14 @@ pub(super) fn variance(fitted: &Fitted<EmsTrial>) -> f64 {
 
 /// Sets the variances of the friction scale from a fit at `from`, and fits with them.
 fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
-    (training.prior, training.scale.basis) = (Vec::new(), Vec::new());
+    (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
     if !training.scale.is_free {
         let fitted = likelihood::fit(&training, &from, stop)?;
         return Some(Scaled { training, fitted, scatter: 0.0 });
     }
     let first = likelihood::fit(&training, &from, SHORT)?;
     let sigma2 = variance(&first);
+    training.variance = sigma2;
     let jumps = Jump::find(&training, &first);
     let drift = drift_basis(&training);
     let mut relative: Vec<f64> = drift.iter().map(|d| d.1).collect();
@@ -200,25 +249,46 @@ fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> 
     let of_jumps: Vec<Vec<f64>> = jumps.iter().map(|jump| jump.basis(&training)).collect();
     training.scale.basis.extend(of_jumps);
     let columns = training.scale.basis.len();
+    training.scale.expected = vec![f64::INFINITY; columns];
     let start = EmsTrial { drift: vec![0.0; columns], ..first.best.clone() };
     let own = start.free_numbers();
     let flat = Stop { iterations: 0, fall: 0.0, promise: 0.0 };
     let with_drift = likelihood::fit(&training, &start, flat)?;
     let of_drift: Vec<(usize, f64)> = relative.iter().enumerate().map(|(k, b)| (own + k, *b)).collect();
     let ScaleVariance { scatter, drift } = with_drift.normal.scale_variance(&training, sigma2, &of_drift);
+    let scatter = scatter.min(within_directions(&training, &with_drift));
     training.scale.lambda = sigma2 / scatter.max(1e-12);
     // A drift below a part in ten thousand is none.
     if drift < 1e-8 {
         training.scale.basis.drain(..relative.len());
         relative.clear();
     }
-    let jump_precision = sigma2 / Jump::WIDTH.powi(2);
-    let precisions = relative.iter().map(|b| sigma2 / (drift * b)).chain(jumps.iter().map(|_| jump_precision));
-    training.prior = vec![(0.0, 0.0); own];
-    training.prior.extend(precisions.map(|p| (0.0, p)));
+    let of_drift = relative.iter().map(|b| (drift * b).sqrt());
+    training.scale.expected = of_drift.chain(jumps.iter().map(|_| Jump::WIDTH)).collect();
     let start = EmsTrial { drift: vec![0.0; training.scale.basis.len()], ..first.best };
     let fitted = likelihood::fit(&training, &start, stop)?;
     Some(Scaled { training, fitted, scatter: scatter.sqrt() })
+}
+
+/// Variance of the strokes' own scales about the mean of their recording and direction; infinite for few strokes. What differs
+/// between the directions is an offset or an asymmetry, and no scatter.
+fn within_directions(training: &Training, fitted: &Fitted<EmsTrial>) -> f64 {
+    let strokes = &training.strokes;
+    let (mut squares, mut degrees) = (0.0, 0.0);
+    for recording in 0..=strokes.iter().map(|s| s.recording).max().unwrap_or(0) {
+        for direction in [Direction::Positive, Direction::Negative] {
+            let counts = |g: &usize| {
+                (strokes[*g].recording, strokes[*g].direction) == (recording, Some(direction))
+                    && fitted.normal.scales[*g].information > 0.0
+                    && !training.scale.is_unconstrained(*g)
+            };
+            let own: Vec<f64> = (0..strokes.len()).filter(counts).map(|g| fitted.normal.scales[g].own).collect();
+            let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
+            squares += own.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+            degrees += own.len().saturating_sub(1) as f64;
+        }
+    }
+    if degrees < FEWEST_STROKES as f64 / 2.0 { f64::INFINITY } else { squares / degrees }
 }
 
 /// Most cosines of the drift in a recording, and strokes for each.
@@ -296,13 +366,6 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     if !options.free_motion {
         excluded.extend([Term::Creep, Term::Relaxation]);
     }
-    // Equal strokes without rests tell nothing of creep, and a contact that creeps would rule a position profile out.
-    if !input.two.steady.viscous_damping_n_s_m.pinned
-        && !has_partial_reversals(input, half_width)
-        && repeats(recordings)
-    {
-        excluded.push(Term::Creep);
-    }
     if !options.free_motion || !has_partial_reversals(input, half_width) {
         excluded.extend(Term::OF_FREE_MOTION);
     }
@@ -320,9 +383,31 @@ pub(super) fn has_partial_reversals(input: &Input, half_width: f64) -> bool {
 
 /// Whether all recordings are sampled finely enough to see the acceleration of a reversal, which lasts some hundredths
 /// of a second: it takes five positions.
-fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
+pub(super) fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
     const REVERSAL: f64 = 0.03;
     recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
+}
+
+/// σ over the sliding force to begin with.
+const INITIAL_ERROR: f64 = 0.03;
+
+/// Least v_c, m/s, that the motion shows: slower creep rounds the instant of a reversal at most. A hundredth of the speed below which
+/// the motion spends a twentieth of its time.
+fn slowest_creep(recordings: &[Recording]) -> f64 {
+    const BLOCK: f64 = 0.05;
+    let mut speeds = Vec::new();
+    for recording in recordings {
+        let (t, x) = (&recording.time, &recording.position);
+        let mut from = 0;
+        for i in 0..t.len() {
+            if t[i] - t[from] >= BLOCK {
+                speeds.push((x[i] - x[from]).abs() / (t[i] - t[from]));
+                from = i;
+            }
+        }
+    }
+    speeds.sort_by(f64::total_cmp);
+    0.01 * speeds.get(speeds.len() / 20).copied().unwrap_or(0.0)
 }
 
 /// All samples, those of settled sliding taken together.
@@ -348,6 +433,7 @@ fn training(input: &Input, of: &Candidate) -> Option<Training> {
         })
         .collect();
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
+    training.variance = (INITIAL_ERROR * of.insertion.coulomb_force).powi(2);
     let stages = of.stages().ok()?;
     let elements: &[Element] = stages.elements();
     training.forget_unknown_starts(elements);
@@ -371,6 +457,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         own_levels: own_slopes && options.offset.is_some(),
         stribeck: steady.stribeck.is_some(),
         narrowest: narrowest(input),
+        slowest_creep: slowest_creep(recordings),
         ..Layout::PAPER
     };
     if let Some(offset) = options.offset {
@@ -379,7 +466,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     candidate.seal_damping = 0.0;
     let candidate = layout.with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
     let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
-    if !two.is_assumed {
+    if !is_assumed(input) {
         // The spring of a drive is no seal: its friction is what is asked for, and the two steps give that.
         let is_axis = options.inertia_removed && 2.0 * candidate.half_width < NEGLIGIBLE * longest;
         return if is_axis { Vec::new() } else { vec![EmsTrial::new(candidate, layout)] };
@@ -387,13 +474,30 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     if options.inertia_removed && !steady.means.is_empty() {
         return Vec::new();
     }
-    let straight =
-        |part: &f64| straight(&candidate, (part * ASSUMED_WIDTH * longest).max(layout.narrowest), options.degrees);
-    let both = |part: &f64| {
-        let straight = straight(part);
-        [snapping(&straight, options.degrees), Some(straight)].into_iter().flatten().collect::<Vec<_>>()
+    let mut widths = WIDTHS.map(|part| (part * ASSUMED_WIDTH * longest).max(layout.narrowest)).to_vec();
+    widths.dedup();
+    let both = |half_width: f64| {
+        let degrees = degrees(input, half_width);
+        let straight = straight(&candidate, half_width, degrees);
+        [snapping(&straight, degrees), Some(straight)].into_iter().flatten().collect::<Vec<_>>()
     };
-    WIDTHS.iter().flat_map(both).map(|candidate| EmsTrial::new(candidate, layout)).collect()
+    let plain = widths.into_iter().flat_map(both).map(|candidate| EmsTrial::new(candidate, layout));
+    // A contact that creeps is as smooth as a wide element: from there none would be found.
+    let creeping = |plain: EmsTrial| {
+        let creep_velocity = layout.slowest_creep.max(0.1 * speeds(input)[0]);
+        let candidate = Candidate { creep_velocity, ..plain.candidate.clone() };
+        let layout = Layout { creep: true, ..layout };
+        [plain, EmsTrial::new(candidate, layout)]
+    };
+    match options.free_motion && !options.without.contains(&Term::Creep) {
+        true => plain.flat_map(creeping).collect(),
+        false => plain.collect(),
+    }
+}
+
+/// Whether the two steps resolved no deformation, or too few positions within it to tell its shape.
+fn is_assumed(input: &Input) -> bool {
+    input.two.is_assumed || input.two.candidate.half_width < FINELY_RESOLVED * resolution(input)
 }
 
 /// The candidate with branches that snap through as those of the plausible seal do, at its own forces.
@@ -411,21 +515,34 @@ fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
     Some(Candidate { rising: fitted(seal.rising())?, falling: fitted(seal.falling())?, ..candidate.clone() })
 }
 
-/// Positions within c that resolve it.
+/// Positions within c that resolve it, and that resolve branches of any degree.
 const RESOLVED: f64 = 3.0;
+const FINELY_RESOLVED: f64 = 20.0;
+/// A half width within this factor of the least is not resolved.
+const UNRESOLVED: f64 = 1.05;
 
-/// Least half width, m, that encoder and sampling resolve.
-pub(super) fn narrowest(input: &Input) -> f64 {
+/// Distance of positions, m, that encoder and sampling tell apart.
+fn resolution(input: &Input) -> f64 {
     let step = input.recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
     let interval = input.recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
     let [slow, fast] = input.two.steady.speed_range_m_s;
-    RESOLVED * step.max(interval * (slow * fast).sqrt())
+    step.max(interval * (slow * fast).sqrt())
+}
+
+/// Least half width, m, that encoder and sampling resolve.
+pub(super) fn narrowest(input: &Input) -> f64 {
+    RESOLVED * resolution(input)
+}
+
+/// Degrees of branches of this half width, m: parabolas where few positions lie within it.
+fn degrees(input: &Input, half_width: f64) -> [usize; 2] {
+    if half_width < FINELY_RESOLVED * resolution(input) { [2, 2] } else { input.options.degrees }
 }
 
 /// The trial with a straight spring of the least width in place of a deformation that is not resolved.
 fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
     let narrowest = narrowest(input);
-    if trial.candidate.half_width > 1.05 * narrowest || !trial.layout.shape || !input.two.is_assumed {
+    if trial.candidate.half_width > UNRESOLVED * narrowest || !trial.layout.shape || !is_assumed(input) {
         return trial;
     }
     let layout = Layout { shape: false, ..trial.layout };
@@ -444,20 +561,28 @@ fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTr
     if let ([only], false) = (starts, wide) {
         return Some(only.clone());
     }
-    let carried = |trials: Vec<EmsTrial>, stop| {
-        let fit = |trial: &EmsTrial| likelihood::fit(&with_prior(training, trial), trial, stop);
+    let carried = |trials: Vec<EmsTrial>, stop, count| {
+        let fit = |trial: &EmsTrial| likelihood::fit(training, trial, stop);
         let mut fits: Vec<_> = trials.iter().filter_map(fit).collect();
-        fits.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
-        fits.into_iter().map(|fitted| fitted.best).take(2).collect::<Vec<_>>()
+        // As good with a width that is resolved is better.
+        let rank = |f: &Fitted<EmsTrial>| {
+            let is_resolved = f.best.candidate.half_width > UNRESOLVED * f.best.layout.narrowest;
+            f.rms[1] * if is_resolved { 1.0 } else { 1.0 + TRUE_GAIN }
+        };
+        fits.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
+        fits.into_iter().map(|fitted| fitted.best).take(count).collect::<Vec<_>>()
     };
-    let best_two = carried(carried(starts.to_vec(), SHORT), NEXT);
+    let shaped = |shape: bool| move |t: EmsTrial| EmsTrial { layout: Layout { shape, ..t.layout }, ..t };
+    // Levels and creep first: what a shape could stand in for.
+    let level: Vec<EmsTrial> = carried(starts.iter().cloned().map(shaped(false)).collect(), SHORT, STARTS);
+    let best_two = carried(carried(level.into_iter().map(shaped(true)).collect(), SHORT, 2), NEXT, 2);
     // A wide element may stand in for a narrower one: the same full stroke at other widths.
     let best = best_two.first()?;
     let other = |part: &f64| {
         Some(EmsTrial { candidate: best.candidate.with_half_width(part * best.candidate.half_width)?, ..best.clone() })
     };
     let others = OTHER_WIDTHS.iter().filter_map(other);
-    carried(carried(others.chain([best.clone()]).collect(), SHORT), NEXT).into_iter().next()
+    carried(carried(others.chain([best.clone()]).collect(), SHORT, 2), NEXT, 1).into_iter().next()
 }
 
 /// The same terms fitted to other readings of the same motion.
@@ -467,10 +592,10 @@ pub(super) fn again(input: &Input, found: &ElementFit) -> Option<ElementFit> {
         is_free: training.strokes.len() >= FEWEST_STROKES,
         lambda: found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2),
         unconstrained: unconstrained(input, &training),
-        basis: Vec::new(),
+        ..Scale::default()
     };
-    training.blend_over(blend_length(&training, &found.fitted.best));
     let start = EmsTrial { drift: Vec::new(), ..found.fitted.best.clone() };
+    training.blend_over(blend_length(&training, &start));
     let Scaled { training, fitted, scatter } = scaled(training, start, LAST)?;
     let scale = FrictionScale::new(&training, &fitted, input.recordings, scatter);
     Some(ElementFit { fitted, trials: found.trials.clone(), scale, paper_rms: found.paper_rms })

@@ -13,7 +13,7 @@
 //! What is minimised is −2σ² times the log likelihood, less constants,
 //!
 //! ```text
-//! C(θ, o, m, d) = r'r − r'Z·P⁻¹·Z'r + Σ_j p_j·(θ_j − θ⁰_j)²      N²      P = Z'Z + λ·I      λ = σ²/τ²      p_j = σ²/(prior variance)
+//! C(θ, o, m, d) = r'r − r'Z·P⁻¹·Z'r + Σ_j p_j·θ_j²      N²      P = Z'Z + λ·I      λ = σ²/τ²      p_j = σ²/(prior variance)
 //! r_i = y_i − o − m·a_i − (u_i without the e_g)·F_i             Z_ig = w_i·F_i in stroke g, (1 − w_i)·F_i in the next
 //! ```
 //! A stroke whose speed answers to its friction (a constant push) tells the shape of the force but not its size: λ_g = 0 there.
@@ -63,6 +63,8 @@ pub(crate) struct Free {
     pub(crate) step: f64,
     pub(crate) low: f64,
     pub(crate) high: f64,
+    /// Standard deviation about 0 beforehand; infinite where nothing is expected.
+    pub(crate) expected: f64,
     pub(crate) column: Column,
 }
 
@@ -234,7 +236,7 @@ pub(crate) struct Normal {
     scores: Vec<DVector<f64>>,
     /// C of each cluster, without the prior's part.
     costs: Vec<f64>,
-    /// Value less expectation, and precision, of each free number beforehand.
+    /// Each free number, and the precision with which 0 is expected.
     prior: Vec<(f64, f64)>,
     /// Steps that count.
     steps: f64,
@@ -421,13 +423,16 @@ impl<T: Trial> Simulations<T> {
 }
 
 fn prior_cost<T: Trial>(training: &Training, trial: &T) -> f64 {
-    departures(training, trial).iter().map(|(off, precision)| precision * off * off).sum()
+    prior(training, trial).iter().map(|(value, precision)| precision * value * value).sum()
 }
 
-/// Departure of each free number from its prior, and the prior's precision; empty without a prior.
-fn departures<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
-    let free = trial.free();
-    free.iter().zip(&training.prior).map(|(f, (expected, precision))| (f.value - expected, *precision)).collect()
+/// Each free number, and p_j: the precision with which 0 is expected.
+fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
+    let expected = |free: &Free| match free.column {
+        Column::Drift(k) => training.scale.expected[k],
+        _ => free.expected,
+    };
+    trial.free().iter().map(|free| (free.value, training.variance / expected(free).powi(2))).collect()
 }
 
 /// The normal equations at a trial: columns for its free numbers, by difference quotients over `stretch` of their steps, and behind
@@ -451,7 +456,9 @@ fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]
             before = accumulate(&predictor, block, &forces, &sources, before, &mut strokes);
         }
     }
-    Some(training.eliminated(strokes, &predictor.drift, departures(training, trial)))
+    let mut prior = prior(training, trial);
+    prior.resize(p, (0.0, 0.0));
+    Some(training.eliminated(strokes, &predictor.drift, prior))
 }
 
 /// Adds the steps of a block to the sums of their strokes; returns the last simulated force.
@@ -621,6 +628,8 @@ fn step_within(
 
 /// Damping beyond which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
+/// Steps in which C must fall by as many times [`Stop::fall`].
+const PATIENCE: usize = 4;
 /// Factor on the steps of the difference quotients where a fit would stall.
 const WIDEST: f64 = 16.0;
 
@@ -632,6 +641,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     let first = normal.data_cost();
     let (mut lambda, mut iterations, mut converged) = (1e-5, 0, false);
     let mut held = vec![false; best.free().len()];
+    let mut costs = Vec::new();
     while iterations < stop.iterations && !converged {
         iterations += 1;
         let sums = normal.sums();
@@ -669,6 +679,12 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         // With scales of its own the force of all strokes together is a flat direction: small falls are no sign of the end.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
         converged = after > (1.0 - stop.fall) * before && !is_flat();
+        costs.push(after);
+        // Kinks promise what no step gives: several that gave little are the end, too.
+        let earlier = costs.len().checked_sub(1 + PATIENCE).map(|k| costs[k]);
+        if earlier.is_some_and(|earlier| after > (1.0 - PATIENCE as f64 * stop.fall) * earlier) {
+            break;
+        }
     }
     step_within(&normal.sums(), &best.free(), 1e-12, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
@@ -737,11 +753,7 @@ impl<T: Trial> Fitted<T> {
 
     /// The same fit with columns for `extra` behind its own: what each of them would change, to first order.
     pub(crate) fn with_columns(&self, training: &Training, extra: &[Extra<T>]) -> Option<Normal> {
-        let mut normal = normal_equations(training, &self.best, extra, 1.0)?;
-        if !normal.prior.is_empty() {
-            normal.prior.resize(normal.scores[0].len(), (0.0, 0.0));
-        }
-        Some(normal)
+        normal_equations(training, &self.best, extra, 1.0)
     }
 }
 

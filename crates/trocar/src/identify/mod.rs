@@ -37,7 +37,6 @@ pub use shape::{BranchShape, Pins};
 pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
 pub use terms::{Term, TermTrial};
-use two_steps::TwoSteps;
 
 mod adequacy;
 mod along;
@@ -300,31 +299,10 @@ pub fn identify(
             return Err(IdentifyError::SameRecording { first: first.name.clone(), second: second.name.clone() });
         }
     }
-    let prepared = |recordings: &[Recording]| -> Result<(Vec<Segments>, TwoSteps), IdentifyError> {
-        let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
-        let two = two_steps::two_steps(recordings, &segments, options)?;
-        Ok((segments, two))
-    };
-    let begun = |recordings: &[Recording], (segments, two): &(Vec<Segments>, TwoSteps)| {
-        if options.paper { None } else { element::begin(&Input { recordings, segments, two, options }, progress) }
-    };
     progress("steady state", 0.1);
-    let lag_of = |recordings: &[Recording]| begun(recordings, &prepared(recordings).ok()?)?.position_lag(recordings);
-    let parts = prepared(recordings)?;
-    let first = begun(recordings, &parts);
-    let late = first.as_ref().is_some_and(|begun| begun.position_lag(recordings).is_some());
-    let (in_time, parts, first) = match late {
-        true => {
-            let in_time = delay::in_time(recordings, lag_of);
-            let parts = prepared(&in_time.recordings)?;
-            let first = begun(&in_time.recordings, &parts);
-            (in_time, parts, first)
-        }
-        false => (InTime { recordings: recordings.to_vec(), lag: None }, parts, first),
-    };
-    let (segments, two) = &parts;
-    let input = Input { recordings: &in_time.recordings, segments, two, options };
-    let fit = first.and_then(|begun| element::finish(&input, begun, progress));
+    let InTime { recordings, lag, segments, two, begun } = InTime::new(recordings, options, progress)?;
+    let input = Input { recordings: &recordings, segments: &segments, two: &two, options };
+    let fit = begun.and_then(|begun| element::finish(&input, begun, progress));
     if fit.is_none() && two.steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
             passes: segments.iter().map(|s| s.passes.len()).sum(),
@@ -334,7 +312,7 @@ pub fn identify(
     progress("position profile", 0.8);
     let (fit, profile) = along::profiled(&input, fit);
     progress("intervals", 0.9);
-    conclude::conclude(&input, fit, profile, in_time.lag)
+    conclude::conclude(&input, fit, profile, lag)
 }
 
 fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {

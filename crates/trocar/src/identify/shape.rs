@@ -8,6 +8,8 @@
 use nalgebra::{DMatrix, DVector};
 use trocar_model::{Branch, ParamError, Piece};
 
+use super::candidate::Span;
+
 /// Shape of one branch over z/c in [-1, 1].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BranchShape {
@@ -68,13 +70,14 @@ impl BranchShape {
         [self.left.len() + 1, self.right.len() + 1]
     }
 
-    /// Visits every free number with the step of its difference quotient (`force`, N, for forces) and its range (up to
-    /// `wildest`, N).
-    pub(super) fn visit(&mut self, force: f64, wildest: f64, on: &mut impl FnMut(&mut f64, f64, f64, f64)) {
-        on(&mut self.join, 1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE);
-        on(&mut self.join_force, force, -wildest, wildest);
+    /// Visits every free number; `force` (N) is the step of forces, `sliding` (N) the force of sliding: no branch bends by much
+    /// more, and forces far beyond are never reached.
+    pub(super) fn visit(&mut self, force: f64, sliding: f64, on: &mut impl FnMut(&mut f64, Span)) {
+        on(&mut self.join, Span::new(1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
+        let of_force = Span::new(force, -10.0 * sliding, 10.0 * sliding);
+        on(&mut self.join_force, of_force);
         for value in self.left.iter_mut().chain(&mut self.right) {
-            on(value, force, -wildest, wildest);
+            on(value, Span { expected: sliding, ..of_force });
         }
     }
 

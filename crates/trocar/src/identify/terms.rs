@@ -18,6 +18,7 @@ use super::candidate::{Candidate, EmsTrial, Layout};
 use super::element::variance;
 use super::estimate::{f_p_value, t_p_value};
 use super::likelihood::{self, Extra, Fitted, Normal, Stop};
+use super::numbers;
 use super::training::Training;
 
 /// Error rate of the choice over all columns of a run.
@@ -94,6 +95,21 @@ impl Term {
         }
     }
 
+    /// The number that says how large the term is.
+    pub(super) fn parameter(self) -> &'static str {
+        match self {
+            Self::Stribeck => "static_force_n",
+            Self::SealDamping => "seal_damping_n_s_m",
+            Self::MinorLoops => "yield_stiffness_n_m",
+            Self::Creep => "creep_velocity_m_s",
+            Self::Relaxation => "relaxation_stiffness_n_m",
+            Self::SecondRelaxation => "second_relaxation_stiffness_n_m",
+            Self::HiddenMass => "hidden_mass_kg",
+            Self::Asymmetry => "viscous_damping_n_s_m_positive",
+            Self::SecondStage => "second_coulomb_force_n",
+        }
+    }
+
     pub(super) fn is_in(self, layout: &Layout) -> bool {
         match self {
             Self::Stribeck => layout.stribeck,
@@ -119,7 +135,7 @@ impl Term {
             Self::Stribeck => {
                 layout.stribeck = true;
                 let [slow, fast] = speeds;
-                for v_s in [slow, (slow * fast).sqrt(), 0.5 * fast] {
+                for v_s in [0.2 * slow, slow, (slow * fast).sqrt(), 0.5 * fast] {
                     let mut candidate = candidate.clone();
                     for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
                         sliding.static_force = 1.05 * sliding.coulomb_force;
@@ -142,7 +158,7 @@ impl Term {
                 layout.creep = true;
                 layout.lag = layout.stribeck;
                 let friction_lag = if layout.lag { 0.01 } else { 0.0 };
-                for creep_velocity in [5e-5, 3e-4, 2e-3] {
+                for creep_velocity in [5e-5, 3e-4, 2e-3].into_iter().filter(|v| *v > layout.slowest_creep) {
                     add(Candidate { creep_velocity, friction_lag, ..candidate.clone() }, layout);
                 }
             }
@@ -249,8 +265,11 @@ pub(super) fn choose(training: &Training, mut fitted: Fitted<EmsTrial>, excluded
         let promising =
             scores.into_iter().find(|s| s.p_value < level && s.gain > LEAST_GAIN && !failed.contains(&s.term));
         let Some(best) = promising else { break };
-        let larger = likelihood::fit(&with_prior(training, &best.start), &best.start, NEXT);
-        match larger.filter(|l| l.cost() < (1.0 - 0.3 * LEAST_GAIN) * fitted.cost()) {
+        let larger = likelihood::fit(training, &best.start, NEXT);
+        let is_better = |l: &Fitted<EmsTrial>| {
+            l.cost() < (1.0 - 0.3 * LEAST_GAIN) * fitted.cost() && numbers::is_determined(l, best.term)
+        };
+        match larger.filter(is_better) {
             Some(larger) => {
                 fitted = larger;
                 trials.iter_mut().filter(|t| t.term == best.term).for_each(|t| t.kept = true);
@@ -266,30 +285,19 @@ fn spared(training: &Training, with: Fitted<EmsTrial>, term: Term) -> (Fitted<Em
     let mut smaller = with.best.clone();
     match term {
         Term::Stribeck => smaller.layout.stribeck = false,
+        Term::Creep => (smaller.layout.creep, smaller.candidate.creep_velocity) = (false, 0.0),
         _ => (smaller.layout.own_slopes, smaller.layout.own_levels) = (false, false),
     }
     let values: Vec<f64> = smaller.layout.free(&smaller.candidate).iter().map(|f| f.value).collect();
     smaller.candidate = smaller.layout.with(&smaller.candidate, &values);
     let added = (with.best.free_numbers() - smaller.free_numbers()) as f64;
-    let Some(without) = likelihood::fit(&with_prior(training, &smaller), &smaller, NEXT) else {
+    let Some(without) = likelihood::fit(training, &smaller, NEXT) else {
         return (with, TermTrial { term, kept: true, p_value: 0.0, gain: 1.0 });
     };
     let growth = without.cost() - with.cost();
     let p_value = f_p_value(growth / variance(&with) / added, added, training.strokes.len() as f64);
     let trial = TermTrial { term, kept: p_value < LEVEL, p_value, gain: growth / without.cost() };
     if trial.kept { (with, trial) } else { (without, trial) }
-}
-
-/// The training with its prior in the order of the trial's free numbers: only the drift has one.
-pub(super) fn with_prior(training: &Training, trial: &EmsTrial) -> Training {
-    let mut with = training.clone();
-    if !training.prior.is_empty() {
-        let own = trial.free_numbers();
-        let drift = &training.prior[training.prior.len() - trial.drift.len()..];
-        with.prior = vec![(0.0, 0.0); own];
-        with.prior.extend_from_slice(drift);
-    }
-    with
 }
 
 /// The best column of each term that can be added, and how many columns were tried.
@@ -315,7 +323,7 @@ fn scores(
         Term::HiddenMass => Extra::Acceleration,
         _ => Extra::Secant(start.clone()),
     }));
-    let normal = fitted.with_columns(&with_prior(training, best), &extra)?;
+    let normal = fitted.with_columns(training, &extra)?;
     let own = fitted.held.len();
     let damping = columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| own + 1 + k);
     let count = columns.len();

@@ -11,18 +11,19 @@ use trocar_model::Element;
 
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
-use crate::segment::{Pass, Stretch};
+use crate::segment::{Direction, Pass, Stretch};
 
-/// Most samples taken together, and longest time, s.
+/// Most samples taken together, and longest time, s, while the seal deforms and while it slides.
 const THINNING: usize = 50;
 const LONGEST: f64 = 0.03;
+const LONGEST_SLIDING: f64 = 0.2;
 /// Change of the velocity, m/s, within which samples are taken together: a step has one velocity.
 const STEADY: f64 = 1e-3;
 /// Longest travel, as a part of the half width, over which samples are taken together.
 const FINEST: f64 = 0.006;
-/// The same where the sliding has settled and is scored, in units of that: models may take longer to settle than the
-/// EMS element.
-const SETTLED: f64 = 25.0;
+/// The same while the seal slides: this part of the half width, or of the longest stroke.
+const SLIDING: f64 = 0.15;
+const SLIDING_STROKE: f64 = 0.02;
 /// Path after a reversal from which the instrument slides, in half widths.
 const SLIDES: f64 = 3.0;
 
@@ -57,6 +58,8 @@ pub(crate) struct Stroke {
     pub(crate) start: usize,
     /// Start, s.
     pub(crate) time: f64,
+    /// Sense of the motion at its start; `None` where it rests.
+    pub(crate) direction: Option<Direction>,
 }
 
 /// The friction scale of the strokes in the likelihood.
@@ -70,6 +73,8 @@ pub(crate) struct Scale {
     pub(crate) unconstrained: Vec<bool>,
     /// φ_k(g): drift over the strokes.
     pub(crate) basis: Vec<Vec<f64>>,
+    /// ω_k: standard deviation of each amplitude beforehand.
+    pub(crate) expected: Vec<f64>,
 }
 
 impl Scale {
@@ -91,8 +96,8 @@ pub(crate) struct Run {
 pub(crate) struct Training {
     pub(crate) runs: Vec<Run>,
     clusters: usize,
-    /// What is known of the free numbers beforehand, in their order: value, and σ² over its variance.
-    pub(crate) prior: Vec<(f64, f64)>,
+    /// σ², N²: what expectations of the free numbers are weighed against; 0 where none count.
+    pub(crate) variance: f64,
     /// In order.
     pub(crate) strokes: Vec<Stroke>,
     pub(crate) scale: Scale,
@@ -120,10 +125,15 @@ impl Training {
     /// Shorter cycles are put together until there are at most `most_clusters`.
     pub(crate) fn new(data: &[Segmented], half_width: f64, most_clusters: usize, independent: f64) -> Self {
         let duration: f64 = data.iter().map(|d| d.recording.duration()).sum();
+        let longest = data.iter().map(|d| d.recording.quality.stroke).fold(0.0, f64::max);
         let limits = Limits {
             cluster: duration / most_clusters as f64,
             stroke: duration / MOST_STROKES,
-            finest: FINEST * half_width,
+            finest: Together { travel: FINEST * half_width, duration: LONGEST },
+            sliding: Together {
+                travel: (SLIDING * half_width).max(SLIDING_STROKE * longest),
+                duration: LONGEST_SLIDING,
+            },
             half_width,
             independent,
             strokes_of_cluster: if data.iter().map(|d| d.passes.len()).sum::<usize>() < FEW_STROKES { 1 } else { 2 },
@@ -137,7 +147,7 @@ impl Training {
             }
         }
         let clusters = strokes.last().map_or(0, |s: &Stroke| s.cluster + 1);
-        Self { runs, clusters, prior: Vec::new(), strokes, scale: Scale::default() }
+        Self { runs, clusters, variance: 0.0, strokes, scale: Scale::default() }
     }
 
     /// Takes the weight from all steps before the state is known: until unknown starts give one force.
@@ -169,12 +179,20 @@ impl Training {
     }
 }
 
-/// Shortest cluster and stroke, s; longest travel taken together and half width, m.
+/// Longest travel, m, and time, s, over which samples are taken together.
+#[derive(Clone, Copy)]
+struct Together {
+    travel: f64,
+    duration: f64,
+}
+
+/// Shortest cluster and stroke, s; what is taken together while the seal deforms and slides; half width, m.
 #[derive(Clone, Copy)]
 struct Limits {
     cluster: f64,
     stroke: f64,
-    finest: f64,
+    finest: Together,
+    sliding: Together,
     half_width: f64,
     /// Most samples of a step that count as independent.
     independent: f64,
@@ -194,12 +212,13 @@ struct Progress {
 }
 
 fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, strokes: &mut Vec<Stroke>) -> Run {
-    let (recording, finest) = (part.recording, limits.finest);
+    let recording = part.recording;
     let mut steps = Vec::new();
     let mut stretch = part.settled.partition_point(|s| s.end <= range.start);
     let cluster = strokes.last().map_or(0, |s| s.cluster + 1);
     let mut at = range.start;
-    strokes.push(Stroke { cluster, recording: index, start: at, time: recording.time[at] });
+    let direction = part.passes.iter().find(|p| p.end > at).map(|p| p.direction);
+    strokes.push(Stroke { cluster, recording: index, start: at, time: recording.time[at], direction });
     let mut progress = Progress {
         pass: part.passes.partition_point(|p| p.end <= at),
         strokes_inside: 0,
@@ -215,11 +234,11 @@ fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, stro
         let inside = part.settled.get(stretch).filter(|s| s.start <= at);
         progress.reverse(part, index, at, limits, strokes);
         let next = match inside {
-            Some(s) => together(part, at, s.end, SETTLED * finest),
+            Some(s) => together(part, at, s.end, limits.sliding),
             None if progress.since_reversal > SLIDES * limits.half_width => {
-                together(part, at, range.end, SETTLED * finest)
+                together(part, at, range.end, limits.sliding)
             }
-            None => together(part, at, range.end, finest),
+            None => together(part, at, range.end, limits.finest),
         };
         let samples = (next - at) as f64;
         let mean = |values: &[f64]| values[at + 1..=next].iter().sum::<f64>() / samples;
@@ -268,19 +287,20 @@ impl Progress {
             cluster += 1;
         }
         (self.path, self.is_first) = (0.0, false);
-        strokes.push(Stroke { cluster, recording: index, start: at, time });
+        let direction = part.passes.get(self.pass).map(|p| p.direction);
+        strokes.push(Stroke { cluster, recording: index, start: at, time, direction });
     }
 }
 
 /// Last of the samples behind `at` that are taken together: few, close in position and time, moving one way.
-fn together(part: &Segmented, at: usize, to: usize, finest: f64) -> usize {
+fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
     let (x, t, a) = (&part.recording.position, &part.recording.time, &part.acceleration);
     let first = x[at + 1] - x[at];
+    let mut change = a[at + 1] * (t[at + 1] - t[at]);
     let close = |i: &usize| {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
-        let duration = t[*i] - t[at];
-        let is_steady = duration * a[*i].abs() <= STEADY;
-        one_way && is_steady && (x[*i] - x[at]).abs() <= finest && duration <= LONGEST
+        change += a[*i] * (t[*i] - t[*i - 1]);
+        one_way && change.abs() <= STEADY && (x[*i] - x[at]).abs() <= limit.travel && t[*i] - t[at] <= limit.duration
     };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }

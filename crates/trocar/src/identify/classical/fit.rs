@@ -85,7 +85,7 @@ impl Trial for ClassicalTrial {
     fn free(&self) -> Vec<Free> {
         let of = |(value, c): (&f64, &Coordinate)| {
             let [low, high] = Self::range(c);
-            Free { value: *value, step: c.step, low, high, column: Column::Simulated }
+            Free { value: *value, step: c.step, low, high, expected: f64::INFINITY, column: Column::Simulated }
         };
         let mut free: Vec<Free> = self.values.iter().zip(self.coordinates.iter()).map(of).collect();
         free[0].column = Column::Offset;
