@@ -1,9 +1,10 @@
 //! How often an identification states something wrong with confidence: hard benches with known truth.
 //!
 //! ```text
-//! cargo run --release -p trocar --example trust -- [--seeds N] [--kind NAME] [--json FILE]
+//! cargo run --release -p trocar --example trust -- [--seeds N] [--kind NAME] [--json FILE] [--most-percent P]
 //! ```
-//! N seeds (default 3) of the kind NAME, or of every kind whose name contains NAME. A parameter is right if it is
+//! N seeds (default 3) of the kind NAME, or of every kind whose name contains NAME; fails where more than P per cent of the
+//! parameters are confidently wrong. A parameter is right if it is
 //! determined by the data and its 95 % interval holds the truth; confidently wrong if the interval misses the truth and
 //! no warning calls the result doubtful; absent if the seal has it and the result does not list it.
 
@@ -19,10 +20,11 @@ struct Arguments {
     seeds: u64,
     kind: String,
     json: Option<String>,
+    most_percent: f64,
 }
 
 fn arguments() -> Result<Arguments, AnyError> {
-    let mut all = Arguments { seeds: 3, kind: String::new(), json: None };
+    let mut all = Arguments { seeds: 3, kind: String::new(), json: None, most_percent: 100.0 };
     let mut given = std::env::args().skip(1);
     while let Some(key) = given.next() {
         let value = given.next().ok_or_else(|| format!("{key} needs a value"))?;
@@ -30,7 +32,12 @@ fn arguments() -> Result<Arguments, AnyError> {
             "--seeds" => all.seeds = value.parse()?,
             "--kind" => all.kind = value,
             "--json" => all.json = Some(value),
-            _ => return Err(format!("unknown argument {key}, expected --seeds, --kind or --json").into()),
+            "--most-percent" => all.most_percent = value.parse()?,
+            _ => {
+                return Err(
+                    format!("unknown argument {key}, expected --seeds, --kind, --json or --most-percent").into()
+                );
+            }
         }
     }
     Ok(all)
@@ -90,7 +97,8 @@ fn print_parameters(outcomes: &[Outcome]) {
     }
 }
 
-fn print_total(outcomes: &[Outcome]) {
+/// Prints all counts; returns the percentage of parameters that are confidently wrong.
+fn print_total(outcomes: &[Outcome]) -> f64 {
     let [right, confident, doubtful, undetermined, absent] = counts(outcomes.iter().flat_map(|o| &o.judged));
     let share = |n: usize, of: usize| 100.0 * n as f64 / of.max(1) as f64;
     let listed = right + confident + doubtful + undetermined;
@@ -106,6 +114,7 @@ fn print_total(outcomes: &[Outcome]) {
     let seconds: Vec<f64> = outcomes.iter().map(|o| o.seconds).collect();
     let most = seconds.iter().fold(0.0, |a: f64, b| a.max(*b));
     println!("{:.1} s per identification on average, {most:.1} s at most", mean(&seconds));
+    share(confident, listed)
 }
 
 fn mean(seconds: &[f64]) -> f64 {
@@ -139,6 +148,9 @@ fn main() -> Result<(), AnyError> {
     println!();
     print_parameters(&outcomes);
     println!();
-    print_total(&outcomes);
+    let percent = print_total(&outcomes);
+    if percent > arguments.most_percent {
+        return Err(format!("{percent:.1} % confidently wrong, at most {} % expected", arguments.most_percent).into());
+    }
     Ok(())
 }

@@ -92,6 +92,8 @@ impl Candidate {
     }
 }
 
+/// Bend of a branch, in forces of sliding, that is expected at most of a deformation that is finely sampled.
+const WILDEST_BEND: f64 = 6.0;
 /// Range of v_c, m/s: below, a second of creep moves the seal by less than an encoder sees; above, sliding itself is creep.
 const CREEP_RANGE: [f64; 2] = [1e-6, 2e-2];
 /// Range of T, s.
@@ -117,6 +119,9 @@ pub(super) struct Layout {
     pub(super) shape: bool,
     /// Least c, m, that encoder and sampling resolve.
     pub(super) narrowest: f64,
+    /// Whether few positions lie within the deformation: branches are then expected to bend by the force of sliding at
+    /// most.
+    pub(super) is_coarse: bool,
     pub(super) damping: bool,
     /// Minor-loop stiffness.
     pub(super) yielding: bool,
@@ -142,6 +147,7 @@ impl Layout {
         stribeck: false,
         shape: true,
         narrowest: 0.0,
+        is_coarse: false,
         damping: false,
         yielding: false,
         creep: false,
@@ -218,11 +224,12 @@ impl Layout {
         }
         let width = candidate.half_width;
         let sliding = candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
+        let bend = if self.is_coarse { sliding } else { WILDEST_BEND * sliding };
         if self.shape {
             let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
             on(&mut candidate.half_width, Span::new(1e-4 * width, low, high));
             for shape in [&mut candidate.rising, &mut candidate.falling] {
-                shape.visit(force, sliding, &mut on);
+                shape.visit(force, [sliding, bend], &mut on);
             }
         }
         if self.damping {
@@ -248,7 +255,7 @@ impl Layout {
             on_log(&mut second.share, SHARE_RANGE, &mut on);
             on_log(&mut second.half_width, [0.02 * width, 5.0 * width], &mut on);
             for shape in [&mut second.rising, &mut second.falling] {
-                shape.visit(force, sliding, &mut on);
+                shape.visit(force, [sliding, bend], &mut on);
             }
         }
     }

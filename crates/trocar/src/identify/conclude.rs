@@ -10,8 +10,9 @@ use super::terms::Term;
 use super::two_steps::{self, TwoSteps};
 use super::{Estimate, FitSummary, FreeMotion, Identification, IdentifyError, Parameter, Warning, numbers};
 
-/// Part of the squared error that a fit which has converged may still promise.
-const UNFINISHED: f64 = 0.005;
+/// Undamped step that a fit which has converged may still promise, in standard errors (root mean square over its numbers). The
+/// intervals hold it.
+const UNFINISHED: f64 = 1.0;
 
 /// Puts the result together.
 pub(super) fn conclude(
@@ -68,7 +69,7 @@ pub(super) fn conclude(
             paper_rms_n: f.paper_rms,
             rms_n: f.fitted.rms[1],
             iterations: f.fitted.iterations,
-            converged: f.fitted.promised_fall() < UNFINISHED,
+            converged: element::remaining(&f.fitted) < UNFINISHED,
         }),
         friction_scale: scale,
         phases: judged.phases,
@@ -232,11 +233,12 @@ fn unresolved(model: &Candidate, say: &mut impl FnMut(&str, String, bool)) {
 }
 
 fn of_fit(fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
-    if fit.fitted.promised_fall() > UNFINISHED {
+    let remaining = element::remaining(&fit.fitted);
+    if remaining > UNFINISHED {
         let message = format!(
-            "the fit did not converge in {} iterations: a further decrease of {:.1} % of the squared error is predicted",
+            "the fit did not converge in {} iterations: its numbers are some {remaining:.1} standard errors from the least squares; a \
+             longer recording, or one sampled faster, may help",
             fit.fitted.iterations,
-            1e2 * fit.fitted.promised_fall()
         );
         say("fit", message, true);
     }

@@ -232,6 +232,12 @@ pub(super) fn variance(fitted: &Fitted<EmsTrial>) -> f64 {
     fitted.rms[1].powi(2).max(1e-18) * Spread::new(fitted).inflation().clamp(1.0, 100.0)
 }
 
+/// The undamped step that remains, in standard errors: root mean square over the free numbers.
+pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
+    let moved = fitted.held.iter().filter(|held| !**held).count().max(1) as f64;
+    (fitted.promised_fall() * fitted.cost() / variance(fitted) / moved).max(0.0).sqrt()
+}
+
 /// Sets the variances of the friction scale from a fit at `from`, and fits with them.
 fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
@@ -458,6 +464,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         stribeck: steady.stribeck.is_some(),
         narrowest: narrowest(input),
         slowest_creep: slowest_creep(recordings),
+        is_coarse: is_coarse(input),
         ..Layout::PAPER
     };
     if let Some(offset) = options.offset {
@@ -495,9 +502,14 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     }
 }
 
-/// Whether the two steps resolved no deformation, or too few positions within it to tell its shape.
+/// Whether too few positions lie within the deformation to tell its shape.
+fn is_coarse(input: &Input) -> bool {
+    input.two.candidate.half_width < FINELY_RESOLVED * resolution(input)
+}
+
+/// Whether the two steps resolved no deformation, or not its shape.
 fn is_assumed(input: &Input) -> bool {
-    input.two.is_assumed || input.two.candidate.half_width < FINELY_RESOLVED * resolution(input)
+    input.two.is_assumed || is_coarse(input)
 }
 
 /// The candidate with branches that snap through as those of the plausible seal do, at its own forces.

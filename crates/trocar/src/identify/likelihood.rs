@@ -628,8 +628,6 @@ fn step_within(
 
 /// Damping beyond which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
-/// Steps in which C must fall by as many times [`Stop::fall`].
-const PATIENCE: usize = 4;
 /// Factor on the steps of the difference quotients where a fit would stall.
 const WIDEST: f64 = 16.0;
 
@@ -641,7 +639,6 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     let first = normal.data_cost();
     let (mut lambda, mut iterations, mut converged) = (1e-5, 0, false);
     let mut held = vec![false; best.free().len()];
-    let mut costs = Vec::new();
     while iterations < stop.iterations && !converged {
         iterations += 1;
         let sums = normal.sums();
@@ -679,12 +676,6 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         // With scales of its own the force of all strokes together is a flat direction: small falls are no sign of the end.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
         converged = after > (1.0 - stop.fall) * before && !is_flat();
-        costs.push(after);
-        // Kinks promise what no step gives: several that gave little are the end, too.
-        let earlier = costs.len().checked_sub(1 + PATIENCE).map(|k| costs[k]);
-        if earlier.is_some_and(|earlier| after > (1.0 - PATIENCE as f64 * stop.fall) * earlier) {
-            break;
-        }
     }
     step_within(&normal.sums(), &best.free(), 1e-12, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());

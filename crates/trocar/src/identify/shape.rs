@@ -70,14 +70,14 @@ impl BranchShape {
         [self.left.len() + 1, self.right.len() + 1]
     }
 
-    /// Visits every free number; `force` (N) is the step of forces, `sliding` (N) the force of sliding: no branch bends by much
-    /// more, and forces far beyond are never reached.
-    pub(super) fn visit(&mut self, force: f64, sliding: f64, on: &mut impl FnMut(&mut f64, Span)) {
+    /// Visits every free number; `force` (N) is the step of forces, `sliding` (N) that of sliding, far beyond which none is reached,
+    /// `bend` (N) what a bend is expected within.
+    pub(super) fn visit(&mut self, force: f64, [sliding, bend]: [f64; 2], on: &mut impl FnMut(&mut f64, Span)) {
         on(&mut self.join, Span::new(1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
         let of_force = Span::new(force, -10.0 * sliding, 10.0 * sliding);
         on(&mut self.join_force, of_force);
         for value in self.left.iter_mut().chain(&mut self.right) {
-            on(value, Span { expected: sliding, ..of_force });
+            on(value, Span { expected: bend, ..of_force });
         }
     }
 

@@ -7,8 +7,9 @@
 //! ```text
 //! δ = one step of the joint equations      t = δ/s(δ)      s: jackknife over clusters, Student's t with effective degrees
 //! ```
-//! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried (BONFERRONI) the one
-//! that takes most of the squared error away is fitted, and the others are tested again beside it. So of recordings without any term at most one in a hundred gets one.
+//! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried (BONFERRONI; the columns of one
+//! term are much alike, and each behind the first counts as half) the one that takes most of the squared error away is fitted, and the
+//! others are tested again beside it. So of recordings without any term at most one in a hundred gets one.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -135,7 +136,7 @@ impl Term {
             Self::Stribeck => {
                 layout.stribeck = true;
                 let [slow, fast] = speeds;
-                for v_s in [0.2 * slow, slow, (slow * fast).sqrt(), 0.5 * fast] {
+                for v_s in [0.3 * slow, slow, (slow * fast).sqrt()] {
                     let mut candidate = candidate.clone();
                     for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
                         sliding.static_force = 1.05 * sliding.coulomb_force;
@@ -261,13 +262,15 @@ pub(super) fn choose(training: &Training, mut fitted: Fitted<EmsTrial>, excluded
         trials.retain(|t| t.kept);
         let left_out = |s: &Score| TermTrial { term: s.term, kept: false, p_value: s.p_value, gain: s.gain };
         trials.extend(scores.iter().map(left_out));
-        let level = LEVEL / columns as f64;
+        let level = LEVEL / columns;
         let promising =
             scores.into_iter().find(|s| s.p_value < level && s.gain > LEAST_GAIN && !failed.contains(&s.term));
         let Some(best) = promising else { break };
         let larger = likelihood::fit(training, &best.start, NEXT);
+        // What a Stribeck curve rises to is often told by the terms that come after it.
         let is_better = |l: &Fitted<EmsTrial>| {
-            l.cost() < (1.0 - 0.3 * LEAST_GAIN) * fitted.cost() && numbers::is_determined(l, best.term)
+            let is_determined = best.term == Term::Stribeck || numbers::is_determined(l, best.term);
+            is_determined && l.cost() < (1.0 - 0.3 * LEAST_GAIN) * fitted.cost()
         };
         match larger.filter(is_better) {
             Some(larger) => {
@@ -306,7 +309,7 @@ fn scores(
     fitted: &Fitted<EmsTrial>,
     excluded: &[Term],
     speeds: [f64; 2],
-) -> Option<(Vec<Score>, usize)> {
+) -> Option<(Vec<Score>, f64)> {
     let best = &fitted.best;
     let open = Term::ALL.into_iter().filter(|t| t.can_join(&best.layout) && !excluded.contains(t));
     let mut columns: Vec<(Term, EmsTrial)> = Vec::new();
@@ -326,7 +329,8 @@ fn scores(
     let normal = fitted.with_columns(training, &extra)?;
     let own = fitted.held.len();
     let damping = columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| own + 1 + k);
-    let count = columns.len();
+    let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
+    let count = 0.5 * (terms + columns.len()) as f64;
     let sigma2 = variance(fitted);
     let tested: Vec<Option<Score>> = columns
         .into_par_iter()

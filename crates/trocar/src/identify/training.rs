@@ -13,10 +13,11 @@ use crate::recording::Recording;
 use crate::replay::forgotten_after;
 use crate::segment::{Direction, Pass, Stretch};
 
-/// Most samples taken together, and longest time, s, while the seal deforms and while it slides.
+/// Most samples taken together, and longest time, s: a seal that sticks and slips does so some ten times a second or faster.
 const THINNING: usize = 50;
 const LONGEST: f64 = 0.03;
-const LONGEST_SLIDING: f64 = 0.2;
+/// Samples that may be taken together while the seal slides, however slowly they come.
+const COARSE: f64 = 8.0;
 /// Change of the velocity, m/s, within which samples are taken together: a step has one velocity.
 const STEADY: f64 = 1e-3;
 /// Longest travel, as a part of the half width, over which samples are taken together.
@@ -126,13 +127,14 @@ impl Training {
     pub(crate) fn new(data: &[Segmented], half_width: f64, most_clusters: usize, independent: f64) -> Self {
         let duration: f64 = data.iter().map(|d| d.recording.duration()).sum();
         let longest = data.iter().map(|d| d.recording.quality.stroke).fold(0.0, f64::max);
+        let interval = data.iter().map(|d| d.recording.quality.median_interval).fold(0.0, f64::max);
         let limits = Limits {
             cluster: duration / most_clusters as f64,
             stroke: duration / MOST_STROKES,
             finest: Together { travel: FINEST * half_width, duration: LONGEST },
             sliding: Together {
                 travel: (SLIDING * half_width).max(SLIDING_STROKE * longest),
-                duration: LONGEST_SLIDING,
+                duration: LONGEST.max(COARSE * interval),
             },
             half_width,
             independent,
@@ -300,7 +302,9 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
     let close = |i: &usize| {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
         change += a[*i] * (t[*i] - t[*i - 1]);
-        one_way && change.abs() <= STEADY && (x[*i] - x[at]).abs() <= limit.travel && t[*i] - t[at] <= limit.duration
+        // Of positions that come slowly the acceleration is all noise.
+        let is_steady = STEADY >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
+        one_way && is_steady && (x[*i] - x[at]).abs() <= limit.travel && t[*i] - t[at] <= limit.duration
     };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }
