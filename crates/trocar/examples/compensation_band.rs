@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use trocar::bench::random::random_plausible_seal;
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::compensate::{CompensateOptions, Compensator};
-use trocar::identify::{IdentifyOptions, identify};
+use trocar::identify::{Identification, IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::summary::{MovingMass, Outcome, validated};
@@ -86,6 +86,19 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
+/// The model with the error that its identification and `held_back` show.
+fn model_of(
+    found: &Identification,
+    options: &IdentifyOptions,
+    recordings: &[Recording],
+    held_back: &[Recording],
+    moving_mass: MovingMass,
+) -> ModelFile {
+    let validation = validated(found, held_back);
+    let validation = validation.as_ref();
+    Outcome { identification: found, options, recordings, held_back, validation, moving_mass }.model_file()
+}
+
 /// Coverage on recordings without tissue.
 fn recorded(folder: &Path) -> Result<(), Failure> {
     let mass = MovingMass { mass: 0.04, gravity: 0.0 };
@@ -100,16 +113,7 @@ fn recorded(folder: &Path) -> Result<(), Failure> {
     let found = identify(&training, &options, &|_, _| {})?;
     for (name, number) in MODELS.iter().zip([1, 2]) {
         let held_back = &held_back[..number];
-        let validation = validated(&found, held_back);
-        let outcome = Outcome {
-            identification: &found,
-            options: &options,
-            recordings: &training,
-            held_back,
-            validation: validation.as_ref(),
-            moving_mass: mass,
-        };
-        let model = outcome.model_file();
+        let model = model_of(&found, &options, &training, held_back, mass);
         println!("{name}: {:?}", model.force_error);
         for (motion, recording) in MOTIONS.iter().zip([&strokes, &second]) {
             for adaptation in [false, true] {
@@ -163,18 +167,7 @@ fn one(seed: u64) -> Result<Counts, Failure> {
     let found = identify(&training, &options, &|_, _| {})?;
     let strokes = record(Protocol::Validation, 3)?;
     let hand = record(Protocol::Surgeon, 4)?;
-    let model = |held_back: &[Recording]| -> ModelFile {
-        let validation = validated(&found, held_back);
-        let outcome = Outcome {
-            identification: &found,
-            options: &options,
-            recordings: &training,
-            held_back,
-            validation: validation.as_ref(),
-            moving_mass: mass,
-        };
-        outcome.model_file()
-    };
+    let model = |held_back: &[Recording]| model_of(&found, &options, &training, held_back, mass);
     let models = [model(std::slice::from_ref(&strokes)), model(&[strokes.clone(), hand])];
     let mut counts = Counts::default();
     for (k, protocol) in [Protocol::Steady, Protocol::Surgeon].into_iter().enumerate() {

@@ -175,10 +175,10 @@ fn table(entries: &[Entry]) -> Table {
 
 /// The warnings of a model, those of parameters that are not determined in one; the reasons of each are in the JSON.
 fn in_brief(entry: &Entry) -> Vec<String> {
-    let is_pin = |warning: &&Warning| ["not pinned", "not determined"].iter().any(|s| warning.message.starts_with(s));
-    let (pins, others): (Vec<&Warning>, Vec<&Warning>) = entry.warnings.iter().partition(is_pin);
+    let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
+        entry.warnings.iter().partition(|w| w.is_undetermined());
     let mut lines: Vec<String> = others.iter().map(|w| format!("{}: {}", w.subject, w.message)).collect();
-    let names: Vec<&str> = pins.iter().map(|w| w.subject.as_str()).collect();
+    let names: Vec<&str> = undetermined.iter().map(|w| w.subject.as_str()).collect();
     match names.len() {
         0 => {}
         1..=MOST_NAMES => lines.push(format!("not determined: {}", names.join(", "))),

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::row::{Cell, DEGREES, Row, parameter_names};
 use crate::cancel;
-use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Term, Warning, identify};
+use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Warning, identify};
 use crate::recording::rows::Crop;
 use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
 use crate::summary::{MovingMass, PROGRAM};
@@ -270,20 +270,8 @@ fn sha256_of(path: &Path) -> Option<String> {
 /// The identification, and how it came about.
 fn identified(recordings: &[Recording], config: &Config) -> Result<(Identification, &'static str), IdentifyError> {
     let options = config.options();
-    let found = match config.depth {
-        Depth::Full => identify(recordings, &options, &|_, _| ())?,
-        Depth::Quick => {
-            let two_steps = IdentifyOptions { free_motion: false, ..options.clone() };
-            match identify(recordings, &two_steps, &|_, _| ()) {
-                // The paper's element alone.
-                Err(IdentifyError::NoSteadySliding { .. }) => {
-                    let all_motion = IdentifyOptions { without: Term::ALL.to_vec(), ..options };
-                    identify(recordings, &all_motion, &|_, _| ())?
-                }
-                found => found?,
-            }
-        }
-    };
+    let free_motion = options.free_motion && config.depth == Depth::Full;
+    let found = identify(recordings, &IdentifyOptions { free_motion, ..options }, &|_, _| ())?;
     let method = if found.fit.is_some() { "fit" } else { "two_steps" };
     Ok((found, method))
 }

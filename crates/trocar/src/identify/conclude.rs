@@ -154,19 +154,17 @@ fn warnings(
     parameters: &[Parameter],
 ) -> Vec<Warning> {
     let mut all = Vec::new();
+    for recording in input.recordings {
+        let of =
+            |message: &String| Warning { subject: recording.name.clone(), message: message.clone(), doubtful: true };
+        all.extend(recording.quality.warnings.iter().map(|w| of(&w.message)));
+    }
+    // One line for the coefficients of a polynomial, not one each.
+    let undetermined = parameters.iter().filter(|p| !p.estimate.pinned && !p.name.contains("theta"));
+    all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, p.name != "offset_n")));
     let mut say = |subject: &str, message: String, doubtful: bool| {
         all.push(Warning { subject: subject.to_owned(), message, doubtful });
     };
-    for recording in input.recordings {
-        for warning in &recording.quality.warnings {
-            say(&recording.name, warning.message.clone(), true);
-        }
-    }
-    // One line for the coefficients of a polynomial, not one each.
-    for p in parameters.iter().filter(|p| !p.estimate.pinned && !p.name.contains("theta")) {
-        let why = p.estimate.note.as_deref().unwrap_or("not identifiable from these data");
-        say(&p.name, format!("not determined: {why}"), p.name != "offset_n");
-    }
     for (subject, message) in &judged.doubts {
         say(subject, message.clone(), true);
     }

@@ -60,12 +60,12 @@ impl InTime {
             let Some(more) = found.begun.as_ref().and_then(|begun| begun.position_lag(&found.recordings)) else {
                 break;
             };
-            let lag = more.added_to(found.lag);
-            let shifted = recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect::<Result<Vec<_>, _>>();
-            let Some(shifted) = shifted.ok().filter(|_| lag.lag_s < PositionLag::LONGEST) else { break };
             if more.lag_s < 0.1 * interval {
                 break;
             }
+            let lag = more.added_to(found.lag);
+            let shifted = recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect::<Result<Vec<_>, _>>();
+            let Some(shifted) = shifted.ok().filter(|_| lag.lag_s < PositionLag::LONGEST) else { break };
             found = Self::of(shifted, Some(lag), options, progress)?;
         }
         Ok(found)

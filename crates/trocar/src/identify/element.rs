@@ -89,13 +89,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     if fitted.best.candidate.half_width > 1.05 * best.candidate.half_width {
         (training, fitted) = fitted_from(input, &fitted.best)?;
     }
-    training.scale = Scale {
-        is_free: training.strokes.len() >= FEWEST_STROKES,
-        lambda: variance(&fitted) / INITIAL_SCATTER.powi(2),
-        unconstrained: unconstrained(input, &training),
-        ..Scale::default()
-    };
-    training.blend_over(blend_length(&training, &fitted.best));
+    free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.4);
     let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
@@ -106,13 +100,16 @@ const TRUE_GAIN: f64 = 0.05;
 
 /// The best of fits from other half widths, all terms kept.
 fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<EmsTrial>> {
-    let best = &found.best;
-    let fit = |part: &f64| {
-        let candidate = best.candidate.with_half_width(part * best.candidate.half_width)?;
-        let start = EmsTrial { candidate, ..best.clone() };
-        likelihood::fit(training, &start, NEXT)
-    };
-    OTHER_WIDTHS.iter().filter_map(fit).min_by(|a, b| a.cost().total_cmp(&b.cost()))
+    let fits = other_widths(&found.best).filter_map(|start| likelihood::fit(training, &start, NEXT));
+    fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
+}
+
+/// The same full stroke at other half widths.
+fn other_widths(trial: &EmsTrial) -> impl Iterator<Item = EmsTrial> + '_ {
+    OTHER_WIDTHS.iter().filter_map(|part| {
+        let candidate = trial.candidate.with_half_width(part * trial.candidate.half_width)?;
+        Some(EmsTrial { candidate, ..trial.clone() })
+    })
 }
 
 /// Restarts from near the best, and the most steps of a training that is worth them: where few positions lie within the
@@ -184,9 +181,26 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
     let fitted = restarted(input, &training, fitted);
     progress("last fit", 0.7);
     let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
-    let Scaled { training, fitted, scatter } = scaled(training, without_drift, LAST)?;
-    let scale = FrictionScale::new(&training, &fitted, input.recordings, scatter);
-    Some(ElementFit { fitted, trials, scale, paper_rms })
+    Some(scaled(training, without_drift, LAST)?.with(input, trials, paper_rms))
+}
+
+impl Scaled {
+    /// With the terms tried, and the error of the paper's element.
+    fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
+        let scale = FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
+        ElementFit { fitted: self.fitted, trials, scale, paper_rms }
+    }
+}
+
+/// Gives the strokes friction scales of their own, where there are enough of them to tell their scatter.
+fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda: f64) {
+    training.scale = Scale {
+        is_free: training.strokes.len() >= FEWEST_STROKES,
+        lambda,
+        unconstrained: unconstrained(input, training),
+        ..Scale::default()
+    };
+    training.blend_over(blend_length(training, trial));
 }
 
 impl Begun {
@@ -464,7 +478,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         stribeck: steady.stribeck.is_some(),
         narrowest: narrowest(input),
         slowest_creep: slowest_creep(recordings),
-        is_coarse: is_coarse(input),
+        is_coarse: is_coarse(input, candidate.half_width),
         ..Layout::PAPER
     };
     if let Some(offset) = options.offset {
@@ -502,14 +516,14 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     }
 }
 
-/// Whether too few positions lie within the deformation to tell its shape.
-fn is_coarse(input: &Input) -> bool {
-    input.two.candidate.half_width < FINELY_RESOLVED * resolution(input)
+/// Whether too few positions lie within this half width, m, to tell the shape of the deformation.
+fn is_coarse(input: &Input, half_width: f64) -> bool {
+    half_width < FINELY_RESOLVED * resolution(input)
 }
 
 /// Whether the two steps resolved no deformation, or not its shape.
 fn is_assumed(input: &Input) -> bool {
-    input.two.is_assumed || is_coarse(input)
+    input.two.is_assumed || is_coarse(input, input.two.candidate.half_width)
 }
 
 /// The candidate with branches that snap through as those of the plausible seal do, at its own forces.
@@ -548,7 +562,7 @@ pub(super) fn narrowest(input: &Input) -> f64 {
 
 /// Degrees of branches of this half width, m: parabolas where few positions lie within it.
 fn degrees(input: &Input, half_width: f64) -> [usize; 2] {
-    if half_width < FINELY_RESOLVED * resolution(input) { [2, 2] } else { input.options.degrees }
+    if is_coarse(input, half_width) { [2, 2] } else { input.options.degrees }
 }
 
 /// The trial with a straight spring of the least width in place of a deformation that is not resolved.
@@ -588,27 +602,17 @@ fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTr
     // Levels and creep first: what a shape could stand in for.
     let level: Vec<EmsTrial> = carried(starts.iter().cloned().map(shaped(false)).collect(), SHORT, STARTS);
     let best_two = carried(carried(level.into_iter().map(shaped(true)).collect(), SHORT, 2), NEXT, 2);
-    // A wide element may stand in for a narrower one: the same full stroke at other widths.
+    // A wide element may stand in for a narrower one.
     let best = best_two.first()?;
-    let other = |part: &f64| {
-        Some(EmsTrial { candidate: best.candidate.with_half_width(part * best.candidate.half_width)?, ..best.clone() })
-    };
-    let others = OTHER_WIDTHS.iter().filter_map(other);
-    carried(carried(others.chain([best.clone()]).collect(), SHORT, 2), NEXT, 1).into_iter().next()
+    carried(carried(other_widths(best).chain([best.clone()]).collect(), SHORT, 2), NEXT, 1).into_iter().next()
 }
 
 /// The same terms fitted to other readings of the same motion.
 pub(super) fn again(input: &Input, found: &ElementFit) -> Option<ElementFit> {
     let mut training = training(input, &found.fitted.best.candidate)?;
-    training.scale = Scale {
-        is_free: training.strokes.len() >= FEWEST_STROKES,
-        lambda: found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2),
-        unconstrained: unconstrained(input, &training),
-        ..Scale::default()
-    };
     let start = EmsTrial { drift: Vec::new(), ..found.fitted.best.clone() };
-    training.blend_over(blend_length(&training, &start));
-    let Scaled { training, fitted, scatter } = scaled(training, start, LAST)?;
-    let scale = FrictionScale::new(&training, &fitted, input.recordings, scatter);
-    Some(ElementFit { fitted, trials: found.trials.clone(), scale, paper_rms: found.paper_rms })
+    let lambda = found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2);
+    free_scales(input, &mut training, &start, lambda);
+    let last = scaled(training, start, LAST)?;
+    Some(last.with(input, found.trials.clone(), found.paper_rms))
 }

@@ -166,6 +166,22 @@ pub struct Warning {
     pub doubtful: bool,
 }
 
+impl Warning {
+    /// How the message of a number begins that the data do not determine.
+    const UNDETERMINED: &str = "not determined: ";
+
+    /// That the data do not determine the number `subject`.
+    pub(crate) fn undetermined(subject: &str, estimate: &Estimate, doubtful: bool) -> Self {
+        let why = estimate.note.as_deref().unwrap_or("not identifiable from these data");
+        Self { subject: subject.to_owned(), message: format!("{}{why}", Self::UNDETERMINED), doubtful }
+    }
+
+    /// Whether it says that the data do not determine a number.
+    pub fn is_undetermined(&self) -> bool {
+        self.message.starts_with(Self::UNDETERMINED)
+    }
+}
+
 /// How the fit of the likelihood came out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FitSummary {
@@ -261,7 +277,7 @@ impl Identification {
         assumed.map(|why| format!("deformation assumed, not identified: {why}"))
     }
 
-    /// Whether data were lost or parameters are not pinned (exit code 3).
+    /// Whether data were lost or parameters are not determined (exit code 3).
     pub fn is_doubtful(&self) -> bool {
         self.warnings.iter().any(|w| w.doubtful)
     }
@@ -282,7 +298,7 @@ struct Segments {
 /// ([`Recording::without_moving_mass`](crate::recording::Recording)).
 ///
 /// # Errors
-/// [`IdentifyError`] when there is nothing to identify from; what is merely not pinned is part of the result.
+/// [`IdentifyError`] when there is nothing to identify from; what is merely not determined is part of the result.
 pub fn identify(
     recordings: &[Recording],
     options: &IdentifyOptions,

@@ -51,7 +51,7 @@ pub(super) fn named(name: impl Into<String>, estimate: Estimate) -> Parameter {
 }
 
 /// Name, unit, least sensible value, whether on the logarithm, and how it follows from a candidate.
-type Quantity = (&'static str, &'static str, f64, bool, fn(&Candidate) -> f64);
+pub(super) type Quantity = (&'static str, &'static str, f64, bool, fn(&Candidate) -> f64);
 
 /// A number of the sliding force of all stages, in the mean of both directions.
 fn whole(candidate: &Candidate, of: fn(&SlidingFriction) -> f64) -> f64 {
@@ -161,13 +161,19 @@ fn factor_of(name: &str) -> f64 {
     }
 }
 
-fn parameter(spread: &Spread<EmsTrial>, best: &Candidate, (name, unit, least, log, of): Quantity) -> Parameter {
+/// A number of the best candidate with its interval; `factor` is that on its standard error.
+pub(super) fn parameter(
+    spread: &Spread<EmsTrial>,
+    best: &Candidate,
+    (name, unit, least, log, of): Quantity,
+    factor: f64,
+) -> Parameter {
     let scale = match unit {
         "N" => best.insertion.coulomb_force,
         "m" => best.half_width,
         _ => best.insertion.viscous_damping.max(1.0),
     };
-    let how = Reported { unit, log, scale, least, factor: factor_of(name) };
+    let how = Reported { unit, log, scale, least, factor };
     named(name, spread.estimate(how, &|t| of(&t.candidate)))
 }
 
@@ -175,14 +181,15 @@ fn parameter(spread: &Spread<EmsTrial>, best: &Candidate, (name, unit, least, lo
 pub(super) fn is_determined(fitted: &Fitted<EmsTrial>, term: Term) -> bool {
     let EmsTrial { candidate, layout, .. } = &fitted.best;
     let own = quantities(*layout).into_iter().find(|(name, ..)| *name == term.parameter());
-    own.is_none_or(|quantity| parameter(&Spread::new(fitted), candidate, quantity).estimate.pinned)
+    own.is_none_or(|q| parameter(&Spread::new(fitted), candidate, q, factor_of(q.0)).estimate.pinned)
 }
 
 /// Main parameters of the fit with intervals: jackknife over clusters, to first order ([`Spread`]).
 pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
     let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
-    let mut all: Vec<Parameter> = quantities(*layout).into_iter().map(|q| parameter(&spread, best, q)).collect();
+    let mut all: Vec<Parameter> =
+        quantities(*layout).into_iter().map(|q| parameter(&spread, best, q, factor_of(q.0))).collect();
     all.iter_mut().filter(|p| p.name == "friction_lag_s").for_each(|p| p.estimate = shortest_lag(&p.estimate));
     for quantity in branch_quantities(best).into_iter().filter(|_| layout.shape) {
         let factor = if quantity.name.contains("_join_") { SHAPE } else { 1.0 };

@@ -1,7 +1,7 @@
 //! The EMS element by the criterion of the classical models: plain least squares of its free-run simulation.
 //!
-//! [`identify`](super::identify) follows the paper's two steps and holds the sliding force at the steady state's values, for
-//! the sake of its intervals. A comparison by squared error asks what the element can do at best; that is this.
+//! [`identify`](super::identify) gives each stroke a friction scale, for the sake of its intervals. A comparison by squared error asks
+//! what one element can do at best; that is this.
 
 use trocar_model::Stages;
 
@@ -10,7 +10,8 @@ use super::classical::{ClassicalData, LONG, SHORT, doubts};
 use super::element::straight;
 use super::estimate::Estimate;
 use super::likelihood::{self, Fitted, Trial};
-use super::spread::{Reported, Spread};
+use super::numbers::{Quantity, named, parameter};
+use super::spread::Spread;
 use super::{Identification, Parameter, Warning};
 
 /// Half widths to start from where no deformation was resolved, in units of that assumed for the scales.
@@ -59,9 +60,6 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
     Ok(EmsRefit { model, stages, parameters, free_parameters, warnings })
 }
 
-/// Name, unit, least sensible value, whether on the logarithm, and how it follows from a candidate.
-type Quantity = (&'static str, &'static str, f64, bool, fn(&Candidate) -> f64);
-
 fn quantities(layout: Layout) -> Vec<Quantity> {
     const ANY: f64 = f64::NEG_INFINITY;
     let mut all: Vec<Quantity> = vec![
@@ -86,19 +84,12 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
 fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
     let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
-    let force = best.insertion.coulomb_force;
-    let parameter = |(name, unit, least, log, of): Quantity| {
-        let scale = match unit {
-            "N" => force,
-            "m" => best.half_width,
-            _ => best.insertion.viscous_damping.max(1.0),
-        };
-        let how = Reported { unit, log, scale, least, factor: 1.0 };
-        let estimate = match is_held(fitted, of) {
-            true => Estimate::not_pinned(of(best), unit, "the fit holds it at an end of its range"),
-            false => spread.estimate(how, &|t| of(&t.candidate)),
-        };
-        Parameter { name: name.to_owned(), estimate }
+    let parameter = |quantity: Quantity| {
+        let (name, unit, .., of) = quantity;
+        match is_held(fitted, of) {
+            true => named(name, Estimate::not_pinned(of(best), unit, "the fit holds it at an end of its range")),
+            false => parameter(&spread, best, quantity, 1.0),
+        }
     };
     quantities(*layout).into_iter().map(parameter).collect()
 }

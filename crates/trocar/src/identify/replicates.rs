@@ -6,9 +6,8 @@ use super::estimate::Estimate;
 
 /// Replicates of a fit, and how an interval follows from them.
 pub(crate) enum Replicates<T> {
-    /// Clusters left out one at a time: variance, Student's t with the effective number of clusters. The last are
-    /// those with one prior off by its standard deviation: their squares add to the variance.
-    Jackknife(Vec<T>, f64, Vec<T>),
+    /// Clusters left out one at a time: variance, Student's t.
+    Jackknife(Vec<T>),
     /// Clusters resampled: percentiles.
     Bootstrap(Vec<T>),
 }
@@ -17,19 +16,18 @@ impl<T> Replicates<T> {
     /// A number of the best fit with its 95 % interval.
     pub(crate) fn estimate(&self, best: &T, unit: &'static str, of: &dyn Fn(&T) -> f64) -> Estimate {
         let value = of(best);
-        let (Self::Jackknife(all, ..) | Self::Bootstrap(all)) = self;
+        let (Self::Jackknife(all) | Self::Bootstrap(all)) = self;
         if all.iter().all(|c| of(c) == value) {
             return Estimate::not_pinned(value, unit, "the readings do not depend on it");
         }
         match self {
-            Self::Jackknife(left_out, effective, prior_off) => {
+            Self::Jackknife(left_out) => {
                 let g = left_out.len() as f64;
                 let values: Vec<f64> = left_out.iter().map(of).collect();
                 let mean = values.iter().sum::<f64>() / g.max(1.0);
                 let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-                let beforehand: f64 = prior_off.iter().map(|c| (of(c) - value).powi(2)).sum();
-                let error = ((g - 1.0) / g * squares + beforehand).sqrt();
-                Estimate::from_standard_error(value, error, effective - 1.0, unit)
+                let error = ((g - 1.0) / g * squares).sqrt();
+                Estimate::from_standard_error(value, error, g - 1.0, unit)
             }
             Self::Bootstrap(resampled) if resampled.len() >= 20 => {
                 let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());

@@ -86,7 +86,7 @@ fn alternately(
         steady = steady::fit(without_trend(means(&|_| 0.0, false), recordings, segments));
     }
     if steady.means.is_empty() {
-        let why = "nothing slides steadily behind a reversal".to_owned();
+        let why = "nothing slides steadily after a reversal".to_owned();
         return Ok((steady::from_levels(recordings)?, Err(why)));
     }
     if steady.coulomb_force_n.ci95[1] <= 0.0 {
@@ -123,7 +123,7 @@ fn sensors(recordings: &[Recording]) -> Sensors {
     }
 }
 
-/// Travel, m, behind a reversal after which the sliding at `speed`, m/s, has settled: the deformation and five time
+/// Travel, m, after a reversal from which on the sliding at `speed`, m/s, has settled: the deformation and five time
 /// constants β/K.
 fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
     let stiffness = deformation::end_stiffness(&found.rising, &found.falling, found.half_width.value);
@@ -316,7 +316,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
                 refit(Direction::Negative, &two.candidate.falling, &skip, down.max(2) - 1),
             )
         };
-        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect(), n as f64, Vec::new());
+        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect());
     }
     let resampled = |index: usize| {
         cancel::check();
@@ -342,7 +342,7 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
         .with_note(format!("set to zero by the test: {:.3} N s/m found, p = {:.2}", found.value, test.p_value))
 }
 
-/// Join and coefficients of both branches; a join at the end of its range is not pinned, whatever its replicates say.
+/// Join and coefficients of both branches; a join at the end of its range is not determined, whatever its replicates say.
 fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Vec<Parameter> {
     let parameter = |quantity: BranchQuantity| {
         let shape = if quantity.name.starts_with("rising") { &best.rising } else { &best.falling };

@@ -179,14 +179,11 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
 /// What is doubtful about a fit: that it is not at rest, and what the data do not pin.
 pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> Vec<Warning> {
     let mut all = Vec::new();
-    let mut say = |subject: String, message: String| all.push(Warning { subject, message, doubtful: true });
     if let Some(message) = unrest(found) {
-        say("fit".to_owned(), message);
+        all.push(Warning { subject: "fit".to_owned(), message, doubtful: true });
     }
-    for p in parameters.iter().filter(|p| !p.estimate.pinned) {
-        let why = p.estimate.note.as_deref().unwrap_or("the data do not pin it");
-        say(p.name.clone(), format!("not pinned: {why}"));
-    }
+    let undetermined = parameters.iter().filter(|p| !p.estimate.pinned);
+    all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, true)));
     all
 }
 

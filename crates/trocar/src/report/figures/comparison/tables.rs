@@ -107,18 +107,18 @@ fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
     })
 }
 
-/// What there is to know about each fit; parameters that are not pinned by their symbols. `None` without any.
+/// What there is to know about each fit; parameters that are not determined by their symbols. `None` without any.
 pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Option<Table> {
     let row = |entry: &Entry| {
-        let is_pin = |warning: &&Warning| warning.message.starts_with("not pinned");
-        let (pins, others): (Vec<&Warning>, Vec<&Warning>) = entry.warnings.iter().partition(is_pin);
-        let symbols: Vec<String> = pins.iter().map(|w| symbol_or_name(&w.subject)).collect();
-        let pins = (!pins.is_empty()).then(|| format!("not pinned: {}", symbols.join(", ")));
+        let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
+            entry.warnings.iter().partition(|w| w.is_undetermined());
+        let symbols: Vec<String> = undetermined.iter().map(|w| symbol_or_name(&w.subject)).collect();
+        let undetermined = (!symbols.is_empty()).then(|| format!("not determined: {}", symbols.join(", ")));
         let others = others.iter().map(|w| match name_of(&w.subject).0 {
             name if is_own_name(entry, &name) => w.message.clone(),
             name => format!("{name}: {}", w.message),
         });
-        vec![Cell::Text(model_name(entry)), Cell::Text(others.chain(pins).collect::<Vec<_>>().join("; "))]
+        vec![Cell::Text(model_name(entry)), Cell::Text(others.chain(undetermined).collect::<Vec<_>>().join("; "))]
     };
     let mut doubted = comparison.entries.iter().filter(|entry| !entry.warnings.is_empty()).peekable();
     doubted.peek()?;
