@@ -19,7 +19,7 @@
 //! rises and falls with a delay, though (frictional memory, ARMSTRONG), and a lag T of the curve keeps steady sliding steady
 //! where T·K + β + σ exceeds the fall of g. For a creeping contact T may be given; the force stays opposed to the slip.
 
-use crate::exponential::{decay, decay_and_mean};
+use crate::exponential::decay_and_mean;
 use crate::sliding::SlidingFriction;
 
 /// How much of the static force's surplus the contact has, within a step: g = F_c + (F_s - F_c)·λ with
@@ -49,13 +49,12 @@ impl Rise {
         if lag > 0.0 { Self { kept: rise, now: 0.0 } } else { Self::INSTANT }
     }
 
-    /// λ at the end of a step of `duration` (s) that starts at slip speed `speed` (>= 0, m/s).
+    /// λ at the end of a step of `duration` (s) that starts at a slip speed with e = `before`.
     #[inline(always)]
-    pub(crate) fn after(rise: f64, lag: f64, duration: f64, sliding: &SlidingFriction, speed: f64) -> Self {
+    pub(crate) fn after(rise: f64, lag: f64, duration: f64, before: impl FnOnce() -> f64) -> Self {
         if lag > 0.0 {
             let (left, mean) = decay_and_mean(duration / lag);
-            let before = if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) };
-            Self { kept: rise * left + (mean - left) * before, now: 1.0 - mean }
+            Self { kept: rise * left + (mean - left) * before(), now: 1.0 - mean }
         } else {
             Self::INSTANT
         }
@@ -91,14 +90,24 @@ impl Resistance {
 /// The contact at slip speed `u` >= 0, m/s; ρ = 1 without creep.
 #[inline(always)]
 pub(crate) fn resistance(sliding: &SlidingFriction, creep_velocity: f64, rise: Rise, u: f64) -> Resistance {
+    resistance_at(sliding, creep_velocity, rise, u, sliding.level_and_slope(u))
+}
+
+/// The same where g and dg/du are known: `level`, `fall`.
+#[inline(always)]
+pub(crate) fn resistance_at(
+    sliding: &SlidingFriction,
+    creep_velocity: f64,
+    rise: Rise,
+    u: f64,
+    (level, fall): (f64, f64),
+) -> Resistance {
     let beta = sliding.viscous_damping;
-    let (level, fall) = sliding.level_and_slope(u);
     if creep_velocity <= 0.0 {
         return Resistance { force: level + beta * u, slope: fall + beta, rise: 1.0, fall: 0.0 };
     }
     let surplus = sliding.static_force - sliding.coulomb_force;
-    let reached = if surplus > 0.0 { (level - sliding.coulomb_force) / surplus } else { 1.0 };
-    let rise_now = rise.kept + rise.now * reached;
+    let rise_now = rise.kept + rise.now * sliding.rise(level);
     let level = sliding.coulomb_force + surplus * rise_now;
     let inverse = 1.0 / libm::sqrt(u * u + creep_velocity * creep_velocity);
     let part = u * inverse;

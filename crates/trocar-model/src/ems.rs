@@ -105,7 +105,7 @@ impl State {
 
     /// Takes over `next` unless a number grew beyond all bounds.
     #[inline(always)]
-    fn commit(&mut self, next: Self) {
+    pub(crate) fn commit(&mut self, next: Self) {
         if next.force.abs() <= f64::MAX && next.deflection.abs() <= f64::MAX {
             *self = next;
         }
@@ -301,26 +301,28 @@ impl Element {
     ///
     /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the work is bounded.
     fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {
+        let mut state = *state;
+        self.each_part(velocity, duration, |time| state = self.advance_general(&state, velocity, time));
+        state
+    }
+
+    /// Calls `advance` with the duration of each part.
+    #[inline(always)]
+    pub(crate) fn each_part(&self, velocity: f64, duration: f64, mut advance: impl FnMut(f64)) {
         let stride = LONGEST_PART * self.params.deformation.half_width();
         let travel = velocity.abs() * duration;
         if travel <= stride {
-            return self.advance_general(state, velocity, duration);
+            return advance(duration);
         }
         let strides = travel / stride;
-        let mut state = *state;
-        let mut advance = |count: u32, time: f64| {
-            for _ in 0..count {
-                state = self.advance_general(&state, velocity, time / f64::from(count));
-            }
-        };
+        let mut all = |count: u32, time: f64| (0..count).for_each(|_| advance(time / f64::from(count)));
         if strides <= f64::from(EVEN_PARTS) {
-            advance(libm::ceil(strides) as u32, duration);
+            all(libm::ceil(strides) as u32, duration);
         } else {
             let first = duration * f64::from(EVEN_PARTS) / strides;
-            advance(EVEN_PARTS, first);
-            advance(EVEN_PARTS, duration - first);
+            all(EVEN_PARTS, first);
+            all(EVEN_PARTS, duration - first);
         }
-        state
     }
 
     /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.

@@ -115,7 +115,7 @@ pub use leuven::{Leuven, LeuvenParams, LeuvenState};
 pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
 pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
 pub use paper_literal::{LiteralState, PaperLiteral};
-pub use parallel::{MAX_STAGES, Parallel, Stages, StagesState, rest_states, step_parallel};
+pub use parallel::{Beside, MAX_STAGES, Parallel, Stages, StagesState, rest_states, step_parallel};
 pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;

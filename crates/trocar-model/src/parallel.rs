@@ -96,6 +96,72 @@ impl From<Element> for Stages {
     }
 }
 
+/// A model that differs little from another, with its state; see [`Stages::step_beside`].
+#[derive(Debug)]
+pub struct Beside<'a> {
+    stages: &'a Stages,
+    state: StagesState,
+    /// Elements that are those of the other model, in the same state.
+    shared: [bool; MAX_STAGES],
+}
+
+impl Beside<'_> {
+    /// State of the model.
+    pub fn state(&self) -> &StagesState {
+        &self.state
+    }
+
+    /// Force of the model, N.
+    pub fn force(&self) -> f64 {
+        Stages::force(&self.state)
+    }
+}
+
+impl Stages {
+    /// `other`, in `own` state, beside this model in `state`.
+    pub fn beside<'a>(&self, state: &StagesState, other: &'a Stages, own: StagesState) -> Beside<'a> {
+        let mut shared = [false; MAX_STAGES];
+        let count = self.count.min(other.count);
+        for (k, place) in shared.iter_mut().enumerate().take(count) {
+            *place = self.elements[k] == other.elements[k] && state.states[k] == own.states[k];
+        }
+        Beside { stages: other, state: own, shared }
+    }
+
+    /// As [`Friction::step`], and beside it the same step of models that differ little: they are sought from where this one
+    /// arrives, at a fraction of the work of steps by themselves and to the same accuracy; what they share is stepped once.
+    ///
+    /// ```
+    /// # use trocar_model::{Element, ElementParams, Stages, Friction};
+    /// # fn main() -> Result<(), trocar_model::ParamError> {
+    /// let params = ElementParams { creep_velocity: 1e-4, ..ElementParams::plausible_10_5_mm()? };
+    /// let model = Stages::from(Element::new(params)?);
+    /// let other = Stages::from(Element::new(ElementParams { creep_velocity: 1.001e-4, ..params })?);
+    /// let (mut state, own) = (model.rest_state(0.0), other.rest_state(0.0));
+    /// let mut beside = [model.beside(&state, &other, own)];
+    /// let force = model.step_beside(&mut state, &mut beside, 50e-6, 1e-3);
+    /// let rate = (beside[0].force() - force) / 1e-7; // of the force with the creep velocity, N·s/m
+    /// assert!(rate < 0.0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn step_beside(&self, state: &mut StagesState, beside: &mut [Beside], displacement: f64, duration: f64) -> f64 {
+        for (k, (element, led)) in self.elements().iter().zip(&mut state.states).enumerate() {
+            element.lead(led, displacement, duration, |lead| {
+                for other in beside.iter_mut().filter(|other| !other.shared[k] && k < other.stages.count) {
+                    lead.take(&other.stages.elements[k], &mut other.state.states[k]);
+                }
+            });
+            beside.iter_mut().filter(|other| other.shared[k]).for_each(|other| other.state.states[k] = *led);
+        }
+        for Beside { stages, state, .. } in beside {
+            let more = stages.elements().iter().zip(&mut state.states).skip(self.count);
+            more.for_each(|(element, own)| _ = element.step(own, displacement, duration));
+        }
+        Self::force(state)
+    }
+}
+
 /// States of [`Stages`], one an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StagesState {

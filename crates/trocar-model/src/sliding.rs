@@ -74,6 +74,13 @@ impl SlidingFriction {
         (self.coulomb_force + fall, slope_of(fall, self.growth(u, power))) // EMS (11)
     }
 
+    /// exp(-(u/v_s)^δ) where g(u) = `level` is known: the part of the static force's surplus that is there.
+    #[inline(always)]
+    pub(crate) fn rise(&self, level: f64) -> f64 {
+        let surplus = self.static_force - self.coulomb_force;
+        if surplus > 0.0 { (level - self.coulomb_force) / surplus } else { 1.0 }
+    }
+
     /// dg/du at u >= 0 where g(u) = `level` is already known: saves the exponential.
     pub(crate) fn slope_at_level(&self, u: f64, level: f64) -> f64 {
         if self.is_constant() { 0.0 } else { slope_of(level - self.coulomb_force, self.growth(u, self.exponent(u))) }

@@ -20,6 +20,8 @@ use crate::ems::{Element, Mode, Side, State};
 use crate::exponential::decay;
 use crate::relaxation::{ArmForces, StepArms};
 
+mod beside;
+
 /// Limit on evaluations of r in one search: keeps the work of a step bounded.
 const MAX_EVALUATIONS: usize = 240;
 
@@ -89,20 +91,28 @@ impl Element {
 
     /// From a slide; the velocity may have changed since, so that it sticks at once or slips the other way.
     fn keep_sliding(&self, state: &State, motion: Motion) -> State {
-        let mut side = Side::of(state.slip_velocity);
-        let (z, q, arms) = (state.deflection, state.yield_force, state.arms);
-        let local = self.params.deformation.local(z);
-        let elastic = local.mid + q + state.relaxing_force();
-        let (mut speed, mut drag) = self.slip_after(state, side, elastic, motion.velocity);
-        if speed == 0.0 {
+        let mut onset = self.sliding_on(state, motion.velocity);
+        if onset.speed == 0.0 {
             if !self.creeps {
                 return self.leave_stick(state, motion);
             }
-            side = side.opposite();
+            onset.side = onset.side.opposite();
             let rise = Rise::at_start(state.rise, self.params.friction_lag);
-            (speed, drag) = self.slip_at(side, elastic, motion.velocity, rise, 0.0);
+            let elastic = onset.local.mid + onset.q + state.relaxing_force();
+            (onset.speed, onset.drag) = self.slip_at(onset.side, elastic, motion.velocity, rise, 0.0);
         }
-        self.slide(Onset { z, q, local, arms, side, speed, drag, rise: state.rise }, motion)
+        self.slide(onset, motion)
+    }
+
+    /// The running slide when the velocity becomes `velocity`; at speed 0 it ends.
+    #[inline(always)]
+    fn sliding_on(&self, state: &State, velocity: f64) -> Onset {
+        let side = Side::of(state.slip_velocity);
+        let (z, q, arms) = (state.deflection, state.yield_force, state.arms);
+        let local = self.params.deformation.local(z);
+        let elastic = local.mid + q + state.relaxing_force();
+        let (speed, drag) = self.slip_after(state, side, elastic, velocity);
+        Onset { z, q, local, arms, side, speed, drag, rise: state.rise }
     }
 
     /// From stick: bends with the instrument, EMS (10).
@@ -216,7 +226,9 @@ impl Element {
         let (deformation, damping) = (&self.params.deformation, &self.params.damping);
         let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
         let implicit = theta * motion.time;
-        let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, self.sliding(side), speed);
+        let sliding = self.sliding(side);
+        let before = || if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) };
+        let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, before);
         let (mut seen, mut seen_at) = (Resistance::NONE, 0.0);
         let residual = |u: f64| {
             let reached = target - s * implicit * u;

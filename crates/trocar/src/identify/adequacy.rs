@@ -50,6 +50,8 @@ pub(super) enum Group {
     Sliding,
     /// Viscous part, and F_c with it.
     Speed,
+    /// Speed and exponent of the Stribeck curve.
+    Stribeck,
     /// c, joins, branches.
     Shape,
 }
@@ -63,6 +65,7 @@ impl Group {
                 starts(&["coulomb_force", "static_force", "viscous_damping", "stribeck", "second_coulomb"])
             }
             Self::Speed => starts(&["coulomb_force", "static_force", "viscous_damping", "stribeck"]),
+            Self::Stribeck => starts(&["stribeck"]),
             Self::Shape => starts(&["half_width", "rising", "falling", "yield_stiffness", "second_", "seal_damping"]),
         }
     }
@@ -88,6 +91,10 @@ pub(super) struct Model<'a> {
     /// Whether c and the branches were fitted.
     pub(super) has_shape: bool,
 }
+
+/// Part of the travel that is slow sliding, and part of the static force's surplus that must be left there to be seen.
+const SLOW: f64 = 0.02;
+const SEEN_RISE: f64 = 0.1;
 
 /// What one recording shows.
 #[derive(Default)]
@@ -120,7 +127,9 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     if model.has_shape {
         undetermined.extend(full_reversals(input, model, &seen));
     }
-    undetermined.extend(separated_speeds(&seen));
+    let speeds = Speeds::new(&seen);
+    undetermined.extend(speeds.separated());
+    undetermined.extend(speeds.slow_enough(model.candidate));
     let phases = phases(input, model, &seen);
     let mut doubts: Vec<(String, String)> = phases.iter().filter_map(doubt).collect();
     if model.has_shape {
@@ -210,29 +219,56 @@ fn full_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, St
     all
 }
 
-/// Whether sliding was seen at speeds that separate F_c from β.
-fn separated_speeds(seen: &[Seen]) -> Option<(Group, String)> {
-    let mut speeds: Vec<(f64, f64)> = seen.iter().flat_map(|s| s.speeds.iter().copied()).collect();
-    speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f64 = speeds.iter().map(|s| s.1).sum();
-    let quantile = |part: f64| {
+/// Speeds of sliding, m/s, with the travel at each, m, in ascending order.
+struct Speeds(Vec<(f64, f64)>);
+
+impl Speeds {
+    fn new(seen: &[Seen]) -> Self {
+        let mut speeds: Vec<(f64, f64)> = seen.iter().flat_map(|s| s.speeds.iter().copied()).collect();
+        speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self(speeds)
+    }
+
+    /// Speed below which this part of the travel lies.
+    fn quantile(&self, part: f64) -> f64 {
+        let total: f64 = self.0.iter().map(|s| s.1).sum();
         let mut travelled = 0.0;
         let beyond = |(_, step): &&(f64, f64)| {
             travelled += step;
             travelled >= part * total
         };
-        speeds.iter().find(beyond).map_or(0.0, |s| s.0)
-    };
-    let (slow, fast) = (quantile(0.1), quantile(0.9));
-    (fast < SPEED_RATIO * slow || speeds.is_empty()).then(|| {
-        let why = format!(
-            "sliding was seen at {:.0} to {:.0} mm/s only: F_c and β cannot be told apart; record strokes at speeds that differ by a \
-             factor of 3 or more",
-            1e3 * slow,
-            1e3 * fast
-        );
-        (Group::Speed, why)
-    })
+        self.0.iter().find(beyond).map_or(0.0, |s| s.0)
+    }
+
+    /// Whether sliding was seen at speeds that separate F_c from β.
+    fn separated(&self) -> Option<(Group, String)> {
+        let [slow, fast] = [0.1, 0.9].map(|part| self.quantile(part));
+        (fast < SPEED_RATIO * slow || self.0.is_empty()).then(|| {
+            let why = format!(
+                "sliding was seen at {:.0} to {:.0} mm/s only: F_c and β cannot be told apart; record strokes at speeds that differ by a \
+                 factor of 3 or more",
+                1e3 * slow,
+                1e3 * fast
+            );
+            (Group::Speed, why)
+        })
+    }
+
+    /// Whether sliding was seen where the Stribeck curve falls: breakaway alone does not tell at which speed it does.
+    fn slow_enough(&self, candidate: &Candidate) -> Option<(Group, String)> {
+        let slow = self.quantile(SLOW);
+        let friction = candidate.insertion;
+        let rise = (friction.level(slow) - friction.coulomb_force) / (friction.static_force - friction.coulomb_force);
+        (rise < SEEN_RISE).then(|| {
+            let why = format!(
+                "the sliding force falls below {:.0} mm/s, the slowest sliding that was seen, so only breakaway shows it: record strokes \
+                 at {:.0} mm/s and slower",
+                1e3 * slow,
+                1e3 * friction.stribeck_velocity
+            );
+            (Group::Stribeck, why)
+        })
+    }
 }
 
 fn phases(input: &Input, model: &Model, seen: &[Seen]) -> Vec<Phase> {

@@ -35,8 +35,13 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     let recordings: Vec<Recording> = input.recordings.iter().map(without).collect();
     let without = Input { recordings: &recordings, ..*input };
     // A fit that ends higher than it began has lost its way.
-    let error = |f: &ElementFit| element::sampled_rms(&without, &f.fitted.best.candidate);
-    let again = element::again(&without, &fit).filter(|again| error(again) <= error(&fit));
+    let error = |input: &Input, f: &ElementFit| element::sampled_rms(input, &f.fitted.best.candidate);
+    let again = element::again(&without, &fit).filter(|again| error(&without, again) <= error(&without, &fit));
+    let (constant, along) = (error(input, &fit), error(&without, again.as_ref().unwrap_or(&fit)));
+    if along > constant {
+        let why = format!("with a profile the whole motion is off by {along:.4} N rms, without by {constant:.4} N");
+        return (Some(fit), Err(why));
+    }
     (Some(again.unwrap_or(fit)), Ok(Some(profile)))
 }
 

@@ -1,13 +1,16 @@
 //! A candidate model as a vector of free numbers, for the fit of the simulated force.
 
 use rand::{Rng, RngExt};
+use rayon::prelude::*;
 use trocar_model::{
-    DeformationForce, Element, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction, Stages,
+    Beside, DeformationForce, Element, ElementParams, Friction, ParamError, Relaxation, SealDamping, SlidingFriction,
+    Stages, StagesState,
 };
 
 use super::likelihood::{Column, Free, Trial};
 use super::shape::{BranchShape, Pins};
 use super::stage::SecondStage;
+use super::training::Step;
 
 /// An EMS element (key EMS in SOURCES.md, (8)-(14)) with the sensor offset beside it, before it is checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,6 +118,8 @@ pub(super) struct Layout {
     pub(super) own_slopes: bool,
     pub(super) viscous: bool,
     pub(super) stribeck: bool,
+    /// Largest Coulomb and static force, N, that the readings leave room for.
+    pub(super) largest: f64,
     /// c and the branches.
     pub(super) shape: bool,
     /// Least c, m, that encoder and sampling resolve.
@@ -145,6 +150,7 @@ impl Layout {
         own_slopes: false,
         viscous: true,
         stribeck: false,
+        largest: f64::INFINITY,
         shape: true,
         narrowest: 0.0,
         is_coarse: false,
@@ -192,12 +198,13 @@ impl Layout {
         if self.hidden_mass {
             on(&mut candidate.hidden_mass, Span::new(1e-4, 0.0, free));
         }
-        on(&mut candidate.insertion.coulomb_force, Span::new(force, 10.0 * force, free));
+        let largest = self.largest.max(10.0 * force);
+        on(&mut candidate.insertion.coulomb_force, Span::new(force, 10.0 * force, largest));
         if self.viscous {
             on(&mut candidate.insertion.viscous_damping, Span::new(100.0 * force, 0.0, free));
         }
         if self.stribeck {
-            let most = 10.0 * candidate.insertion.coulomb_force;
+            let most = largest.min(10.0 * candidate.insertion.coulomb_force);
             on(&mut candidate.insertion.static_force, Span::new(force, 10.0 * force, most));
             on(&mut candidate.insertion.stribeck_velocity, Span::new(1e-5, 5e-4, 1.0));
             on(&mut candidate.insertion.stribeck_exponent, Span::new(1e-2, 0.5, 3.0));
@@ -208,11 +215,11 @@ impl Layout {
         candidate.withdrawal = candidate.insertion;
         if self.own_levels {
             candidate.withdrawal.coulomb_force = other.coulomb_force;
-            on(&mut candidate.withdrawal.coulomb_force, Span::new(force, 10.0 * force, free));
+            on(&mut candidate.withdrawal.coulomb_force, Span::new(force, 10.0 * force, largest));
             candidate.withdrawal.static_force = candidate.withdrawal.coulomb_force;
             if self.stribeck {
                 candidate.withdrawal.static_force = other.static_force;
-                on(&mut candidate.withdrawal.static_force, Span::new(force, 10.0 * force, free));
+                on(&mut candidate.withdrawal.static_force, Span::new(force, 10.0 * force, largest));
             }
         }
         if self.own_slopes && self.viscous {
@@ -373,5 +380,42 @@ impl Trial for EmsTrial {
 
     fn drift(&self) -> &[f64] {
         &self.drift
+    }
+
+    /// The first model leads, once in each thread.
+    fn forces(models: &[Stages], states: &mut [StagesState], steps: &[Step]) -> Vec<Vec<f64>> {
+        let (leading, others) = models.split_first().expect("the trial's own");
+        let (state, own) = states.split_first_mut().expect("one for each model");
+        let together = others.len().div_ceil(rayon::current_num_threads()).max(1);
+        let mut parts: Vec<(&[Stages], &mut [StagesState])> =
+            others.chunks(together).zip(own.chunks_mut(together)).collect();
+        if parts.is_empty() {
+            parts.push((&[], &mut []));
+        }
+        let start = *state;
+        let run = |(others, own): (&[Stages], &mut [StagesState])| {
+            let mut led = start;
+            let mut beside: Vec<Beside> =
+                others.iter().zip(own.iter()).map(|(o, s)| leading.beside(&led, o, *s)).collect();
+            let mut forces = vec![Vec::with_capacity(steps.len()); 1 + others.len()];
+            let mut before: Vec<f64> =
+                std::iter::once(Stages::force(&led)).chain(beside.iter().map(Beside::force)).collect();
+            for step in steps {
+                let first = leading.step_beside(&mut led, &mut beside, step.displacement, step.duration);
+                let after = std::iter::once(first).chain(beside.iter().map(Beside::force));
+                for ((forces, before), after) in forces.iter_mut().zip(&mut before).zip(after) {
+                    forces.push(step.at_centre(*before, after));
+                    *before = after;
+                }
+            }
+            own.iter_mut().zip(&beside).for_each(|(own, beside)| *own = *beside.state());
+            (led, forces)
+        };
+        let mut forces = Vec::with_capacity(models.len());
+        for (led, mut part) in parts.into_par_iter().map(run).collect::<Vec<_>>() {
+            *state = led;
+            forces.extend(part.drain(usize::from(!forces.is_empty())..));
+        }
+        forces
     }
 }

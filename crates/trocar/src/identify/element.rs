@@ -89,6 +89,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     if fitted.best.candidate.half_width > 1.05 * best.candidate.half_width {
         (training, fitted) = fitted_from(input, &fitted.best)?;
     }
+    fitted = restarted(input, &training, fitted);
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.4);
     let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
@@ -153,7 +154,7 @@ pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
 /// The training that a trial asks for, and the fit to it with one friction scale.
 fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsTrial>)> {
     let training = training(input, &trial.candidate)?;
-    let fitted = restarted(input, &training, likelihood::fit(&training, trial, NEXT)?);
+    let fitted = likelihood::fit(&training, trial, NEXT)?;
     (training.clusters() >= FEWEST_CLUSTERS).then_some((training, fitted))
 }
 
@@ -465,6 +466,15 @@ const NEGLIGIBLE: f64 = 0.01;
 /// p value of the two steps' test of symmetry from which each direction starts with a slope of its own.
 const SURE: f64 = 1e-3;
 
+/// Largest less smallest reading of a recording, N.
+fn swing(recordings: &[Recording]) -> f64 {
+    let of = |r: &Recording| {
+        let (low, high) = r.force.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
+        high - low
+    };
+    recordings.iter().map(of).fold(0.0, f64::max)
+}
+
 /// None for an axis without a seal; the element of the two steps; where they resolved no deformation, straight ones of several widths.
 fn starts(input: &Input) -> Vec<EmsTrial> {
     let Input { recordings, two, options, .. } = input;
@@ -476,6 +486,8 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         own_slopes,
         own_levels: own_slopes && options.offset.is_some(),
         stribeck: steady.stribeck.is_some(),
+        // Sliding both ways swings by twice the force.
+        largest: if options.offset.is_some() { 1.0 } else { 0.5 } * swing(recordings),
         narrowest: narrowest(input),
         slowest_creep: slowest_creep(recordings),
         is_coarse: is_coarse(input, candidate.half_width),

@@ -91,7 +91,17 @@ pub(crate) trait Trial: Clone + Send + Sync {
     fn drift(&self) -> &[f64] {
         &[]
     }
+    /// Force of each model at the centres of the steps, N, from its state; all differ little from the first.
+    fn forces(models: &[Self::Model], states: &mut [StateOf<Self>], steps: &[Step]) -> Vec<Vec<f64>> {
+        let of = |(model, state): (&Self::Model, &mut StateOf<Self>)| {
+            steps.iter().map(|step| seal_force(model, state, step)).collect()
+        };
+        models.par_iter().zip(states).map(of).collect()
+    }
 }
+
+/// State of the model of a trial.
+pub(crate) type StateOf<T> = <<T as Trial>::Model as Friction>::State;
 
 /// Steps simulated at a time.
 const BLOCK: usize = 2048;
@@ -270,8 +280,7 @@ impl Normal {
 /// Force of the seal at the centre of a step, N.
 fn seal_force<M: Friction>(model: &M, state: &mut M::State, step: &Step) -> f64 {
     let before = M::force(state);
-    let after = model.step(state, step.displacement, step.duration);
-    before + step.centre * (after - before)
+    step.at_centre(before, model.step(state, step.displacement, step.duration))
 }
 
 /// State in which a run starts: at rest with its first reading.
@@ -443,16 +452,11 @@ fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]
     let predictor = Predictor::new(training, trial);
     let mut strokes = vec![StrokeSums::new(p); training.strokes.len()];
     for run in &training.runs {
-        let mut lanes: Vec<_> =
-            models.iter().zip(&trials).map(|(m, t)| (start(t, m, run), Vec::with_capacity(BLOCK + 1))).collect();
+        let mut states: Vec<StateOf<T>> = models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
         let mut before = 0.0;
         for block in run.steps.chunks(BLOCK) {
-            lanes.par_iter_mut().zip(&models).for_each(|((state, forces), model)| {
-                cancel::check();
-                forces.clear();
-                forces.extend(block.iter().map(|s| seal_force(model, state, s)));
-            });
-            let forces: Vec<&[f64]> = lanes.iter().map(|(_, forces)| forces.as_slice()).collect();
+            cancel::check();
+            let forces = T::forces(&models, &mut states, block);
             before = accumulate(&predictor, block, &forces, &sources, before, &mut strokes);
         }
     }
@@ -465,7 +469,7 @@ fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]
 fn accumulate(
     predictor: &Predictor,
     block: &[Step],
-    lanes: &[&[f64]],
+    lanes: &[Vec<f64>],
     sources: &[Source],
     mut before: f64,
     strokes: &mut [StrokeSums],

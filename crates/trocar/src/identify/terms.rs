@@ -9,7 +9,8 @@
 //! ```
 //! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried (BONFERRONI; the columns of one
 //! term are much alike, and each behind the first counts as half) the one that takes most of the squared error away is fitted, and the
-//! others are tested again beside it. So of recordings without any term at most one in a hundred gets one.
+//! others are tested again beside it. So of recordings without any term at most one in a hundred gets one. Where no clear one is left, a
+//! term with p < [`SUSPECTED`] that promises much ([`LARGE_GAIN`]) is fitted and judged by the F test of what the fit gains.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -234,6 +235,10 @@ pub(super) struct Chosen {
 
 /// Stops of the fits with one term more.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
+/// Part of the squared error from which a term that is only suspected is fitted, and judged by what the fit gains: of a shape far from
+/// the one tried the step tells little.
+const LARGE_GAIN: f64 = 0.05;
+const SUSPECTED: f64 = 0.05;
 /// Least part of the squared error that a term must take away beside being significant: less is none that a force shows.
 const LEAST_GAIN: f64 = 1e-3;
 
@@ -263,14 +268,20 @@ pub(super) fn choose(training: &Training, mut fitted: Fitted<EmsTrial>, excluded
         let left_out = |s: &Score| TermTrial { term: s.term, kept: false, p_value: s.p_value, gain: s.gain };
         trials.extend(scores.iter().map(left_out));
         let level = LEVEL / columns;
-        let promising =
-            scores.into_iter().find(|s| s.p_value < level && s.gain > LEAST_GAIN && !failed.contains(&s.term));
-        let Some(best) = promising else { break };
+        let is_clear = |s: &Score| s.p_value < level && s.gain > LEAST_GAIN;
+        let is_large = |s: &Score| s.p_value < SUSPECTED && s.gain > LARGE_GAIN;
+        let open = |s: &&Score| !failed.contains(&s.term);
+        let Some(best) =
+            scores.iter().filter(open).find(|s| is_clear(s)).or(scores.iter().filter(open).find(|s| is_large(s)))
+        else {
+            break;
+        };
         let larger = likelihood::fit(training, &best.start, NEXT);
         // What a Stribeck curve rises to is often told by the terms that come after it.
         let is_better = |l: &Fitted<EmsTrial>| {
             let is_determined = best.term == Term::Stribeck || numbers::is_determined(l, best.term);
-            is_determined && l.cost() < (1.0 - 0.3 * LEAST_GAIN) * fitted.cost()
+            let is_sure = is_clear(best) || growth_p_value(training, &fitted, l) < level;
+            is_determined && is_sure && l.cost() < (1.0 - 0.3 * LEAST_GAIN) * fitted.cost()
         };
         match larger.filter(is_better) {
             Some(larger) => {
@@ -293,14 +304,20 @@ fn spared(training: &Training, with: Fitted<EmsTrial>, term: Term) -> (Fitted<Em
     }
     let values: Vec<f64> = smaller.layout.free(&smaller.candidate).iter().map(|f| f.value).collect();
     smaller.candidate = smaller.layout.with(&smaller.candidate, &values);
-    let added = (with.best.free_numbers() - smaller.free_numbers()) as f64;
     let Some(without) = likelihood::fit(training, &smaller, NEXT) else {
         return (with, TermTrial { term, kept: true, p_value: 0.0, gain: 1.0 });
     };
-    let growth = without.cost() - with.cost();
-    let p_value = f_p_value(growth / variance(&with) / added, added, training.strokes.len() as f64);
-    let trial = TermTrial { term, kept: p_value < LEVEL, p_value, gain: growth / without.cost() };
+    let p_value = growth_p_value(training, &without, &with);
+    let gain = 1.0 - with.cost() / without.cost();
+    let trial = TermTrial { term, kept: p_value < LEVEL, p_value, gain };
     if trial.kept { (with, trial) } else { (without, trial) }
+}
+
+/// p value of the growth of the squared error from the larger model to the smaller, over the strokes.
+fn growth_p_value(training: &Training, smaller: &Fitted<EmsTrial>, larger: &Fitted<EmsTrial>) -> f64 {
+    let added = (larger.best.free_numbers() - smaller.best.free_numbers()) as f64;
+    let growth = smaller.cost() - larger.cost();
+    f_p_value(growth / variance(larger) / added, added, training.strokes.len() as f64)
 }
 
 /// The best column of each term that can be added, and how many columns were tried.
@@ -320,15 +337,16 @@ fn scores(
     if columns.is_empty() {
         return None;
     }
-    // A delay is no term of the model, but may pass for a mass.
-    let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay];
+    // A delay is no term of the model, but may pass for a mass; and a mass that is not tried for friction that falls with speed.
+    let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay, Extra::Acceleration];
+    let before = extra.len();
     extra.extend(columns.iter().map(|(term, start)| match term {
         Term::HiddenMass => Extra::Acceleration,
         _ => Extra::Secant(start.clone()),
     }));
     let normal = fitted.with_columns(training, &extra)?;
     let own = fitted.held.len();
-    let damping = columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| own + 1 + k);
+    let damping = columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| own + before + k);
     let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
     let count = 0.5 * (terms + columns.len()) as f64;
     let sigma2 = variance(fitted);
@@ -338,9 +356,10 @@ fn scores(
         .map(|(k, (term, start))| {
             let beside: Vec<usize> = match term {
                 Term::HiddenMass => [Some(own), damping].into_iter().flatten().collect(),
+                Term::Stribeck if !best.layout.hidden_mass => vec![own + 1],
                 _ => Vec::new(),
             };
-            score(&normal, &fitted.held, &beside, own + 1 + k, sigma2, (term, start))
+            score(&normal, &fitted.held, &beside, own + before + k, sigma2, (term, start))
         })
         .collect();
     let mut scores: Vec<Score> = Vec::new();

@@ -50,6 +50,14 @@ pub(crate) struct Step {
     pub(crate) blend: f64,
 }
 
+impl Step {
+    /// Force at the centre between those before and after the step, N.
+    #[inline]
+    pub(crate) fn at_centre(&self, before: f64, after: f64) -> f64 {
+        before + self.centre * (after - before)
+    }
+}
+
 /// Motion with one friction scale: a pass, or several short ones.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stroke {
