@@ -44,7 +44,7 @@ fn print_table(title: &str, comparison: &Comparison) {
     if by_recording {
         names.iter().for_each(|name| print!(" {name}, N |"));
     }
-    println!(" fit, % | AIC | BIC | behind reversals, N | worst reversal, N | not pinned |");
+    println!(" fit, % | AIC | BIC | after reversals, N | worst reversal, N | not determined |");
     println!("|{}", "---|".repeat(10 + if by_recording { names.len() } else { 0 }));
     for entry in comparison.entries.iter().filter(|e| is_shown(e)) {
         let s = &entry.scores;
