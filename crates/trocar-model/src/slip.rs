@@ -70,6 +70,36 @@ struct Onset {
     rise: f64,
 }
 
+/// A slide through one motion: all of r(u) but the contact.
+#[derive(Clone, Copy)]
+struct Slide {
+    z: f64,
+    q: f64,
+    side: Side,
+    s: f64,
+    motion: Motion,
+    arms: StepArms,
+    /// z + v_d·dt - s·dt·(1 - θ)·u_0, m, and θ·dt, s.
+    target: f64,
+    implicit: f64,
+}
+
+impl Slide {
+    /// From (z, q), slip speed `speed` and weight θ = `theta`.
+    #[inline(always)]
+    fn new((z, q): (f64, f64), side: Side, speed: f64, motion: Motion, arms: StepArms, theta: f64) -> Self {
+        let s = side.sign();
+        let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
+        Self { z, q, side, s, motion, arms, target, implicit: theta * motion.time }
+    }
+
+    /// z⁺, m, for a slip speed `u` at the end.
+    #[inline(always)]
+    fn reached(&self, u: f64) -> f64 {
+        self.target - self.s * self.implicit * u
+    }
+}
+
 /// How far a search for a root may stride, and from where it starts.
 #[derive(Clone, Copy)]
 struct Search {
@@ -222,35 +252,46 @@ impl Element {
 
     fn slide_with(&self, onset: &Onset, motion: Motion, arms: StepArms, theta: f64, guess: f64) -> State {
         let Onset { z, q, side, speed, .. } = *onset;
-        let s = side.sign();
-        let (deformation, damping) = (&self.params.deformation, &self.params.damping);
-        let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
-        let implicit = theta * motion.time;
+        let slide = Slide::new((z, q), side, speed, motion, arms, theta);
         let sliding = self.sliding(side);
         let before = || if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) };
         let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, before);
         let (mut seen, mut seen_at) = (Resistance::NONE, 0.0);
         let residual = |u: f64| {
-            let reached = target - s * implicit * u;
-            let (elastic, stiffness) = deformation.reach_with_slope(z, q, reached);
-            let deformation_velocity = motion.velocity - s * u; // EMS (8)
-            let contact = self.resistance(side, lagged, u);
-            (seen, seen_at) = (contact, u);
-            let drive = s * (elastic + arms.force(reached - z) + damping.force(deformation_velocity));
-            let drag = contact.slope + damping.slope(deformation_velocity);
-            (drive - contact.force, -drag - implicit * (stiffness + arms.stiffness)) // EMS (13)
+            (seen, seen_at) = (self.resistance(side, lagged, u), u);
+            self.balance(&slide, u, &seen)
         };
-        let search = self.search(onset, implicit, lagged.now, guess);
+        let search = self.search(onset, slide.implicit, lagged.now, guess);
         let u = find_root(residual, search).0;
-        let deflection = target - s * implicit * u;
-        let (elastic, yield_force) = deformation.reach(z, q, deflection);
-        let force = elastic + arms.force(deflection - z) + damping.force(motion.velocity - s * u); // EMS (14)
+        self.arrive(&slide, u, &seen, seen_at)
+    }
+
+    /// r(u) and its slope where the contact is `contact`, EMS (13).
+    #[inline(always)]
+    fn balance(&self, slide: &Slide, u: f64, contact: &Resistance) -> (f64, f64) {
+        let Slide { z, q, s, motion, arms, .. } = slide;
+        let reached = slide.reached(u);
+        let (elastic, stiffness) = self.params.deformation.reach_with_slope(*z, *q, reached);
+        let deformation_velocity = motion.velocity - s * u; // EMS (8)
+        let damping = &self.params.damping;
+        let drive = s * (elastic + arms.force(reached - z) + damping.force(deformation_velocity));
+        let drag = contact.slope + damping.slope(deformation_velocity);
+        (drive - contact.force, -drag - slide.implicit * (stiffness + arms.stiffness))
+    }
+
+    /// The state after a slide that ends with slip speed `u`; the contact was last seen at `seen_at`.
+    #[inline(always)]
+    fn arrive(&self, slide: &Slide, u: f64, seen: &Resistance, seen_at: f64) -> State {
+        let Slide { z, q, side, s, motion, arms, .. } = slide;
+        let deflection = slide.reached(u);
+        let (elastic, yield_force) = self.params.deformation.reach(*z, *q, deflection);
+        let force = elastic + arms.force(deflection - z) + self.params.damping.force(motion.velocity - s * u); // EMS (14)
         let arms = arms.forces(deflection - z);
         let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
         // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a state to be finite numbers.
         let contact_slope = seen.slope.max(-f64::MAX);
         let rise =
-            if self.params.friction_lag > 0.0 { seen.rise_beside(self.sliding(side), u - seen_at) } else { seen.rise };
+            if self.params.friction_lag > 0.0 { seen.rise_beside(self.sliding(*side), u - seen_at) } else { seen.rise };
         State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, rise, arms, mode }
     }
 

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::model_file::{ErrorSource, ForceError};
-use crate::recording::{Recording, local_velocity};
+use crate::recording::{Recording, local_velocity, range};
 use crate::replay::{Replay, Replayable, replay_along};
 use crate::scatter::StrokeScatter;
 use crate::segment::{passes, reversal_threshold};
@@ -460,11 +460,6 @@ pub fn validate_one<M: Replayable + ?Sized>(
     let (lowest, highest) = range(&recording.position);
     let departure = travel.and_then(|profile| profile.departure(lowest, highest));
     Scored { result, sums, pieces: 1, known: !run.known.is_empty(), departure }
-}
-
-/// Least and greatest of `values`.
-fn range(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
 }
 
 fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {

@@ -4,9 +4,9 @@
 //! there leaves what the leader's search left, or the follower takes the step by itself: where r differs by more than a search may
 //! leave. θ is the leader's, and so are the exponentials of numbers that both have in common.
 
-use super::{Motion, RESIDUAL, StepArms};
+use super::{Motion, RESIDUAL, Slide};
 use crate::creep::{Resistance, Rise, resistance_at};
-use crate::ems::{Element, Mode, Side, State};
+use crate::ems::{Element, Side, State};
 use crate::friction::velocity;
 use crate::sliding::SlidingFriction;
 
@@ -20,7 +20,6 @@ pub(crate) struct Lead {
 /// How the leader slid.
 struct Course {
     side: Side,
-    motion: Motion,
     theta: f64,
     /// At the start and at the end.
     start: Speed,
@@ -78,24 +77,23 @@ impl Element {
         let sliding = *self.sliding(side);
         let mut course = Course {
             side,
-            motion,
             theta: self.predict(&onset, motion, arms).0,
             start: Speed::new(&sliding, onset.speed),
             end: Speed::new(&sliding, after.slip_velocity.abs()),
             sliding,
         };
-        course.start.left = self.at_start(before, &course).0;
-        course.end.left = self.at_end(before, &course, onset.speed).residual;
+        course.start.left = self.at_start(before, motion, &course).0;
+        course.end.left = self.at_end(before, motion, &course, onset.speed).residual;
         Some(course)
     }
 
     /// r at the start of a step, and the drag β + (g·ρ)' + D' there.
     #[inline(always)]
-    fn at_start(&self, state: &State, course: &Course) -> (f64, f64) {
+    fn at_start(&self, state: &State, motion: Motion, course: &Course) -> (f64, f64) {
         let (s, speed, damping) = (course.side.sign(), course.start.speed, &self.params.damping);
         let rise = Rise::at_start(state.rise, self.params.friction_lag);
         let contact = self.contact_at(course, &course.start, rise);
-        let deformation_velocity = course.motion.velocity - s * speed; // EMS (8)
+        let deformation_velocity = motion.velocity - s * speed; // EMS (8)
         let elastic =
             self.params.deformation.mid_and_gap(state.deflection).0 + state.yield_force + state.relaxing_force();
         let r = s * (elastic + damping.force(deformation_velocity)) - contact.force;
@@ -104,24 +102,17 @@ impl Element {
 
     /// The end of a step that starts with slip speed `speed`, at the leader's slip speed.
     #[inline(always)]
-    fn at_end(&self, state: &State, course: &Course, speed: f64) -> End {
-        let Course { side, motion, theta, start, end, .. } = course;
-        let (s, sliding, damping) = (side.sign(), self.sliding(*side), &self.params.damping);
+    fn at_end(&self, state: &State, motion: Motion, course: &Course, speed: f64) -> End {
+        let Course { side, theta, start, end, .. } = course;
+        let sliding = self.sliding(*side);
         let (level, fall) = course.level(sliding, start);
         let before = || sliding.rise(level + fall * (speed - start.speed));
         let lagged = Rise::after(state.rise, self.params.friction_lag, motion.time, before);
         let arms = self.params.relaxation.within(&state.arms, motion.time);
-        let implicit = theta * motion.time;
-        let z = state.deflection;
-        let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
-        let reached = target - s * implicit * end.speed;
-        let (elastic, stiffness) = self.params.deformation.reach_with_slope(z, state.yield_force, reached);
-        let deformation_velocity = motion.velocity - s * end.speed;
+        let slide = Slide::new((state.deflection, state.yield_force), *side, speed, motion, arms, *theta);
         let contact = self.contact_at(course, end, lagged);
-        let drive = s * (elastic + arms.force(reached - z) + damping.force(deformation_velocity));
-        let drag = contact.slope + damping.slope(deformation_velocity);
-        let slope = drag + implicit * (stiffness + arms.stiffness);
-        End { target, implicit, arms, contact, residual: drive - contact.force, slope } // EMS (13)
+        let (residual, slope) = self.balance(&slide, end.speed, &contact);
+        End { slide, contact, residual, slope }
     }
 
     #[inline(always)]
@@ -132,55 +123,36 @@ impl Element {
 
     /// The step beside `course`; `None` where it takes more than one evaluation.
     #[inline(always)]
-    fn follow(&self, state: &State, course: &Course) -> Option<State> {
-        let Course { side, motion, start, end, .. } = course;
-        let (s, sliding, damping) = (side.sign(), self.sliding(*side), &self.params.damping);
-        let small = RESIDUAL * sliding.static_force;
-        if s * state.slip_velocity <= 0.0 {
+    fn follow(&self, state: &State, motion: Motion, course: &Course) -> Option<State> {
+        let Course { side, start, end, .. } = course;
+        let last = side.sign() * state.slip_velocity;
+        let small = RESIDUAL * self.sliding(*side).static_force;
+        if last <= 0.0 {
             return None;
         }
-        let speed = if damping.is_zero() {
+        let speed = if self.params.damping.is_zero() {
             // The last step ended with the sliding force of the last slip speed.
-            s * state.slip_velocity
+            last
         } else {
-            let (r, drag) = self.at_start(state, course);
+            let (r, drag) = self.at_start(state, motion, course);
             let missing = r - start.left;
             if missing.abs() > small || drag <= 0.0 {
                 return None;
             }
             start.speed + missing / drag
         };
-        let End { target, implicit, arms, contact, residual, slope } = self.at_end(state, course, speed);
+        let End { slide, contact, residual, slope } = self.at_end(state, motion, course, speed);
         let missing = residual - end.left;
-        let change = missing / slope;
-        let u = end.speed + change;
-        if !(missing.abs() <= small && slope > 0.0 && u > 0.0 && speed > 0.0) {
-            return None;
-        }
-        let (z, deflection) = (state.deflection, target - s * implicit * u);
-        let (elastic, yield_force) = self.params.deformation.reach(z, state.yield_force, deflection);
-        let rise = if self.params.friction_lag > 0.0 { contact.rise_beside(sliding, change) } else { contact.rise };
-        Some(State {
-            deflection,
-            yield_force,
-            force: elastic + arms.force(deflection - z) + damping.force(motion.velocity - s * u), // EMS (14)
-            slip_velocity: s * u,
-            contact_slope: contact.slope.max(-f64::MAX),
-            rise,
-            arms: arms.forces(deflection - z),
-            mode: if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding },
-        })
+        let u = end.speed - missing / slope;
+        let is_one_step_away = missing.abs() <= small && slope < 0.0 && u > 0.0 && speed > 0.0;
+        is_one_step_away.then(|| self.arrive(&slide, u, &contact, end.speed))
     }
 }
 
-/// The end of a follower's step at the leader's slip speed.
+/// The end of a follower's step at the leader's slip speed: the contact, r, N, and dr/du, N·s/m.
 struct End {
-    /// z + v_d·dt - s·dt·(1 - θ)·u_0, m, and θ·dt, s.
-    target: f64,
-    implicit: f64,
-    arms: StepArms,
+    slide: Slide,
     contact: Resistance,
-    /// r, N, and -dr/du, N·s/m.
     residual: f64,
     slope: f64,
 }
@@ -189,7 +161,7 @@ impl Lead {
     /// The same part for `element`.
     pub(crate) fn take(&self, element: &Element, state: &mut State) {
         let Motion { velocity, time } = self.motion;
-        match self.course.as_ref().and_then(|course| element.follow(state, course)) {
+        match self.course.as_ref().and_then(|course| element.follow(state, self.motion, course)) {
             Some(next) => state.commit(next),
             None => _ = element.step(state, velocity * time, time),
         }

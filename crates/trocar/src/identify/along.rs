@@ -36,8 +36,9 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     let without = Input { recordings: &recordings, ..*input };
     // A fit that ends higher than it began has lost its way.
     let error = |input: &Input, f: &ElementFit| element::sampled_rms(input, &f.fitted.best.candidate);
-    let again = element::again(&without, &fit).filter(|again| error(&without, again) <= error(&without, &fit));
-    let (constant, along) = (error(input, &fit), error(&without, again.as_ref().unwrap_or(&fit)));
+    let (constant, kept) = (error(input, &fit), error(&without, &fit));
+    let again = element::again(&without, &fit).map(|again| (error(&without, &again), again));
+    let (along, again) = again.filter(|(along, _)| *along <= kept).map_or((kept, None), |(e, again)| (e, Some(again)));
     if along > constant {
         let why = format!("with a profile the whole motion is off by {along:.4} N rms, without by {constant:.4} N");
         return (Some(fit), Err(why));

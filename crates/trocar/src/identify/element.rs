@@ -24,7 +24,7 @@ use super::terms::{self, Chosen, Term, TermTrial};
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_stretches};
 use super::{FreeMotion, IdentifyOptions, Progress, Segments, acceleration, inertia};
-use crate::recording::Recording;
+use crate::recording::{Recording, range};
 use crate::replay::replay;
 use crate::segment::Direction;
 
@@ -469,7 +469,7 @@ const SURE: f64 = 1e-3;
 /// Largest less smallest reading of a recording, N.
 fn swing(recordings: &[Recording]) -> f64 {
     let of = |r: &Recording| {
-        let (low, high) = r.force.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
+        let (low, high) = range(&r.force);
         high - low
     };
     recordings.iter().map(of).fold(0.0, f64::max)

@@ -339,27 +339,31 @@ fn scores(
     }
     // A delay is no term of the model, but may pass for a mass; and a mass that is not tried for friction that falls with speed.
     let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay, Extra::Acceleration];
-    let before = extra.len();
-    extra.extend(columns.iter().map(|(term, start)| match term {
-        Term::HiddenMass => Extra::Acceleration,
-        _ => Extra::Secant(start.clone()),
-    }));
-    let normal = fitted.with_columns(training, &extra)?;
     let own = fitted.held.len();
-    let damping = columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| own + before + k);
+    let [delay, acceleration] = [own, own + 1];
+    let place = |(term, start): &(Term, EmsTrial)| match term {
+        Term::HiddenMass => acceleration,
+        _ => {
+            extra.push(Extra::Secant(start.clone()));
+            own + extra.len() - 1
+        }
+    };
+    let places: Vec<usize> = columns.iter().map(place).collect();
+    let normal = fitted.with_columns(training, &extra)?;
+    let damping = columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| places[k]);
     let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
     let count = 0.5 * (terms + columns.len()) as f64;
     let sigma2 = variance(fitted);
     let tested: Vec<Option<Score>> = columns
         .into_par_iter()
-        .enumerate()
-        .map(|(k, (term, start))| {
+        .zip(places)
+        .map(|((term, start), place)| {
             let beside: Vec<usize> = match term {
-                Term::HiddenMass => [Some(own), damping].into_iter().flatten().collect(),
-                Term::Stribeck if !best.layout.hidden_mass => vec![own + 1],
+                Term::HiddenMass => [Some(delay), damping].into_iter().flatten().collect(),
+                Term::Stribeck if !best.layout.hidden_mass => vec![acceleration],
                 _ => Vec::new(),
             };
-            score(&normal, &fitted.held, &beside, own + before + k, sigma2, (term, start))
+            score(&normal, &fitted.held, &beside, place, sigma2, (term, start))
         })
         .collect();
     let mut scores: Vec<Score> = Vec::new();

@@ -277,7 +277,8 @@ fn describe_values(columns: &Columns, quality: &mut Quality) {
     quality.force_noise = noise(&columns.time, &columns.force, quality.force_resolution);
 }
 
-fn range(values: &[f64]) -> (f64, f64) {
+/// Least and greatest of `values`.
+pub(crate) fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
