@@ -131,6 +131,8 @@ impl Stages {
     /// As [`Friction::step`], and beside it the same step of models that differ little: they are sought from where this one
     /// arrives, at a fraction of the work of steps by themselves and to the same accuracy; what they share is stepped once.
     ///
+    /// Every model of `beside` was put beside this one ([`Stages::beside`]), and both were stepped together since.
+    ///
     /// ```
     /// # use trocar_model::{Element, ElementParams, Stages, Friction};
     /// # fn main() -> Result<(), trocar_model::ParamError> {
@@ -147,6 +149,8 @@ impl Stages {
     /// ```
     pub fn step_beside(&self, state: &mut StagesState, beside: &mut [Beside], displacement: f64, duration: f64) -> f64 {
         for (k, (element, led)) in self.elements().iter().zip(&mut state.states).enumerate() {
+            let is_own = |other: &Beside| other.stages.elements[k] == *element && other.state.states[k] == *led;
+            debug_assert!(beside.iter().all(|other| !other.shared[k] || is_own(other)), "beside another model");
             element.lead(led, displacement, duration, |lead| {
                 for other in beside.iter_mut().filter(|other| !other.shared[k] && k < other.stages.count) {
                     lead.take(&other.stages.elements[k], &mut other.state.states[k]);

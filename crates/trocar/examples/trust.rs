@@ -1,10 +1,11 @@
 //! How often an identification states something wrong with confidence: hard benches with known truth.
 //!
 //! ```text
-//! cargo run --release -p trocar --example trust -- [--seeds N] [--kind NAME] [--json FILE] [--most-percent P]
+//! cargo run --release -p trocar --example trust -- [--seeds N] [--kind NAME,...] [--coverage yes] [--json FILE] [--most-percent P]
 //! ```
-//! N seeds (default 3) of the kind NAME, or of every kind whose name contains NAME; fails where more than P per cent of the
-//! parameters are confidently wrong. A parameter is right if it is
+//! N seeds (default 3) of the kinds NAME, or of every kind whose name contains NAME; with --coverage only the table of how often
+//! intervals hold the truth, and the optional terms that were found where they are and where they are not; fails where more than P per
+//! cent of the parameters are confidently wrong. A parameter is right if it is
 //! determined by the data and its 95 % interval holds the truth; confidently wrong if the interval misses the truth and
 //! no warning calls the result doubtful; absent if the seal has it and the result does not list it.
 
@@ -13,30 +14,34 @@ mod trust;
 
 use std::collections::BTreeMap;
 
+use trocar::identify::Term;
 use trust::judge::{Judged, Outcome, Verdict, judge};
 use trust::kinds::{AnyError, kinds};
 
 struct Arguments {
     seeds: u64,
-    kind: String,
+    kinds: Vec<String>,
+    coverage: bool,
     json: Option<String>,
     most_percent: f64,
 }
 
 fn arguments() -> Result<Arguments, AnyError> {
-    let mut all = Arguments { seeds: 3, kind: String::new(), json: None, most_percent: 100.0 };
+    let mut all = Arguments { seeds: 3, kinds: Vec::new(), coverage: false, json: None, most_percent: 100.0 };
     let mut given = std::env::args().skip(1);
     while let Some(key) = given.next() {
         let value = given.next().ok_or_else(|| format!("{key} needs a value"))?;
         match key.as_str() {
             "--seeds" => all.seeds = value.parse()?,
-            "--kind" => all.kind = value,
+            "--kind" => all.kinds = value.split(',').map(str::to_owned).collect(),
+            "--coverage" => all.coverage = value == "yes",
             "--json" => all.json = Some(value),
             "--most-percent" => all.most_percent = value.parse()?,
             _ => {
-                return Err(
-                    format!("unknown argument {key}, expected --seeds, --kind, --json or --most-percent").into()
-                );
+                return Err(format!(
+                    "unknown argument {key}, expected --seeds, --kind, --coverage, --json or --most-percent"
+                )
+                .into());
             }
         }
     }
@@ -97,6 +102,43 @@ fn print_parameters(outcomes: &[Outcome]) {
     }
 }
 
+/// How often the intervals of determined parameters hold the truth, doubtful results included.
+fn print_coverage(outcomes: &[Outcome]) {
+    let mut by_name: BTreeMap<&str, [usize; 3]> = BTreeMap::new();
+    for judged in outcomes.iter().flat_map(|o| &o.judged).filter(|j| j.ci95.is_some()) {
+        let counts = by_name.entry(&judged.parameter).or_default();
+        match judged.verdict {
+            Verdict::Right => counts[0] += 1,
+            Verdict::Undetermined => counts[2] += 1,
+            _ => counts[1] += 1,
+        }
+    }
+    println!("| parameter | intervals | hold the truth, % | undetermined |");
+    println!("|---|---|---|---|");
+    for (name, [right, wrong, undetermined]) in by_name {
+        let percent = 1e2 * right as f64 / (right + wrong).max(1) as f64;
+        println!("| {name} | {} | {percent:.1} | {undetermined} |", right + wrong);
+    }
+    println!();
+}
+
+/// How often the optional terms were found, where the benches have them and where not.
+fn print_terms(outcomes: &[Outcome]) {
+    println!("| term | benches with it | found, % | benches without it | found, % |");
+    println!("|---|---|---|---|---|");
+    for term in Term::ALL {
+        let share = |has: bool| {
+            let own: Vec<&Outcome> =
+                outcomes.iter().filter(|o| o.refused.is_none() && o.true_terms.contains(&term) == has).collect();
+            let found = own.iter().filter(|o| o.found_terms.contains(&term)).count();
+            let percent = 1e2 * found as f64 / own.len() as f64;
+            if own.is_empty() { "0 | ".to_owned() } else { format!("{} | {percent:.1}", own.len()) }
+        };
+        println!("| {} | {} | {} |", term.words(), share(true), share(false));
+    }
+    println!();
+}
+
 /// Prints all counts; returns the percentage of parameters that are confidently wrong.
 fn print_total(outcomes: &[Outcome]) -> f64 {
     let [right, confident, doubtful, undetermined, absent] = counts(outcomes.iter().flat_map(|o| &o.judged));
@@ -125,8 +167,9 @@ fn main() -> Result<(), AnyError> {
     let arguments = arguments()?;
     let mut outcomes: Vec<Outcome> = Vec::new();
     let kinds = kinds();
-    let exact = kinds.iter().any(|kind| kind.name == arguments.kind);
-    let asked_for = |name: &str| if exact { name == arguments.kind } else { name.contains(&arguments.kind) };
+    let is_name = |asked: &str| kinds.iter().any(|kind| kind.name == asked);
+    let is_meant = |name: &str, asked: &str| if is_name(asked) { name == asked } else { name.contains(asked) };
+    let asked_for = |name: &str| arguments.kinds.is_empty() || arguments.kinds.iter().any(|k| is_meant(name, k));
     for kind in kinds.iter().filter(|kind| asked_for(kind.name)) {
         for seed in 1..=arguments.seeds {
             let bench = (kind.make)(seed)?;
@@ -144,10 +187,15 @@ fn main() -> Result<(), AnyError> {
     if let Some(path) = &arguments.json {
         std::fs::write(path, serde_json::to_string_pretty(&outcomes)?)?;
     }
-    print_kinds(&outcomes);
-    println!();
-    print_parameters(&outcomes);
-    println!();
+    if arguments.coverage {
+        print_coverage(&outcomes);
+        print_terms(&outcomes);
+    } else {
+        print_kinds(&outcomes);
+        println!();
+        print_parameters(&outcomes);
+        println!();
+    }
     let percent = print_total(&outcomes);
     if percent > arguments.most_percent {
         return Err(format!("{percent:.1} % confidently wrong, at most {} % expected", arguments.most_percent).into());

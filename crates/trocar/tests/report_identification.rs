@@ -366,7 +366,7 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
 
 /// The bench's result as if it came from a fit to all motion, and its recordings with a hand-like one.
 fn of_all_motion() -> (Identification, Vec<Recording>) {
-    let trial = |term, p_value, gain| TermTrial { term, kept: p_value < 1e-4, p_value, gain };
+    let trial = |term, p_value, gain| TermTrial { term, kept: p_value < 1e-4, p_value, gain, why_not: None };
     let fit = FitSummary {
         terms: vec![
             trial(Term::SecondStage, 0.3, 0.002),

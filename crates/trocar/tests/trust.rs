@@ -4,7 +4,8 @@
 #[path = "trust/mod.rs"]
 mod trust;
 
-use trocar::identify::Estimate;
+use trocar::identify::{Estimate, IdentifyOptions, Term, identify};
+use trocar::recording::Recording;
 use trust::judge::{Outcome, Verdict, judge};
 use trust::kinds::kinds;
 
@@ -62,4 +63,70 @@ fn easy_benches_are_right() {
     let share = confidently_wrong(&outcomes);
     // One parameter in twenty is outside of its 95 % interval; of some thirty, two or three at times.
     assert!(share < 0.15, "{share}");
+}
+
+/// A mass enters through accelerations, whose noise made it a fifth too small where the encoder is no finer than here.
+#[test]
+fn an_undeclared_mass_does_not_depend_on_the_noise_of_the_accelerations() {
+    let outcomes = outcomes(&["scatter_5", "mass_0.3_undeclared"], 4);
+    for outcome in &outcomes {
+        let mass = outcome.judged.iter().find(|j| j.parameter == "hidden_mass_kg").expect("a mass is judged");
+        let ratio = mass.value.expect("it is found") / mass.truth[0];
+        assert!((0.94..1.06).contains(&ratio), "{} {}: {ratio} of the mass", outcome.kind, outcome.seed);
+    }
+}
+
+#[test]
+fn a_delay_is_told_from_a_contact_that_creeps() {
+    for outcome in outcomes(&["creep_3_mm_s"], 3) {
+        assert!(outcome.delay_s < 5e-4, "seed {}: {} s", outcome.seed, outcome.delay_s);
+        let creep = outcome.judged.iter().find(|j| j.parameter == "creep_velocity_m_s").expect("it creeps");
+        assert_eq!(creep.verdict, Verdict::Right, "{creep:?}");
+    }
+    for outcome in outcomes(&["positions_20_ms_late"], 2) {
+        assert!((outcome.delay_s - 0.02).abs() < 5e-4, "seed {}: {} s", outcome.seed, outcome.delay_s);
+    }
+}
+
+#[test]
+fn what_sampling_or_rounding_hide_is_doubtful_and_named() {
+    for (kind, subject) in [("coarse_sampling_100_hz", "hidden_mass_kg"), ("coarse_force_0.5_n", "")] {
+        for outcome in outcomes(&[kind], 2) {
+            let named = |doubt: &String| match subject {
+                "" => doubt.contains("steps of 0.5 N"),
+                subject => doubt.starts_with(subject),
+            };
+            assert!(outcome.doubts.iter().any(named), "{kind} {}: {:?}", outcome.seed, outcome.doubts);
+        }
+    }
+}
+
+#[test]
+fn a_term_that_is_not_wanted_is_not_in_the_model() {
+    let seal = kinds().into_iter().find(|kind| kind.name == "slopes_differ").expect("a kind");
+    let recordings = (seal.make)(1).expect("a seal").recordings(1).expect("the rig runs");
+    let with = |without: Vec<Term>| {
+        let options = IdentifyOptions { without, bootstrap: 0, ..IdentifyOptions::default() };
+        identify(&recordings, &options, &|_, _| {}).expect("it slides")
+    };
+    assert!(with(Vec::new()).parameter("viscous_damping_n_s_m_positive").is_some());
+    let symmetric = with(vec![Term::Asymmetry]);
+    assert!(symmetric.parameter("viscous_damping_n_s_m_positive").is_none());
+    assert_eq!(symmetric.model.insertion, symmetric.model.withdrawal);
+}
+
+#[test]
+fn a_force_without_friction_is_refused() {
+    let recordings = (kinds()[0].make)(1).expect("a seal").recordings(1).expect("the rig runs");
+    let with_force = |force: &dyn Fn(usize, f64) -> f64| {
+        let Recording { name, time, position, force: measured, .. } = recordings[0].clone();
+        let changed = measured.iter().enumerate().map(|(i, f)| force(i, *f)).collect();
+        let changed = Recording::from_columns(name, time, position, changed).expect("a recording");
+        identify(&[changed], &IdentifyOptions::default(), &|_, _| {}).map(|_| ()).expect_err("no friction").to_string()
+    };
+    assert!(with_force(&|_, _| 1.234).contains("is 1.234 N throughout"));
+    // Squares of whole numbers times the golden ratio scatter evenly.
+    let scatter = |i: usize| 0.01 * ((i * i) as f64 * 0.618_033_988_749_894_9).fract();
+    assert!(with_force(&|i, _| scatter(i)).contains("no more than its noise"));
+    assert!(with_force(&|_, f| 1e300 * f).contains("which no instrument exerts"));
 }

@@ -95,6 +95,8 @@ pub(super) struct Model<'a> {
 /// Part of the travel that is slow sliding, and part of the static force's surplus that must be left there to be seen.
 const SLOW: f64 = 0.02;
 const SEEN_RISE: f64 = 0.1;
+/// Part of that surplus that may be left at the fastest sliding.
+const LEFT_RISE: f64 = 0.5;
 
 /// What one recording shows.
 #[derive(Default)]
@@ -130,6 +132,7 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let speeds = Speeds::new(&seen);
     undetermined.extend(speeds.separated());
     undetermined.extend(speeds.slow_enough(model.candidate));
+    undetermined.extend(speeds.fast_enough(model.candidate));
     let phases = phases(input, model, &seen);
     let mut doubts: Vec<(String, String)> = phases.iter().filter_map(doubt).collect();
     if model.has_shape {
@@ -219,6 +222,13 @@ fn full_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, St
     all
 }
 
+/// Part of the rise from F_c to F_s that is left at `speed`, m/s; `None` without a rise.
+fn rise_left(candidate: &Candidate, speed: f64) -> Option<f64> {
+    let friction = candidate.insertion;
+    let rise = friction.static_force - friction.coulomb_force;
+    (rise > 0.0).then(|| (friction.level(speed) - friction.coulomb_force) / rise)
+}
+
 /// Speeds of sliding, m/s, with the travel at each, m, in ascending order.
 struct Speeds(Vec<(f64, f64)>);
 
@@ -257,16 +267,27 @@ impl Speeds {
     /// Whether sliding was seen where the Stribeck curve falls: breakaway alone does not tell at which speed it does.
     fn slow_enough(&self, candidate: &Candidate) -> Option<(Group, String)> {
         let slow = self.quantile(SLOW);
-        let friction = candidate.insertion;
-        let rise = (friction.level(slow) - friction.coulomb_force) / (friction.static_force - friction.coulomb_force);
-        (rise < SEEN_RISE).then(|| {
+        (rise_left(candidate, slow)? < SEEN_RISE).then(|| {
             let why = format!(
-                "the sliding force falls below {:.0} mm/s, the slowest sliding that was seen, so only breakaway shows it: record strokes \
-                 at {:.0} mm/s and slower",
+                "the sliding force falls below {:.1} mm/s, the slowest sliding that was seen, so only breakaway shows it: record strokes \
+                 at {:.1} mm/s and slower, too",
                 1e3 * slow,
-                1e3 * friction.stribeck_velocity
+                0.3 * 1e3 * slow
             );
             (Group::Stribeck, why)
+        })
+    }
+
+    /// Whether sliding was seen where the Stribeck curve has ended: else what is left of it cannot be told from F_c and β.
+    fn fast_enough(&self, candidate: &Candidate) -> Option<(Group, String)> {
+        let fast = self.0.last().map(|_| self.quantile(1.0 - SLOW))?;
+        (rise_left(candidate, fast)? > LEFT_RISE).then(|| {
+            let why = format!(
+                "the sliding force still falls at {:.0} mm/s, the fastest sliding that was seen: F_c, β and the Stribeck curve cannot be \
+                 told apart; record faster strokes, too",
+                1e3 * fast
+            );
+            (Group::Speed, why)
         })
     }
 }

@@ -281,7 +281,7 @@ impl Layout {
 
     /// The candidate with its free numbers replaced, each held within its range.
     pub(super) fn with(self, candidate: &Candidate, values: &[f64]) -> Candidate {
-        self.replaced(candidate, values, |value, low, high| value.clamp(low, high))
+        self.replaced(candidate, values, |value, low, high| value.max(low).min(high))
     }
 
     /// The candidate with its free numbers replaced, wherever they fall: for the spread of an estimate, not for a model.

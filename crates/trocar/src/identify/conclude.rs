@@ -7,7 +7,7 @@ use super::delay::PositionLag;
 use super::element::{self, ElementFit, Input};
 use super::scale::{FrictionScale, TOO_FAR};
 use super::terms::Term;
-use super::two_steps::{self, TwoSteps};
+use super::two_steps;
 use super::{Estimate, FitSummary, FreeMotion, Identification, IdentifyError, Parameter, Warning, numbers};
 
 /// Undamped step that a fit which has converged may still promise, in standard errors (root mean square over its numbers). The
@@ -45,7 +45,7 @@ pub(super) fn conclude(
         },
     );
     let mut parameters = match &fit {
-        Some(fit) => fitted_parameters(two, fit, &judged, &scale),
+        Some(fit) => fitted_parameters(fit, &judged, &scale),
         None => two_step_parameters.clone(),
     };
     sort(&mut parameters);
@@ -83,13 +83,10 @@ pub(super) fn conclude(
 }
 
 /// The parameters of the fit, those without an interval that the data do not determine.
-fn fitted_parameters(two: &TwoSteps, fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale) -> Vec<Parameter> {
+fn fitted_parameters(fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale) -> Vec<Parameter> {
     let mut all = numbers::parameters(&fit.fitted);
     let layout = fit.fitted.best.layout;
-    let test = two.deformation.as_ref().ok().and_then(|d| d.damping.as_ref());
-    if let Some(test) = test.filter(|_| !layout.damping) {
-        all.push(numbers::named("seal_damping_n_s_m", two_steps::tested_damping(test)));
-    }
+    all.extend(fit.left.damping.clone().map(|most| numbers::named("seal_damping_n_s_m", most)));
     for p in &mut all {
         let why = judged.undetermined.iter().find(|(group, _)| group.holds(&p.name)).map(|(_, why)| why);
         if let (Some(why), true) = (why, p.estimate.pinned) {
@@ -187,6 +184,7 @@ fn warnings(
                                the positions";
                 say("optional terms", message.to_owned(), false);
             }
+            left_unexplained(input, fit, &mut say);
             of_fit(fit, &mut say);
         }
     }
@@ -230,19 +228,60 @@ fn unresolved(model: &Candidate, say: &mut impl FnMut(&str, String, bool)) {
     say("half_width_m", message, true);
 }
 
+/// Part of the sampling interval from which a delay that is left counts, and part of the sliding force below which a step of the
+/// readings does not.
+const LATE: f64 = 0.5;
+const FINE: f64 = 0.05;
+
+/// What the readings show and the model does not have.
+fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
+    let Input { recordings, options, .. } = input;
+    let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
+    if let Some(lag) = fit.left.lag.filter(|lag| lag.is_clear() && lag.lag_s > LATE * interval) {
+        let message = format!(
+            "the positions still come {:.1} ms late (standard error {:.1} ms), which the correction does not take out: all numbers may \
+             be off; read positions and forces on one clock, or shift the positions before identifying",
+            1e3 * lag.lag_s,
+            1e3 * lag.standard_error_s
+        );
+        say("delay", message, true);
+    }
+    let is_coarse = !element::acceleration_is_resolved(recordings) && !options.inertia_removed;
+    if let Some(mass) = fit.left.mass.filter(|_| is_coarse) {
+        let message = format!(
+            "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to take \
+             it out: declare it with --moving-mass-kg, or record at 200 Hz or faster"
+        );
+        say("hidden_mass_kg", message, true);
+    }
+    let force = fit.fitted.best.candidate.insertion.coulomb_force;
+    for recording in *recordings {
+        let step = recording.quality.force_resolution;
+        if step > FINE * force && step > recording.quality.force_noise {
+            let message = format!(
+                "the force comes in steps of {step} N, {:.0} % of the sliding force: rounding that repeats with the motion is not in the \
+                 intervals; use a finer range of the sensor",
+                1e2 * step / force
+            );
+            say(&recording.name, message, true);
+        }
+    }
+}
+
 fn of_fit(fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
     let remaining = element::remaining(&fit.fitted);
     if remaining > UNFINISHED {
         let message = format!(
-            "the fit did not converge in {} iterations: its numbers are some {remaining:.1} standard errors from the least squares; a \
-             longer recording, or one sampled faster, may help",
+            "the fit did not converge in {} iterations: its numbers are some {remaining:.1} standard errors from the least squares; look \
+             for what the model does not have in the residuals of the report",
             fit.fitted.iterations,
         );
         say("fit", message, true);
     }
     for trial in fit.trials.iter().filter(|t| !t.kept && t.p_value < 0.05) {
+        let why = trial.why_not.unwrap_or("needed: 1 % over all terms tried");
         let message = format!(
-            "left out: the squared error would fall by {:.2} %, p = {:.1e} (needed: 1 % over all terms tried)",
+            "left out: the squared error would fall by {:.2} %, p = {:.1e} ({why})",
             1e2 * trial.gain,
             trial.p_value
         );

@@ -6,7 +6,7 @@
 
 use serde::Serialize;
 
-use super::element::{self, Begun, Input};
+use super::element::{self, Begun, ElementFit, Input};
 use super::two_steps::{self, TwoSteps};
 use super::{IdentifyError, IdentifyOptions, Progress, Segments, segment};
 use crate::recording::Recording;
@@ -20,16 +20,29 @@ pub struct PositionLag {
     pub standard_error_s: f64,
     /// p value of no delay.
     pub p_value: f64,
+    /// Part of the squared error that it takes away, to first order.
+    #[serde(skip)]
+    pub(super) gain: f64,
 }
 
 impl PositionLag {
     /// p value below which a delay is believed, and least part of the squared error that it takes away.
     pub(super) const LEVEL: f64 = 1e-3;
     pub(super) const LEAST_GAIN: f64 = 0.01;
-    /// Most corrections: each is to first order about the last.
-    const MOST: usize = 4;
+    /// p value below which one that was taken out is corrected.
+    const CORRECTED: f64 = 0.01;
+    /// Most corrections: each is to first order about the last; and those after the optional terms.
+    const MOST: usize = 10;
+    const MOST_AFTER: usize = 2;
+    /// Part of the sampling interval that is no delay.
+    const NEGLIGIBLE: f64 = 0.1;
     /// Longest delay, s.
     const LONGEST: f64 = 0.15;
+
+    /// Whether it is believed.
+    pub(super) fn is_clear(&self) -> bool {
+        self.lag_s > 0.0 && self.gain > Self::LEAST_GAIN && self.p_value < Self::LEVEL
+    }
 
     /// What is left of `earlier` and this one together.
     fn added_to(self, earlier: Option<Self>) -> Self {
@@ -43,44 +56,70 @@ pub(super) struct InTime {
     pub(super) lag: Option<PositionLag>,
     pub(super) segments: Vec<Segments>,
     pub(super) two: TwoSteps,
-    /// The paper's element; `None` where none was asked for or could be fitted.
-    pub(super) begun: Option<Begun>,
+}
+
+/// Takes the delay out of the positions and fits the element, again where the optional terms change the delay; no fit where none was
+/// asked for or is possible.
+///
+/// # Errors
+/// As for the two steps.
+pub(super) fn fitted(
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    progress: Progress,
+) -> Result<(InTime, Option<ElementFit>), IdentifyError> {
+    let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
+    let later = |lag: Option<PositionLag>, more: Option<PositionLag>| {
+        let more = more.filter(|more| more.lag_s.abs() >= PositionLag::NEGLIGIBLE * interval)?;
+        let lag =
+            (more.is_clear() || lag.is_some() && more.p_value < PositionLag::CORRECTED).then(|| more.added_to(lag))?;
+        (lag.lag_s > -PositionLag::NEGLIGIBLE * interval && lag.lag_s < PositionLag::LONGEST).then_some(lag)
+    };
+    let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
+    for _ in 0..PositionLag::MOST {
+        let more = begun.as_ref().and_then(|begun| begun.position_lag(&found));
+        let Some(lag) = later(found.lag, more) else { break };
+        let Ok(shifted) = shifted(recordings, lag) else { break };
+        (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;
+    }
+    let finish = |found: &InTime, begun: Option<Begun>| element::finish(&found.input(options), begun?, progress);
+    let mut fit = finish(&found, begun);
+    for _ in 0..PositionLag::MOST_AFTER {
+        let left = fit.as_ref().map(|fit| &fit.left);
+        let more = left.and_then(|left| if found.lag.is_some() { left.lag_left } else { left.lag });
+        let Some(lag) = later(found.lag, more) else { break };
+        let Ok(shifted) = shifted(recordings, lag) else { break };
+        let (other, begun) = InTime::of(shifted, Some(lag), options, progress)?;
+        let other_fit = finish(&other, begun);
+        let error = |fit: &Option<ElementFit>| fit.as_ref().map_or(f64::INFINITY, |f| f.fitted.rms[1]);
+        if error(&other_fit) >= error(&fit) {
+            break;
+        }
+        (found, fit) = (other, other_fit);
+    }
+    found.lag = found.lag.filter(|lag| lag.lag_s >= PositionLag::NEGLIGIBLE * interval);
+    Ok((found, fit))
+}
+
+fn shifted(recordings: &[Recording], lag: PositionLag) -> Result<Vec<Recording>, crate::recording::RecordingError> {
+    recordings.iter().map(|r| r.with_position_lag(lag.lag_s.max(0.0))).collect()
 }
 
 impl InTime {
-    /// Takes the delay out of the positions, correction by correction.
-    pub(super) fn new(
-        recordings: &[Recording],
-        options: &IdentifyOptions,
-        progress: Progress,
-    ) -> Result<Self, IdentifyError> {
-        let mut found = Self::of(recordings.to_vec(), None, options, progress)?;
-        let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
-        for _ in 0..PositionLag::MOST {
-            let Some(more) = found.begun.as_ref().and_then(|begun| begun.position_lag(&found.recordings)) else {
-                break;
-            };
-            if more.lag_s < 0.1 * interval {
-                break;
-            }
-            let lag = more.added_to(found.lag);
-            let shifted = recordings.iter().map(|r| r.with_position_lag(lag.lag_s)).collect::<Result<Vec<_>, _>>();
-            let Some(shifted) = shifted.ok().filter(|_| lag.lag_s < PositionLag::LONGEST) else { break };
-            found = Self::of(shifted, Some(lag), options, progress)?;
-        }
-        Ok(found)
-    }
-
     fn of(
         recordings: Vec<Recording>,
         lag: Option<PositionLag>,
         options: &IdentifyOptions,
         progress: Progress,
-    ) -> Result<Self, IdentifyError> {
+    ) -> Result<(Self, Option<Begun>), IdentifyError> {
         let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
         let two = two_steps::two_steps(&recordings, &segments, options)?;
-        let input = Input { recordings: &recordings, segments: &segments, two: &two, options };
-        let begun = if options.paper { None } else { element::begin(&input, progress) };
-        Ok(Self { recordings, lag, segments, two, begun })
+        let found = Self { recordings, lag, segments, two };
+        let begun = if options.paper { None } else { element::begin(&found.input(options), progress) };
+        Ok((found, begun))
+    }
+
+    fn input<'a>(&'a self, options: &'a IdentifyOptions) -> Input<'a> {
+        Input { recordings: &self.recordings, segments: &self.segments, two: &self.two, options }
     }
 }

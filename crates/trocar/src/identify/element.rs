@@ -14,16 +14,16 @@ use trocar_model::{Branch, Element, ElementParams};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::ASSUMED_WIDTH;
-use super::delay::PositionLag;
-use super::estimate::t_p_value;
-use super::likelihood::{self, Extra, Fitted, ScaleVariance, Stop};
+use super::delay::{InTime, PositionLag};
+use super::likelihood::{self, Fitted, ScaleVariance, Stop};
 use super::scale::{FrictionScale, Jump};
 use super::shape::BranchShape;
 use super::spread::Spread;
 use super::terms::{self, Chosen, Term, TermTrial};
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_stretches};
-use super::{FreeMotion, IdentifyOptions, Progress, Segments, acceleration, inertia};
+use super::unexplained::{Left, Unexplained};
+use super::{FreeMotion, IdentifyOptions, Progress, Segments, inertia};
 use crate::recording::{Recording, range};
 use crate::replay::replay;
 use crate::segment::Direction;
@@ -61,6 +61,7 @@ pub(super) struct ElementFit {
     pub(super) scale: FrictionScale,
     /// Root mean square error, N, of the paper's element fitted to the same readings.
     pub(super) paper_rms: f64,
+    pub(super) left: Left,
 }
 
 /// A fit with the training and the variances of the friction scale that belong to it.
@@ -173,9 +174,7 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
         // The width was found without the terms: with them another may do better.
         let other = other_width(&training, &chosen.fitted);
         if let Some(other) = other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost()) {
-            let before = std::mem::take(&mut chosen.trials);
             chosen = terms::choose(&training, other, &excluded, speeds(input));
-            chosen.trials.splice(0..0, before.into_iter().filter(|t| t.kept));
         }
     }
     let Chosen { fitted, trials } = chosen;
@@ -189,7 +188,11 @@ impl Scaled {
     /// With the terms tried, and the error of the paper's element.
     fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
         let scale = FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
-        ElementFit { fitted: self.fitted, trials, scale, paper_rms }
+        let mut left = Left::by(&self.training, &self.fitted);
+        if !acceleration_is_resolved(input.recordings) {
+            (left.lag, left.lag_left) = (None, None);
+        }
+        ElementFit { fitted: self.fitted, trials, scale, paper_rms, left }
     }
 }
 
@@ -205,22 +208,12 @@ fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda:
 }
 
 impl Begun {
-    /// The delay of the positions, beside an unmodelled mass and the damping of the deformation: none where the sampling does not
-    /// resolve those.
-    pub(super) fn position_lag(&self, recordings: &[Recording]) -> Option<PositionLag> {
-        if !acceleration_is_resolved(recordings) {
+    /// The delay of the positions: none where the sampling does not resolve what may pass for one.
+    pub(super) fn position_lag(&self, found: &InTime) -> Option<PositionLag> {
+        if !acceleration_is_resolved(&found.recordings) {
             return None;
         }
-        let best = &self.fitted.best;
-        let mut damped = best.clone();
-        damped.candidate.seal_damping += 1.0;
-        let extra = [Extra::Delay, Extra::Acceleration, Extra::Secant(damped)];
-        let normal = self.fitted.with_columns(&self.training, &extra)?;
-        let own = self.fitted.held.len();
-        let step = normal.one_step(&self.fitted.held, &[own + 1, own + 2], own, variance(&self.fitted))?;
-        let p_value = 0.5 * t_p_value(step.amplitude / step.standard_error, step.degrees);
-        let lag = PositionLag { lag_s: step.amplitude, standard_error_s: step.standard_error, p_value };
-        (step.amplitude > 0.0 && step.gain > PositionLag::LEAST_GAIN && p_value < PositionLag::LEVEL).then_some(lag)
+        Unexplained::new(&self.training, &self.fitted)?.lag_left()
     }
 }
 
@@ -439,7 +432,7 @@ fn training(input: &Input, of: &Candidate) -> Option<Training> {
             Ok(found) => settled_stretches(recording, segments, &two.steady, found),
             Err(_) => Vec::new(),
         };
-        (settled, acceleration(recording))
+        (settled, recording.acceleration())
     };
     let parts: Vec<_> = recordings.iter().zip(*segments).map(segmented).collect();
     let data: Vec<Segmented> = recordings
@@ -466,13 +459,14 @@ const NEGLIGIBLE: f64 = 0.01;
 /// p value of the two steps' test of symmetry from which each direction starts with a slope of its own.
 const SURE: f64 = 1e-3;
 
-/// Largest less smallest reading of a recording, N.
+/// Largest less smallest reading, N; infinite where the sensor was at an end of its range.
 fn swing(recordings: &[Recording]) -> f64 {
-    let of = |r: &Recording| {
-        let (low, high) = range(&r.force);
-        high - low
-    };
-    recordings.iter().map(of).fold(0.0, f64::max)
+    if recordings.iter().any(|r| !r.quality.saturated.is_empty()) {
+        return f64::INFINITY;
+    }
+    let ends = recordings.iter().map(|r| range(&r.force));
+    let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |all, own| (all.0.min(own.0), all.1.max(own.1)));
+    high - low
 }
 
 /// None for an axis without a seal; the element of the two steps; where they resolved no deformation, straight ones of several widths.
@@ -480,12 +474,13 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     let Input { recordings, two, options, .. } = input;
     let mut candidate = two.candidate.clone();
     let steady = &two.steady;
-    let own_slopes = steady.symmetry_p_value.is_some_and(|p| p < SURE);
+    let is_wanted = |term: Term| !options.without.contains(&term);
+    let own_slopes = is_wanted(Term::Asymmetry) && steady.symmetry_p_value.is_some_and(|p| p < SURE);
     let layout = Layout {
         offset: options.offset.is_none(),
         own_slopes,
         own_levels: own_slopes && options.offset.is_some(),
-        stribeck: steady.stribeck.is_some(),
+        stribeck: is_wanted(Term::Stribeck) && steady.stribeck.is_some(),
         // Sliding both ways swings by twice the force.
         largest: if options.offset.is_some() { 1.0 } else { 0.5 } * swing(recordings),
         narrowest: narrowest(input),

@@ -17,7 +17,7 @@
 use serde::Serialize;
 use trocar_model::{Element, Stages};
 
-use crate::recording::{Recording, RecordingError, local_acceleration};
+use crate::recording::{Recording, RecordingError, range};
 use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches};
 use crate::travel::{TravelFit, TravelProfile};
 
@@ -63,6 +63,7 @@ mod stribeck;
 mod terms;
 mod training;
 mod two_steps;
+mod unexplained;
 
 /// How to identify.
 #[derive(Debug, Clone)]
@@ -138,6 +139,17 @@ pub enum IdentifyError {
     ForceSign {
         /// Coulomb force found, N.
         coulomb_force: f64,
+    },
+    /// The force does not change, or by more than any sensor reads.
+    #[error(
+        "{name}: the force {what}, from which no friction can be identified\n\nhint: is the sensor connected, and is force_n the right \
+         column, in newtons?"
+    )]
+    NoForce {
+        /// Name of the recording.
+        name: String,
+        /// What it does instead.
+        what: String,
     },
     /// A recording is given twice.
     #[error("{first} and {second} hold the same bytes: counted twice, they would make every interval too narrow")]
@@ -315,10 +327,11 @@ pub fn identify(
             return Err(IdentifyError::SameRecording { first: first.name.clone(), second: second.name.clone() });
         }
     }
+    recordings.iter().try_for_each(shows_force)?;
     progress("steady state", 0.1);
-    let InTime { recordings, lag, segments, two, begun } = InTime::new(recordings, options, progress)?;
+    let (in_time, fit) = delay::fitted(recordings, options, progress)?;
+    let InTime { recordings, lag, segments, two } = in_time;
     let input = Input { recordings: &recordings, segments: &segments, two: &two, options };
-    let fit = begun.and_then(|begun| element::finish(&input, begun, progress));
     if fit.is_none() && two.steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
             passes: segments.iter().map(|s| s.passes.len()).sum(),
@@ -331,28 +344,40 @@ pub fn identify(
     conclude::conclude(&input, fit, profile, lag)
 }
 
+/// Swing of the force, in its noise, that noise alone hardly has.
+const BEYOND_NOISE: f64 = 10.0;
+/// Force, N, beyond those of instruments and of robots' axes.
+const LARGEST_FORCE: f64 = 1e6;
+
+/// Refuses a recording whose force holds no friction.
+fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
+    let no_force = |what: String| Err(IdentifyError::NoForce { name: recording.name.clone(), what });
+    let (low, high) = range(&recording.force);
+    let noise = recording.quality.force_noise;
+    let largest = low.abs().max(high.abs());
+    if largest > LARGEST_FORCE {
+        return no_force(format!("reaches {largest:.1e} N, which no instrument exerts"));
+    }
+    // One stroke at constant speed has a constant force.
+    if passes(recording, reversal_threshold(recording)).len() < 2 {
+        return Ok(());
+    }
+    if low == high {
+        return no_force(format!("is {low} N throughout"));
+    }
+    if high - low < BEYOND_NOISE * noise {
+        return no_force(format!(
+            "changes by {:.3} N, no more than its noise of {noise:.3} N rms makes it",
+            high - low
+        ));
+    }
+    Ok(())
+}
+
 fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
     let passes = passes(recording, reversal_threshold(recording));
     let stretches = stretches(recording, &passes, options);
     Segments { passes, stretches }
-}
-
-/// Acceleration, m/s², over the window that the sampling and the encoder ask for.
-///
-/// A window blurs the edges of a pulse, and a force regressed on a blurred acceleration gives too large a mass. What a window of a
-/// third, noisier but sharper, holds of the smooth one where that is large makes up for it (regression calibration).
-fn acceleration(recording: &Recording) -> Vec<f64> {
-    let window = recording.acceleration_window();
-    let mut smooth = local_acceleration(recording, window);
-    let sharp = local_acceleration(recording, window / 3.0);
-    let mut sorted: Vec<f64> = smooth.iter().map(|a| a.abs()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let large = 0.3 * sorted[(0.99 * (sorted.len() - 1) as f64) as usize];
-    let pulses = smooth.iter().zip(&sharp).filter(|(a, _)| a.abs() > large);
-    let (both, square) = pulses.fold((0.0, 0.0), |(both, square), (a, b)| (both + a * b, square + a * a));
-    let factor = if square > 0.0 { (both / square).clamp(0.8, 1.25) } else { 1.0 };
-    smooth.iter_mut().for_each(|a| *a *= factor);
-    smooth
 }
 
 /// Force, N, of the inertia of `mass`, kg, at every sample.
@@ -360,5 +385,5 @@ fn inertia(recording: &Recording, mass: f64) -> Vec<f64> {
     if mass == 0.0 {
         return vec![0.0; recording.len()];
     }
-    acceleration(recording).into_iter().map(|a| mass * a).collect()
+    recording.acceleration().into_iter().map(|a| mass * a).collect()
 }

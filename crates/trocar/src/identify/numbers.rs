@@ -3,7 +3,7 @@
 use trocar_model::SlidingFriction;
 
 use super::candidate::{Candidate, EmsTrial, Layout};
-use super::likelihood::Fitted;
+use super::likelihood::{Fitted, Trial};
 use super::shape::BranchShape;
 use super::spread::{Reported, Spread};
 use super::stage::SecondStage;
@@ -161,6 +161,15 @@ fn factor_of(name: &str) -> f64 {
     }
 }
 
+/// What an interval in `unit` is measured by.
+fn scale_of(best: &Candidate, unit: &str) -> f64 {
+    match unit {
+        "N" => best.insertion.coulomb_force,
+        "m" => best.half_width,
+        _ => best.insertion.viscous_damping.max(1.0),
+    }
+}
+
 /// A number of the best candidate with its interval; `factor` is that on its standard error.
 pub(super) fn parameter(
     spread: &Spread<EmsTrial>,
@@ -168,20 +177,42 @@ pub(super) fn parameter(
     (name, unit, least, log, of): Quantity,
     factor: f64,
 ) -> Parameter {
-    let scale = match unit {
-        "N" => best.insertion.coulomb_force,
-        "m" => best.half_width,
-        _ => best.insertion.viscous_damping.max(1.0),
-    };
+    let scale = scale_of(best, unit);
     let how = Reported { unit, log, scale, least, factor };
     named(name, spread.estimate(how, &|t| of(&t.candidate)))
 }
 
-/// Whether the data determine how large the term is.
+/// The same, but for a number that the fit holds at an end of its range.
+pub(super) fn parameter_or_held(
+    fitted: &Fitted<EmsTrial>,
+    spread: &Spread<EmsTrial>,
+    quantity: Quantity,
+    factor: f64,
+) -> Parameter {
+    let best = &fitted.best.candidate;
+    let (name, unit, .., of) = quantity;
+    match is_held(fitted, of) {
+        true => named(name, Estimate::not_pinned(of(best), unit, "the fit holds it at an end of its range")),
+        false => parameter(spread, best, quantity, factor),
+    }
+}
+
+/// Whether a number stands for one that is held at an end of its range: it alone, or the width with it, moves the number.
+fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
+    let free = fitted.best.free();
+    let value = of(&fitted.best.candidate);
+    (0..free.len()).filter(|j| fitted.held[*j]).any(|j| {
+        let mut values: Vec<f64> = free.iter().map(|f| f.value).collect();
+        values[j] += free[j].step;
+        of(&fitted.best.with_any(&values).candidate) != value
+    })
+}
+
+/// Whether the data determine the term.
 pub(super) fn is_determined(fitted: &Fitted<EmsTrial>, term: Term) -> bool {
-    let EmsTrial { candidate, layout, .. } = &fitted.best;
-    let own = quantities(*layout).into_iter().find(|(name, ..)| *name == term.parameter());
-    own.is_none_or(|q| parameter(&Spread::new(fitted), candidate, q, factor_of(q.0)).estimate.pinned)
+    let spread = Spread::new(fitted);
+    let own = quantities(fitted.best.layout).into_iter().filter(|q| term.parameters().contains(&q.0));
+    own.into_iter().all(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)).estimate.pinned)
 }
 
 /// Main parameters of the fit with intervals: jackknife over clusters, to first order ([`Spread`]).
@@ -189,11 +220,12 @@ pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
     let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
     let mut all: Vec<Parameter> =
-        quantities(*layout).into_iter().map(|q| parameter(&spread, best, q, factor_of(q.0))).collect();
+        quantities(*layout).into_iter().map(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0))).collect();
     all.iter_mut().filter(|p| p.name == "friction_lag_s").for_each(|p| p.estimate = shortest_lag(&p.estimate));
     for quantity in branch_quantities(best).into_iter().filter(|_| layout.shape) {
         let factor = if quantity.name.contains("_join_") { SHAPE } else { 1.0 };
-        let how = Reported { unit: quantity.unit, log: false, scale: f64::INFINITY, least: f64::NEG_INFINITY, factor };
+        let scale = if quantity.name.contains("theta") { f64::INFINITY } else { scale_of(best, quantity.unit) };
+        let how = Reported { unit: quantity.unit, log: false, scale, least: f64::NEG_INFINITY, factor };
         let estimate = spread.estimate(how, &|t| (quantity.of)(&t.candidate));
         all.push(Parameter { name: quantity.name, estimate });
     }

@@ -8,9 +8,8 @@ use trocar_model::Stages;
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ClassicalData, LONG, SHORT, doubts};
 use super::element::straight;
-use super::estimate::Estimate;
-use super::likelihood::{self, Fitted, Trial};
-use super::numbers::{Quantity, named, parameter};
+use super::likelihood::{self, Fitted};
+use super::numbers::{Quantity, parameter_or_held};
 use super::spread::Spread;
 use super::{Identification, Parameter, Warning};
 
@@ -82,25 +81,6 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
 }
 
 fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
-    let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
-    let parameter = |quantity: Quantity| {
-        let (name, unit, .., of) = quantity;
-        match is_held(fitted, of) {
-            true => named(name, Estimate::not_pinned(of(best), unit, "the fit holds it at an end of its range")),
-            false => parameter(&spread, best, quantity, 1.0),
-        }
-    };
-    quantities(*layout).into_iter().map(parameter).collect()
-}
-
-/// Whether a number stands for one that is held at an end of its range: it alone, or the width with it, moves the number.
-fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
-    let free = fitted.best.free();
-    let value = of(&fitted.best.candidate);
-    (0..free.len()).filter(|j| fitted.held[*j]).any(|j| {
-        let mut values: Vec<f64> = free.iter().map(|f| f.value).collect();
-        values[j] += free[j].step;
-        of(&fitted.best.with_any(&values).candidate) != value
-    })
+    quantities(fitted.best.layout).into_iter().map(|q| parameter_or_held(fitted, &spread, q, 1.0)).collect()
 }

@@ -10,7 +10,8 @@
 //! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried (BONFERRONI; the columns of one
 //! term are much alike, and each behind the first counts as half) the one that takes most of the squared error away is fitted, and the
 //! others are tested again beside it. So of recordings without any term at most one in a hundred gets one. Where no clear one is left, a
-//! term with p < [`SUSPECTED`] that promises much ([`LARGE_GAIN`]) is fitted and judged by the F test of what the fit gains.
+//! term with p < [`SUSPECTED`] that promises much ([`LARGE_GAIN`]) is fitted and judged by the F test of what the fit gains. In the end
+//! a term is taken out again where the fit without it is worse by no more than chance (the same F test).
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -97,19 +98,24 @@ impl Term {
         }
     }
 
-    /// The number that says how large the term is.
-    pub(super) fn parameter(self) -> &'static str {
+    /// The numbers without which the term is not determined; the first says how large it is.
+    pub(super) fn parameters(self) -> &'static [&'static str] {
         match self {
-            Self::Stribeck => "static_force_n",
-            Self::SealDamping => "seal_damping_n_s_m",
-            Self::MinorLoops => "yield_stiffness_n_m",
-            Self::Creep => "creep_velocity_m_s",
-            Self::Relaxation => "relaxation_stiffness_n_m",
-            Self::SecondRelaxation => "second_relaxation_stiffness_n_m",
-            Self::HiddenMass => "hidden_mass_kg",
-            Self::Asymmetry => "viscous_damping_n_s_m_positive",
-            Self::SecondStage => "second_coulomb_force_n",
+            Self::Stribeck => &["static_force_n"],
+            Self::SealDamping => &["seal_damping_n_s_m"],
+            Self::MinorLoops => &["yield_stiffness_n_m"],
+            Self::Creep => &["creep_velocity_m_s"],
+            Self::Relaxation => &["relaxation_stiffness_n_m", "relaxation_time_s"],
+            Self::SecondRelaxation => &["second_relaxation_stiffness_n_m", "second_relaxation_time_s"],
+            Self::HiddenMass => &["hidden_mass_kg"],
+            Self::Asymmetry => &["viscous_damping_n_s_m_positive"],
+            Self::SecondStage => &["second_coulomb_force_n"],
         }
+    }
+
+    /// Whether the inertia of a mass that the model does not have may pass for the term.
+    fn may_be_inertia(self) -> bool {
+        matches!(self, Self::Stribeck | Self::SealDamping | Self::Creep | Self::Relaxation)
     }
 
     pub(super) fn is_in(self, layout: &Layout) -> bool {
@@ -197,6 +203,28 @@ impl Term {
         all
     }
 
+    /// The trial without the term; `None` of a second stage, for the first would have to take its part of the force.
+    fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
+        let mut smaller = with.clone();
+        let EmsTrial { layout, candidate, .. } = &mut smaller;
+        match self {
+            Self::Stribeck => layout.stribeck = false,
+            Self::SealDamping => (layout.damping, candidate.seal_damping) = (false, 0.0),
+            Self::MinorLoops => (layout.yielding, candidate.yield_ratio) = (false, Candidate::DEFAULT_YIELD_RATIO),
+            Self::Creep => (layout.creep, candidate.creep_velocity) = (false, 0.0),
+            Self::Relaxation | Self::SecondRelaxation => {
+                layout.arms -= 1;
+                candidate.relaxation.arms[layout.arms].stiffness = 0.0;
+            }
+            Self::HiddenMass => (layout.hidden_mass, candidate.hidden_mass) = (false, 0.0),
+            Self::Asymmetry => (layout.own_slopes, layout.own_levels) = (false, false),
+            Self::SecondStage => return None,
+        }
+        let values: Vec<f64> = smaller.layout.free(&smaller.candidate).iter().map(|f| f.value).collect();
+        smaller.candidate = smaller.layout.with(&smaller.candidate, &values);
+        Some(smaller)
+    }
+
     /// Whether only one sign of the amplitude makes sense.
     fn is_one_sided(self) -> bool {
         self != Self::Asymmetry
@@ -223,8 +251,11 @@ pub struct TermTrial {
     pub kept: bool,
     /// p value of the term beside those that were accepted before it.
     pub p_value: f64,
-    /// Part of the squared error that it takes away, to first order.
+    /// Part of the squared error that it takes away: by its fit where it is kept, else to first order.
     pub gain: f64,
+    /// Why it was left out although its p value asks for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why_not: Option<&'static str>,
 }
 
 /// A fit with the terms that the data ask for.
@@ -242,6 +273,10 @@ const SUSPECTED: f64 = 0.05;
 /// Least part of the squared error that a term must take away beside being significant: less is none that a force shows.
 const LEAST_GAIN: f64 = 1e-3;
 
+/// Why a term that its p value asks for is left out.
+const NO_BETTER: &str = "the fit with it is no better";
+const UNDETERMINED: &str = "the fit with it does not determine it";
+
 /// The most promising column of a term.
 struct Score {
     term: Term,
@@ -250,74 +285,96 @@ struct Score {
     start: EmsTrial,
 }
 
-/// Adds terms but those `excluded` as long as the data ask for one.
+/// Adds terms but those `excluded` as long as the data ask for one, and takes out those that others make needless.
 ///
 /// `speeds` are the slowest and fastest of the sliding, m/s.
-pub(super) fn choose(training: &Training, mut fitted: Fitted<EmsTrial>, excluded: &[Term], speeds: [f64; 2]) -> Chosen {
-    let from_start: Vec<Term> = Term::ALL.into_iter().filter(|t| t.is_in(&fitted.best.layout)).collect();
-    let mut trials: Vec<TermTrial> = Vec::new();
-    for term in from_start {
-        let (smaller, trial) = spared(training, fitted, term);
-        fitted = smaller;
-        trials.push(trial);
+pub(super) fn choose(training: &Training, fitted: Fitted<EmsTrial>, excluded: &[Term], speeds: [f64; 2]) -> Chosen {
+    let from_start = Term::ALL.into_iter().filter(|t| t.is_in(&fitted.best.layout));
+    let trials =
+        from_start.map(|term| TermTrial { term, kept: true, p_value: 0.0, gain: 1.0, why_not: None }).collect();
+    let mut chosen = Chosen { fitted, trials };
+    chosen.take_out_needless(training);
+    let mut excluded = excluded.to_vec();
+    loop {
+        chosen.add_needed(training, &excluded, speeds);
+        let needless = chosen.take_out_needless(training);
+        if needless.is_empty() {
+            return chosen;
+        }
+        excluded.extend(needless);
     }
-    let mut failed: Vec<Term> = Vec::new();
-    while let Some((mut scores, columns)) = scores(training, &fitted, excluded, speeds) {
-        scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        trials.retain(|t| t.kept);
-        let left_out = |s: &Score| TermTrial { term: s.term, kept: false, p_value: s.p_value, gain: s.gain };
-        trials.extend(scores.iter().map(left_out));
-        let level = LEVEL / columns;
-        let is_clear = |s: &Score| s.p_value < level && s.gain > LEAST_GAIN;
-        let is_large = |s: &Score| s.p_value < SUSPECTED && s.gain > LARGE_GAIN;
-        let open = |s: &&Score| !failed.contains(&s.term);
-        let Some(best) =
-            scores.iter().filter(open).find(|s| is_clear(s)).or(scores.iter().filter(open).find(|s| is_large(s)))
-        else {
-            break;
-        };
-        let larger = likelihood::fit(training, &best.start, NEXT);
-        // What a Stribeck curve rises to is often told by the terms that come after it.
-        let is_better = |l: &Fitted<EmsTrial>| {
-            let is_determined = best.term == Term::Stribeck || numbers::is_determined(l, best.term);
-            let is_sure = is_clear(best) || growth_p_value(training, &fitted, l) < level;
-            is_determined && is_sure && l.cost() < (1.0 - 0.3 * LEAST_GAIN) * fitted.cost()
-        };
-        match larger.filter(is_better) {
-            Some(larger) => {
-                fitted = larger;
-                trials.iter_mut().filter(|t| t.term == best.term).for_each(|t| t.kept = true);
+}
+
+impl Chosen {
+    fn add_needed(&mut self, training: &Training, excluded: &[Term], speeds: [f64; 2]) {
+        let mut failed: Vec<(Term, &'static str)> = Vec::new();
+        while let Some((mut scores, columns)) = scores(training, &self.fitted, excluded, speeds) {
+            scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+            self.trials.retain(|t| t.kept);
+            let why_not = |term: Term| failed.iter().find(|f| f.0 == term).map(|f| f.1);
+            let left_out = |s: &Score| {
+                let (p_value, gain) = (s.p_value, s.gain);
+                TermTrial { term: s.term, kept: false, p_value, gain, why_not: why_not(s.term) }
+            };
+            self.trials.extend(scores.iter().map(left_out));
+            let level = LEVEL / columns;
+            let is_clear = |s: &Score| s.p_value < level && s.gain > LEAST_GAIN;
+            let is_large = |s: &Score| s.p_value < SUSPECTED && s.gain > LARGE_GAIN;
+            let open = |s: &&Score| why_not(s.term).is_none();
+            let Some(best) =
+                scores.iter().filter(open).find(|s| is_clear(s)).or(scores.iter().filter(open).find(|s| is_large(s)))
+            else {
+                break;
+            };
+            // What a Stribeck curve rises to is often told by the terms that come after it; and creep too slow to be measured may show.
+            let may_be_open = |l: &Fitted<EmsTrial>| match best.term {
+                Term::Stribeck => true,
+                Term::Creep => l.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost(),
+                _ => false,
+            };
+            let judged = |l: Fitted<EmsTrial>| {
+                let is_determined = may_be_open(&l) || numbers::is_determined(&l, best.term);
+                let is_sure = is_clear(best) || growth_p_value(training, &self.fitted, &l) < level;
+                if !is_sure || l.cost() >= (1.0 - 0.3 * LEAST_GAIN) * self.fitted.cost() {
+                    return Err(NO_BETTER);
+                }
+                if is_determined { Ok(l) } else { Err(UNDETERMINED) }
+            };
+            match likelihood::fit(training, &best.start, NEXT).ok_or(NO_BETTER).and_then(judged) {
+                Ok(larger) => {
+                    self.fitted = larger;
+                    self.trials.iter_mut().filter(|t| t.term == best.term).for_each(|t| t.kept = true);
+                    // Beside the new term they may do better.
+                    failed.clear();
+                }
+                Err(why) => failed.push((best.term, why)),
             }
-            None => failed.push(best.term),
         }
     }
-    Chosen { fitted, trials }
-}
 
-/// The fit without a term that it began with, where the squared error grows by no more than chance.
-fn spared(training: &Training, with: Fitted<EmsTrial>, term: Term) -> (Fitted<EmsTrial>, TermTrial) {
-    let mut smaller = with.best.clone();
-    match term {
-        Term::Stribeck => smaller.layout.stribeck = false,
-        Term::Creep => (smaller.layout.creep, smaller.candidate.creep_velocity) = (false, 0.0),
-        _ => (smaller.layout.own_slopes, smaller.layout.own_levels) = (false, false),
+    /// Takes out each term without which the squared error grows by no more than chance; returns them.
+    fn take_out_needless(&mut self, training: &Training) -> Vec<Term> {
+        let mut needless = Vec::new();
+        for trial in self.trials.iter_mut().filter(|t| t.kept) {
+            let smaller = trial.term.left_out_of(&self.fitted.best);
+            let Some(without) = smaller.and_then(|s| likelihood::fit(training, &s, NEXT)) else { continue };
+            trial.p_value = growth_p_value(training, &without, &self.fitted);
+            trial.gain = 1.0 - self.fitted.cost() / without.cost();
+            if trial.p_value >= LEVEL {
+                trial.kept = false;
+                self.fitted = without;
+                needless.push(trial.term);
+            }
+        }
+        needless
     }
-    let values: Vec<f64> = smaller.layout.free(&smaller.candidate).iter().map(|f| f.value).collect();
-    smaller.candidate = smaller.layout.with(&smaller.candidate, &values);
-    let Some(without) = likelihood::fit(training, &smaller, NEXT) else {
-        return (with, TermTrial { term, kept: true, p_value: 0.0, gain: 1.0 });
-    };
-    let p_value = growth_p_value(training, &without, &with);
-    let gain = 1.0 - with.cost() / without.cost();
-    let trial = TermTrial { term, kept: p_value < LEVEL, p_value, gain };
-    if trial.kept { (with, trial) } else { (without, trial) }
 }
 
-/// p value of the growth of the squared error from the larger model to the smaller, over the strokes.
+/// p value of the growth of the squared error from the larger model to the smaller, over the clusters of strokes.
 fn growth_p_value(training: &Training, smaller: &Fitted<EmsTrial>, larger: &Fitted<EmsTrial>) -> f64 {
     let added = (larger.best.free_numbers() - smaller.best.free_numbers()) as f64;
     let growth = smaller.cost() - larger.cost();
-    f_p_value(growth / variance(larger) / added, added, training.strokes.len() as f64)
+    f_p_value(growth / variance(larger) / added, added, training.clusters() as f64 - 1.0)
 }
 
 /// The best column of each term that can be added, and how many columns were tried.
@@ -360,7 +417,7 @@ fn scores(
         .map(|((term, start), place)| {
             let beside: Vec<usize> = match term {
                 Term::HiddenMass => [Some(delay), damping].into_iter().flatten().collect(),
-                Term::Stribeck if !best.layout.hidden_mass => vec![acceleration],
+                term if term.may_be_inertia() && !best.layout.hidden_mass => vec![acceleration],
                 _ => Vec::new(),
             };
             score(&normal, &fitted.held, &beside, place, sigma2, (term, start))

@@ -338,8 +338,12 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
     if test.kept || !found.pinned {
         return found.clone();
     }
-    Estimate::from_bounds(0.0, found.ci95[0], found.ci95[1], found.unit)
-        .with_note(format!("set to zero by the test: {:.3} N s/m found, p = {:.2}", found.value, test.p_value))
+    let why = match test.p_value < 0.01 && found.value > 0.0 {
+        true => format!("its force of {:.2} N at most is no influence in practice", test.largest_force_n),
+        false => format!("p = {:.2}", test.p_value),
+    };
+    Estimate::from_bounds(0.0, 0.0, found.ci95[1], found.unit)
+        .with_note(format!("set to zero by the test: {:.3} N s/m found, {why}", found.value))
 }
 
 /// Join and coefficients of both branches; a join at the end of its range is not determined, whatever its replicates say.

@@ -251,7 +251,7 @@ impl Recording {
     ///
     /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the insertion axis (0 when
     /// the axis is horizontal; a constant weight may as well stay in the offset). The acceleration is
-    /// [`local_acceleration`] over [`Recording::acceleration_window`].
+    /// [`Recording::acceleration`].
     ///
     /// # Errors
     /// [`RecordingError::MovingMass`] when the mass is negative or not finite.
@@ -260,7 +260,7 @@ impl Recording {
             return Err(RecordingError::MovingMass { found: mass });
         }
         let window = self.acceleration_window();
-        let acceleration = local_acceleration(&self, window);
+        let acceleration = self.acceleration();
         for (force, a) in self.force.iter_mut().zip(acceleration) {
             *force -= mass * (a + gravity);
         }

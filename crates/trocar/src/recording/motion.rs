@@ -22,6 +22,12 @@ const WINDOW_STEP: f64 = std::f64::consts::SQRT_2;
 /// Longest window tried, in s: what accelerates an instrument changes faster.
 const LONGEST_WINDOW: f64 = 0.5;
 
+/// The wider window beside which an acceleration is told from noise, in windows.
+const WIDER: f64 = 4.0;
+
+/// Mean square, in noise variances, from which the two windows differ by more than noise.
+const ABOVE_NOISE: f64 = 3.0;
+
 /// Velocity in m/s at every sample, from the positions over `window` seconds.
 #[must_use]
 pub fn local_velocity(recording: &Recording, window: f64) -> Vec<f64> {
@@ -35,26 +41,82 @@ pub fn local_acceleration(recording: &Recording, window: f64) -> Vec<f64> {
 }
 
 impl Recording {
+    /// Acceleration in m/s^2 at every sample, as a mass feels it.
+    ///
+    /// The local fit over [`Recording::acceleration_window`], where it differs by more than noise from the fit over a window four
+    /// times as wide, and the latter elsewhere. With `d` the difference, `<d^2>` its mean square over the wider window and V the noise
+    /// variance of the narrower fit,
+    ///
+    /// ```text
+    /// a = a_wide + d max(0, 1 - (3 V / <d^2>)^2)
+    /// ```
+    /// Without that, noise in the accelerations would make a mass that is fitted to them too small (errors in variables). Pulses
+    /// blurred by the window are scaled to what a window of a third holds of them (regression calibration).
+    #[must_use]
+    pub fn acceleration(&self) -> Vec<f64> {
+        let window = self.acceleration_window();
+        let narrow = local_acceleration(self, window);
+        let mut best = local_acceleration(self, WIDER * window);
+        let difference: Vec<f64> = narrow.iter().zip(&best).map(|(a, b)| a - b).collect();
+        let noise = self.acceleration_variance(self.samples_in(window));
+        let around = (self.samples_in(WIDER * window) / 2.0) as usize;
+        for ((a, d), energy) in best.iter_mut().zip(&difference).zip(mean_squares(&difference, around)) {
+            if energy > ABOVE_NOISE * noise {
+                *a += d * (1.0 - (ABOVE_NOISE * noise / energy).powi(2));
+            }
+        }
+        let factor = self.left_by_blur(&best, window);
+        best.iter_mut().for_each(|a| *a *= factor);
+        best
+    }
+
+    /// What a pulse of the true acceleration holds of that over `window`: blur grows with the square of the samples in the window,
+    /// and another window shows by how much.
+    fn left_by_blur(&self, acceleration: &[f64], window: f64) -> f64 {
+        let third = window / 3.0;
+        let other = if self.samples_in(third) < self.samples_in(window) { third } else { 2.0 * window };
+        let [n, m] = [window, other].map(|w| self.samples_in(w).powi(2));
+        let other = local_acceleration(self, other);
+        let of_pulses = match m < n {
+            true => pulse_ratio(acceleration, &other),
+            false => pulse_ratio(&other, acceleration),
+        };
+        1.0 + (of_pulses.clamp(0.8, 1.25) - 1.0) * n / (n - m).abs()
+    }
+
+    /// Samples that a fit over `window` seconds takes.
+    fn samples_in(&self, window: f64) -> f64 {
+        // A window of whole intervals holds the samples at its ends, whatever rounding makes of it.
+        let on_each_side = (0.5 * window / self.quality.median_interval + 1e-6).floor();
+        (2.0 * on_each_side + 1.0).max(FEWEST as f64)
+    }
+
+    /// Variance, (m/s^2)^2, of the acceleration of a fit to `samples` positions.
+    fn acceleration_variance(&self, samples: f64) -> f64 {
+        let interval = self.quality.median_interval;
+        // Rounding to a step scatters by the step over the square root of twelve.
+        let noise = self.quality.position_noise.max(self.quality.position_resolution / 12_f64.sqrt());
+        let squared = samples * samples;
+        720.0 * (noise / (interval * interval)).powi(2) / (samples * (squared - 1.0) * (squared - 4.0))
+    }
+
     /// The window in s that gives the acceleration with the least error, in the mean over the recording.
     ///
     /// n positions with standard deviation s, taken every h seconds, give the acceleration with variance
-    /// `V(n) = 720 s^2 / (h^4 n^5)`, and a bias b that grows with the square of the window. The bias is seen in the
+    /// `V(n) = 720 s^2 / (h^4 n (n^2 - 1) (n^2 - 4))`, and a bias b that grows with the square of the window. The bias is seen in the
     /// difference from the fit over half the window, m samples: its mean square is
     /// `b^2 (1 - (m / n)^2)^2 + V(m) - V(n)`, since the longer fit is the efficient one.
     #[must_use]
     pub fn acceleration_window(&self) -> f64 {
         let interval = self.quality.median_interval;
-        // Rounding to a step scatters by the step over the square root of twelve.
-        let noise = self.quality.position_noise.max(self.quality.position_resolution / 12_f64.sqrt());
         let shortest = (FEWEST - 1) as f64 * interval;
         let mut best = (f64::INFINITY, shortest);
         let mut window = shortest;
         let (mut earlier, mut tried) = (VecDeque::from([Vec::new(), Vec::new()]), 0);
         while window <= LONGEST_WINDOW.min(self.duration() / 4.0) {
-            let samples = |window: f64| ((window / interval).round() + 1.0).max(FEWEST as f64);
-            let variance = |n: f64| 720.0 * (noise / (interval * interval)).powi(2) / n.powi(5);
-            let (n, m) = (samples(window), samples(window / 2.0));
-            let by_noise = variance(m) - variance(n);
+            let (n, m) = (self.samples_in(window), self.samples_in(window / 2.0));
+            let variance = self.acceleration_variance(n);
+            let by_noise = self.acceleration_variance(m) - variance;
             let long = local_acceleration(self, window);
             // Half the window was tried two steps ago, but for the first two.
             let short = earlier.pop_front().filter(|_| tried > 1);
@@ -63,7 +125,6 @@ impl Recording {
             earlier.push_back(long);
             tried += 1;
             let bias = if m < n { excess / (1.0 - (m / n).powi(2)).powi(2) } else { 0.0 };
-            let variance = variance(n);
             if variance + bias < best.0 {
                 best = (variance + bias, window);
             }
@@ -76,6 +137,30 @@ impl Recording {
 /// Mean square of what another window changes about the acceleration.
 fn mean_square_difference(long: &[f64], short: &[f64]) -> f64 {
     long.iter().zip(short).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / long.len() as f64
+}
+
+/// Mean square of `values` over those up to `around` on either side of each.
+fn mean_squares(values: &[f64], around: usize) -> Vec<f64> {
+    let mut sums = vec![0.0];
+    sums.extend(values.iter().scan(0.0, |sum, v| {
+        *sum += v * v;
+        Some(*sum)
+    }));
+    let mean = |k: usize| {
+        let (from, to) = (k.saturating_sub(around), (k + around + 1).min(values.len()));
+        (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..values.len()).map(mean).collect()
+}
+
+/// What a sharper acceleration holds of a smooth one, where that is large.
+fn pulse_ratio(smooth: &[f64], sharp: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = smooth.iter().map(|a| a.abs()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let large = 0.3 * sorted[(0.99 * (sorted.len() - 1) as f64) as usize];
+    let pulses = smooth.iter().zip(sharp).filter(|(a, _)| a.abs() > large);
+    let (both, square) = pulses.fold((0.0, 0.0), |(both, square), (a, b)| (both + a * b, square + a * a));
+    if square > 0.0 { both / square } else { 1.0 }
 }
 
 /// Fit at one sample.

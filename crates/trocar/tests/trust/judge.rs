@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use serde::Serialize;
-use trocar::identify::{Estimate, IdentifyOptions, identify};
+use trocar::identify::{Estimate, IdentifyOptions, Term, identify};
 
 use super::kinds::{AnyError, Bench, Range};
 
@@ -58,6 +58,11 @@ pub(crate) struct Outcome {
     pub(crate) seconds: f64,
     /// Why there is no result.
     pub(crate) refused: Option<String>,
+    /// Delay of the positions that was taken out, s; 0 for none.
+    pub(crate) delay_s: f64,
+    /// Optional terms that the seal or the rig has, and those that the model got.
+    pub(crate) true_terms: Vec<Term>,
+    pub(crate) found_terms: Vec<Term>,
     /// Subjects and messages of the doubtful warnings.
     pub(crate) doubts: Vec<String>,
     pub(crate) judged: Vec<Judged>,
@@ -86,6 +91,9 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
         seed,
         seconds: begin.elapsed().as_secs_f64(),
         refused: None,
+        delay_s: 0.0,
+        true_terms: bench.terms(),
+        found_terms: Vec::new(),
         doubts: Vec::new(),
         judged: Vec::new(),
     };
@@ -96,6 +104,9 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
             return Ok(outcome);
         }
     };
+    let kept = found.fit.iter().flat_map(|fit| &fit.terms).filter(|t| t.kept);
+    outcome.found_terms = kept.map(|t| t.term).collect();
+    outcome.delay_s = found.position_lag.map_or(0.0, |lag| lag.lag_s);
     let doubts = found.warnings.iter().filter(|w| w.doubtful);
     outcome.doubts = doubts.map(|w| format!("{}: {}", w.subject, w.message)).collect();
     let listed = found.parameters.iter().filter_map(|p| {

@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 use trocar::bench::config::{SpeedCycles, SpeedOrder, TissueKind};
 use trocar::bench::{BenchConfig, Protocol, random_plausible_seal, run};
+use trocar::identify::Term;
 use trocar::recording::{Recording, RecordingError};
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping, SlidingFriction};
 
@@ -208,6 +209,21 @@ impl Bench {
         self.protocols.iter().map(record).collect()
     }
 
+    /// Optional terms that a model of the readings needs.
+    pub(crate) fn terms(&self) -> Vec<Term> {
+        let any = |of: fn(&ElementParams) -> bool| self.seal.iter().any(of);
+        let terms = [
+            (Term::Stribeck, any(|p| p.insertion.static_force > p.insertion.coulomb_force)),
+            (Term::SealDamping, any(|p| p.damping.coefficients[0] > 0.0)),
+            (Term::Creep, any(|p| p.creep_velocity > 0.0)),
+            (Term::Relaxation, any(|p| p.relaxation.arms[0].stiffness > 0.0)),
+            (Term::HiddenMass, !self.mass_declared && self.config.rod.mass_kg > 0.0),
+            (Term::Asymmetry, any(|p| p.insertion.viscous_damping != p.withdrawal.viscous_damping)),
+            (Term::SecondStage, self.seal.len() > 1),
+        ];
+        terms.into_iter().filter(|t| t.1).map(|t| t.0).collect()
+    }
+
     /// True parameters by name. A parameter of a model term that the seal does not have is 0 where 0 stands for its
     /// absence.
     pub(crate) fn truths(&self) -> BTreeMap<&'static str, Range> {
@@ -308,6 +324,11 @@ fn seals() -> Vec<Kind> {
             bench.seal[0].creep_velocity = 3e-4;
             Ok(bench)
         }),
+        kind("creep_3_mm_s", |_| {
+            let mut bench = plain()?.under(&STEADY);
+            bench.seal[0].creep_velocity = 3e-3;
+            Ok(bench)
+        }),
         kind("creep_0.3_mm_s_hand", |_| hand_with(|p| p.creep_velocity = 3e-4)),
         kind("relaxation", |_| {
             let mut bench = plain()?;
@@ -389,6 +410,7 @@ fn rigs() -> Vec<Kind> {
         kind("coarse_sampling_100_hz", |_| plain()?.with(|c| (c.rig.sample_rate_hz, c.rig.substeps) = (100.0, 100))),
         kind("coarse_encoder_0.1_mm", |_| plain()?.with(|c| c.encoder.resolution_m = 1e-4)),
         kind("coarse_force_0.1_n", |_| plain()?.with(|c| c.force_sensor.resolution_n = 0.1)),
+        kind("coarse_force_0.5_n", |_| plain()?.with(|c| c.force_sensor.resolution_n = 0.5)),
         kind("noise_0.1_n", |_| plain()?.with(|c| c.force_sensor.noise_n = 0.1)),
         kind("noise_0.1_n_hand", |_| hand()?.with(|c| c.force_sensor.noise_n = 0.1)),
         kind("noise_of_10_hz", |_| {

@@ -20,7 +20,7 @@ use super::decimate;
 use super::document::{Figure, Section};
 use super::number::{decimals_for, fixed, significant};
 use crate::identify::{Candidate, Estimate, Identification};
-use crate::recording::{Recording, local_acceleration};
+use crate::recording::Recording;
 
 pub(super) use deformation::{deformation_force, deformation_velocity};
 pub(super) use half_width::half_width;
@@ -65,7 +65,7 @@ fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
     if model.hidden_mass == 0.0 {
         return force.collect();
     }
-    let acceleration = local_acceleration(recording, recording.acceleration_window());
+    let acceleration = recording.acceleration();
     force.zip(acceleration).map(|(force, a)| force - model.hidden_mass * a).collect()
 }
 

@@ -49,8 +49,8 @@ pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Ve
 /// Each optional term with its p value.
 pub(in super::super) fn terms(fit: &FitSummary) -> Table {
     let columns = ["Term", "p value", "Squared error less by (%)", "In the model"];
-    let caption = "Optional terms: p value of each beside those accepted before it, and the part of the squared error that it takes \
-                   away, to first order";
+    let caption = "Optional terms: p value of each beside the others, and the part of the squared error that it takes away (in the \
+                   model: against a fit without it; not in the model: to first order)";
     fit.terms.iter().fold(Table::new(caption, columns), |table, trial| {
         table.row([
             Cell::from(capital(trial.term.words())),

@@ -1,0 +1,121 @@
+//! What a fitted model leaves unexplained: a delay of the positions, an unmodelled mass, damping of the deformation.
+//!
+//! Each is a column of the normal equations that the model does not have, and one step of the joint equations says how large it is
+//! ([`Normal::one_step`]). A mass, a damping and a contact that creeps may pass for a delay, which is therefore tested beside them.
+
+use super::candidate::EmsTrial;
+use super::delay::PositionLag;
+use super::element::variance;
+use super::estimate::{Estimate, t_p_value, t_quantile};
+use super::likelihood::{Extra, Fitted, Normal, OneStep, Trial};
+use super::training::Training;
+
+/// What the model may lack.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cause {
+    Delay,
+    Mass,
+    Damping,
+    Creep,
+}
+
+/// Size of the damping, N s/m, whose secant is the column.
+const DAMPING: f64 = 1.0;
+/// Sizes of v_c, m/s, whose secants are columns.
+const CREEP: [f64; 2] = [3e-4, 3e-3];
+
+/// The normal equations of a fit with a column for each cause that its model lacks.
+pub(super) struct Unexplained {
+    normal: Normal,
+    held: Vec<bool>,
+    /// Causes in the order of the columns behind those of the free numbers.
+    causes: Vec<Cause>,
+    sigma2: f64,
+}
+
+impl Unexplained {
+    pub(super) fn new(training: &Training, fitted: &Fitted<EmsTrial>) -> Option<Self> {
+        let EmsTrial { layout, candidate, .. } = &fitted.best;
+        let mut columns = vec![(Cause::Delay, Extra::Delay)];
+        if !layout.hidden_mass {
+            columns.push((Cause::Mass, Extra::Acceleration));
+        }
+        let mut secant = |cause: Cause, change: &dyn Fn(&mut EmsTrial)| {
+            let mut other = fitted.best.clone();
+            change(&mut other);
+            if other.model().is_some() {
+                columns.push((cause, Extra::Secant(other)));
+            }
+        };
+        if layout.shape && !layout.damping {
+            secant(Cause::Damping, &|t| t.candidate.seal_damping = candidate.seal_damping + DAMPING);
+        }
+        if layout.shape && !layout.creep {
+            CREEP.iter().for_each(|v| secant(Cause::Creep, &|t| t.candidate.creep_velocity = *v));
+        }
+        let (causes, columns): (Vec<Cause>, Vec<_>) = columns.into_iter().unzip();
+        let normal = fitted.with_columns(training, &columns)?;
+        Some(Self { normal, held: fitted.held.clone(), causes, sigma2: variance(fitted) })
+    }
+
+    /// One step of `cause` beside those of `beside`.
+    fn step(&self, cause: Cause, beside: &[Cause]) -> Option<OneStep> {
+        let own = self.held.len();
+        let column = own + self.causes.iter().position(|c| *c == cause)?;
+        let beside: Vec<usize> =
+            (own..).zip(&self.causes).filter(|(_, c)| beside.contains(c)).map(|(j, _)| j).collect();
+        let step = self.normal.one_step(&self.held, &beside, column, self.sigma2)?;
+        (step.standard_error.is_finite() && step.standard_error > 0.0).then_some(step)
+    }
+
+    /// Delay of the positions, beside all that may pass for one.
+    pub(super) fn lag(&self) -> Option<PositionLag> {
+        self.lag_beside(&[Cause::Mass, Cause::Damping, Cause::Creep])
+    }
+
+    /// What is left, of either sign, of a delay that is known to be there.
+    pub(super) fn lag_left(&self) -> Option<PositionLag> {
+        self.lag_beside(&[Cause::Mass, Cause::Damping])
+    }
+
+    fn lag_beside(&self, beside: &[Cause]) -> Option<PositionLag> {
+        let step = self.step(Cause::Delay, beside)?;
+        let p_value = t_p_value(step.amplitude / step.standard_error, step.degrees);
+        Some(PositionLag { lag_s: step.amplitude, standard_error_s: step.standard_error, p_value, gain: step.gain })
+    }
+
+    /// An unmodelled mass, kg, that shows.
+    pub(super) fn mass(&self) -> Option<f64> {
+        let step = self.step(Cause::Mass, &[])?;
+        let p_value = 0.5 * t_p_value(step.amplitude / step.standard_error, step.degrees);
+        let shows = step.amplitude > 0.0 && step.gain > PositionLag::LEAST_GAIN && p_value < PositionLag::LEVEL;
+        shows.then_some(step.amplitude)
+    }
+
+    /// Damping of the deformation, N s/m, of a model without: 0, and the most that the data leave room for.
+    pub(super) fn damping(&self) -> Option<Estimate> {
+        let step = self.step(Cause::Damping, &[])?;
+        let most = DAMPING * (step.amplitude.max(0.0) + t_quantile(step.degrees) * step.standard_error);
+        Some(
+            Estimate::from_bounds(0.0, 0.0, most, "N s/m")
+                .with_note("none shows: the interval is what the data leave room for"),
+        )
+    }
+}
+
+/// What a fit leaves unexplained.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Left {
+    pub(super) lag: Option<PositionLag>,
+    /// The same where one was taken out.
+    pub(super) lag_left: Option<PositionLag>,
+    pub(super) mass: Option<f64>,
+    pub(super) damping: Option<Estimate>,
+}
+
+impl Left {
+    pub(super) fn by(training: &Training, fitted: &Fitted<EmsTrial>) -> Self {
+        let Some(tests) = Unexplained::new(training, fitted) else { return Self::default() };
+        Self { lag: tests.lag(), lag_left: tests.lag_left(), mass: tests.mass(), damping: tests.damping() }
+    }
+}
