@@ -464,8 +464,8 @@ fn swing(recordings: &[Recording]) -> f64 {
     if recordings.iter().any(|r| !r.quality.saturated.is_empty()) {
         return f64::INFINITY;
     }
-    let ends = recordings.iter().map(|r| range(&r.force));
-    let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |all, own| (all.0.min(own.0), all.1.max(own.1)));
+    let ends: Vec<f64> = recordings.iter().map(|r| range(&r.force)).flat_map(|(low, high)| [low, high]).collect();
+    let (low, high) = range(&ends);
     high - low
 }
 

@@ -211,8 +211,8 @@ fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
 /// Whether the data determine the term.
 pub(super) fn is_determined(fitted: &Fitted<EmsTrial>, term: Term) -> bool {
     let spread = Spread::new(fitted);
-    let own = quantities(fitted.best.layout).into_iter().filter(|q| term.parameters().contains(&q.0));
-    own.into_iter().all(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)).estimate.pinned)
+    let mut own = quantities(fitted.best.layout).into_iter().filter(|q| term.parameters().contains(&q.0));
+    own.all(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)).estimate.pinned)
 }
 
 /// Main parameters of the fit with intervals: jackknife over clusters, to first order ([`Spread`]).

@@ -203,7 +203,8 @@ impl Term {
         all
     }
 
-    /// The trial without the term; `None` of a second stage, for the first would have to take its part of the force.
+    /// The trial without the term; `None` of a second stage, for the first would have to take its part of the force, and of a relaxation
+    /// beside a second one, which has to go first.
     fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
         let mut smaller = with.clone();
         let EmsTrial { layout, candidate, .. } = &mut smaller;
@@ -211,7 +212,12 @@ impl Term {
             Self::Stribeck => layout.stribeck = false,
             Self::SealDamping => (layout.damping, candidate.seal_damping) = (false, 0.0),
             Self::MinorLoops => (layout.yielding, candidate.yield_ratio) = (false, Candidate::DEFAULT_YIELD_RATIO),
-            Self::Creep => (layout.creep, candidate.creep_velocity) = (false, 0.0),
+            Self::Creep => {
+                // The lag of the Stribeck curve came with it.
+                (layout.creep, layout.lag) = (false, false);
+                (candidate.creep_velocity, candidate.friction_lag) = (0.0, 0.0);
+            }
+            Self::Relaxation if layout.arms > 1 => return None,
             Self::Relaxation | Self::SecondRelaxation => {
                 layout.arms -= 1;
                 candidate.relaxation.arms[layout.arms].stiffness = 0.0;
@@ -249,7 +255,7 @@ pub struct TermTrial {
     pub term: Term,
     /// Whether the model has it.
     pub kept: bool,
-    /// p value of the term beside those that were accepted before it.
+    /// p value of the term beside the others of the model.
     pub p_value: f64,
     /// Part of the squared error that it takes away: by its fit where it is kept, else to first order.
     pub gain: f64,

@@ -73,7 +73,8 @@ impl Unexplained {
         self.lag_beside(&[Cause::Mass, Cause::Damping, Cause::Creep])
     }
 
-    /// What is left, of either sign, of a delay that is known to be there.
+    /// The same beside a mass and damping alone: before it is known whether the contact creeps, and what is left, of either sign, of a
+    /// delay that was taken out.
     pub(super) fn lag_left(&self) -> Option<PositionLag> {
         self.lag_beside(&[Cause::Mass, Cause::Damping])
     }
