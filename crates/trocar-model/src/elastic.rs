@@ -510,6 +510,80 @@ impl DeformationForce {
     }
 }
 
+/// By how much M and h of one deformation force exceed those of another at the same deflection, to first order: each polynomial piece
+/// is continued beyond its joins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ShapeDifference {
+    /// [M, h] over the stretches of the other.
+    stretches: [[[f64; 2]; COUNT]; 3],
+    end_force: [f64; 2],
+    end_stiffness: [f64; 2],
+    half_width: f64,
+    pub(crate) yield_stiffness: f64,
+}
+
+/// Where a deflection lies: beyond an end by so much (m), or in a stretch at t; and whether h is clipped there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Place {
+    Beyond { upper: bool, excess: f64 },
+    Within { stretch: usize, t: f64, clipped: bool },
+}
+
+impl DeformationForce {
+    /// What `other` has more.
+    pub(crate) fn difference(&self, other: &Self) -> ShapeDifference {
+        let of = |k: usize| {
+            let Stretch { mid, inverse_half, force, .. } = &self.stretches[k];
+            let mut more = [[0.0; 2]; COUNT];
+            if *inverse_half > 0.0 {
+                let [up, down] = [(&self.rising, &other.rising), (&self.falling, &other.falling)].map(|(own, its)| {
+                    let is_left = k == 0 || (k == 1 && *mid < own.join());
+                    restrict(if is_left { &its.left } else { &its.right }, *mid, 1.0 / inverse_half)
+                });
+                for (((more, u), d), own) in more.iter_mut().zip(&up).zip(&down).zip(force) {
+                    *more = [0.5 * (u + d) - own[0], 0.5 * (u - d) - own[1]];
+                }
+            }
+            more
+        };
+        let minus = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
+        ShapeDifference {
+            stretches: [of(0), of(1), of(2)],
+            end_force: minus(other.end_force, self.end_force),
+            end_stiffness: minus(other.end_stiffness, self.end_stiffness),
+            half_width: other.half_width - self.half_width,
+            yield_stiffness: other.yield_stiffness - self.yield_stiffness,
+        }
+    }
+
+    /// Where `z`, m, lies.
+    pub(crate) fn place(&self, z: f64) -> Place {
+        if z.abs() > self.half_width {
+            return Place::Beyond { upper: z > 0.0, excess: z.abs() - self.half_width };
+        }
+        let stretch = if z < self.joins[0] { 0 } else { 1 + usize::from(z >= self.joins[1]) };
+        let own = &self.stretches[stretch];
+        let t = own.local(z);
+        Place::Within { stretch, t, clipped: estrin(&own.force, t)[1] <= 0.0 }
+    }
+
+    /// `difference` of M and h at `place`, N.
+    #[inline(always)]
+    pub(crate) fn more_at(&self, difference: &ShapeDifference, place: &Place) -> (f64, f64) {
+        match *place {
+            Place::Within { stretch, t, clipped } => {
+                let [mid, gap] = estrin(&difference.stretches[stretch], t);
+                (mid, if clipped { 0.0 } else { gap })
+            }
+            Place::Beyond { upper, excess } => {
+                let (k, outwards) = if upper { (1, 1.0) } else { (0, -1.0) };
+                let bend = difference.end_stiffness[k] * excess - self.end_stiffness[k] * difference.half_width;
+                (difference.end_force[k] + outwards * bend, 0.0)
+            }
+        }
+    }
+}
+
 /// What the element must know of a deformation force before it can choose its solver.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extremes {

@@ -91,7 +91,7 @@ const INVERSE_ODD: [f64; 12] = [
 
 /// ln x for normal x > 0, to 5e-16 of max(1, |ln x|).
 #[inline]
-fn logarithm(x: f64) -> f64 {
+pub(crate) fn logarithm(x: f64) -> f64 {
     /// Bits of the mantissa of √½: what lies above counts to the next power of two.
     const ROOT: u64 = 0x3fe6_a09e_667f_3bcd;
     let bits = x.to_bits();

@@ -3,6 +3,7 @@
 use crate::ems::{Element, State};
 use crate::friction::Friction;
 use crate::relaxation::MAX_ARMS;
+use crate::slip::beside::{Apart, Different};
 
 /// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of the forces (N).
 ///
@@ -96,40 +97,56 @@ impl From<Element> for Stages {
     }
 }
 
-/// A model that differs little from another, with its state; see [`Stages::step_beside`].
+/// A model that differs little from another, and how its state differs from the other's; see [`Stages::step_beside`].
 #[derive(Debug)]
 pub struct Beside<'a> {
     stages: &'a Stages,
-    state: StagesState,
-    /// Elements that are those of the other model, in the same state.
-    shared: [bool; MAX_STAGES],
+    /// `None` where the elements are the same in the same state.
+    different: [Option<Different>; MAX_STAGES],
+    apart: [Apart; MAX_STAGES],
+    /// States of elements beyond those of the other model.
+    own: StagesState,
+    force: f64,
 }
 
 impl Beside<'_> {
-    /// State of the model.
-    pub fn state(&self) -> &StagesState {
-        &self.state
+    /// State of the model, where the other is in `led`; to first order.
+    pub fn state(&self, led: &StagesState) -> StagesState {
+        let mut state = self.own;
+        for ((own, apart), led) in state.states.iter_mut().zip(&self.apart).zip(led.states()) {
+            *own = apart.state_beside(led);
+        }
+        state
     }
 
     /// Force of the model, N.
     pub fn force(&self) -> f64 {
-        Stages::force(&self.state)
+        self.force
     }
 }
 
 impl Stages {
     /// `other`, in `own` state, beside this model in `state`.
     pub fn beside<'a>(&self, state: &StagesState, other: &'a Stages, own: StagesState) -> Beside<'a> {
-        let mut shared = [false; MAX_STAGES];
-        let count = self.count.min(other.count);
-        for (k, place) in shared.iter_mut().enumerate().take(count) {
-            *place = self.elements[k] == other.elements[k] && state.states[k] == own.states[k];
+        let mut beside = Beside {
+            stages: other,
+            different: [None; MAX_STAGES],
+            apart: [Apart::default(); MAX_STAGES],
+            own,
+            force: Self::force(&own),
+        };
+        for k in 0..self.count.min(other.count) {
+            let (element, its) = (&self.elements[k], &other.elements[k]);
+            if element != its || state.states[k] != own.states[k] {
+                beside.different[k] = Some(element.difference(its));
+                beside.apart[k] = element.apart(&state.states[k], its, &own.states[k]);
+            }
         }
-        Beside { stages: other, state: own, shared }
+        beside
     }
 
-    /// As [`Friction::step`], and beside it the same step of models that differ little: they are sought from where this one
-    /// arrives, at a fraction of the work of steps by themselves and to the same accuracy; what they share is stepped once.
+    /// As [`Friction::step`], and beside it the same step of models that differ little, to first order in the differences: the
+    /// derivatives of the force, at a fraction of the work of steps by themselves. What the models share is stepped once.
     ///
     /// Every model of `beside` was put beside this one ([`Stages::beside`]), and both were stepped together since.
     ///
@@ -149,20 +166,24 @@ impl Stages {
     /// ```
     pub fn step_beside(&self, state: &mut StagesState, beside: &mut [Beside], displacement: f64, duration: f64) -> f64 {
         for (k, (element, led)) in self.elements().iter().zip(&mut state.states).enumerate() {
-            let is_own = |other: &Beside| other.stages.elements[k] == *element && other.state.states[k] == *led;
-            debug_assert!(beside.iter().all(|other| !other.shared[k] || is_own(other)), "beside another model");
             element.lead(led, displacement, duration, |lead| {
-                for other in beside.iter_mut().filter(|other| !other.shared[k] && k < other.stages.count) {
-                    lead.take(&other.stages.elements[k], &mut other.state.states[k]);
+                for Beside { stages, different, apart, .. } in beside.iter_mut() {
+                    if let (Some(different), Some(element)) = (&different[k], stages.elements().get(k)) {
+                        lead.take(element, different, &mut apart[k]);
+                    }
                 }
             });
-            beside.iter_mut().filter(|other| other.shared[k]).for_each(|other| other.state.states[k] = *led);
         }
-        for Beside { stages, state, .. } in beside {
-            let more = stages.elements().iter().zip(&mut state.states).skip(self.count);
-            more.for_each(|(element, own)| _ = element.step(own, displacement, duration));
+        let force = Self::force(state);
+        for Beside { stages, apart, own, force: its, .. } in beside {
+            let count = self.count.min(stages.count);
+            let led: f64 =
+                if count < self.count { state.states[..count].iter().map(State::force).sum() } else { force };
+            let more = stages.elements().iter().zip(&mut own.states).skip(count);
+            let beyond: f64 = more.map(|(element, own)| element.step(own, displacement, duration)).sum();
+            *its = led + apart[..count].iter().map(|a| a.force).sum::<f64>() + beyond;
         }
-        Self::force(state)
+        force
     }
 }
 

@@ -20,7 +20,7 @@ use crate::ems::{Element, Mode, Side, State};
 use crate::exponential::decay;
 use crate::relaxation::{ArmForces, StepArms};
 
-mod beside;
+pub(crate) mod beside;
 
 /// Limit on evaluations of r in one search: keeps the work of a step bounded.
 const MAX_EVALUATIONS: usize = 240;
@@ -237,6 +237,12 @@ impl Element {
 
     /// Slides through `motion`, EMS (14).
     fn slide(&self, onset: Onset, motion: Motion) -> State {
+        self.slide_by_theta(onset, motion).0
+    }
+
+    /// The same, with θ of the slide that was begun.
+    #[inline(always)]
+    fn slide_by_theta(&self, onset: Onset, motion: Motion) -> (State, f64) {
         let arms = self.params.relaxation.within(&onset.arms, motion.time);
         let (theta, guess) = self.predict(&onset, motion, arms);
         let next = self.slide_with(&onset, motion, arms, theta, guess);
@@ -245,9 +251,9 @@ impl Element {
         if next.slip_velocity == 0.0 && across.sign() * next.force > limit {
             // It stuck and then yielded the other way within the step.
             let onset = Onset { side: across, speed: 0.0, ..onset };
-            return self.slide_with(&onset, motion, arms, 1.0, 0.0);
+            return (self.slide_with(&onset, motion, arms, 1.0, 0.0), theta);
         }
-        next
+        (next, theta)
     }
 
     fn slide_with(&self, onset: &Onset, motion: Motion, arms: StepArms, theta: f64, guess: f64) -> State {

@@ -2,7 +2,8 @@
 //! derivative of the force.
 
 use trocar_model::{
-    Element, ElementParams, Friction, ParamError, Relaxation, SealDamping, SlidingFriction, Stages, StagesState,
+    Branch, DeformationForce, Element, ElementParams, Friction, ParamError, Piece, Relaxation, SealDamping,
+    SlidingFriction, Stages, StagesState,
 };
 
 type Params = Result<ElementParams, ParamError>;
@@ -40,22 +41,59 @@ fn all_terms() -> Params {
 
 /// The element with its `k`th number times `factor`.
 fn changed(mut params: ElementParams, k: usize, factor: f64) -> Stages {
-    let [insertion, withdrawal] = [&mut params.insertion, &mut params.withdrawal];
+    // Width, height, bend of a piece, place of a join.
+    let mut shape = [1.0; 4];
+    if k < shape.len() {
+        shape[k] = factor;
+        params.deformation = reshaped(&params, shape);
+    }
+    for sliding in [&mut params.insertion, &mut params.withdrawal] {
+        match k {
+            1 => {
+                (sliding.coulomb_force, sliding.static_force) =
+                    (factor * sliding.coulomb_force, factor * sliding.static_force)
+            }
+            4 => sliding.coulomb_force = sliding.static_force - factor * (sliding.static_force - sliding.coulomb_force),
+            5 => sliding.viscous_damping *= factor,
+            6 => sliding.stribeck_velocity *= factor,
+            7 => sliding.stribeck_exponent *= factor,
+            _ => {}
+        }
+    }
     match k {
-        0 => [insertion, withdrawal].map(|s| s.viscous_damping *= factor),
-        1 => [insertion, withdrawal].map(|s| s.stribeck_velocity *= factor),
-        2 => [params.creep_velocity *= factor, ()],
-        3 => [params.friction_lag *= factor, ()],
-        4 => [params.damping.coefficients[0] *= factor, ()],
-        5 => [params.relaxation.arms[0].stiffness *= factor, ()],
-        _ => [params.relaxation.arms[0].time *= factor, ()],
-    };
+        8 => params.creep_velocity *= factor,
+        9 => params.friction_lag *= factor,
+        10 => params.damping.coefficients[0] *= factor,
+        11 => params.relaxation.arms[0].stiffness *= factor,
+        12 => params.relaxation.arms[0].time *= factor,
+        _ => {}
+    }
     Element::new(params).unwrap().into()
 }
 
-const NUMBERS: usize = 7;
-/// Factors for the derivative by steps alone, and beside.
-const ALONE: f64 = 0.03;
+/// The deformation with its width, its forces, the bend of a piece and the place of a join changed.
+fn reshaped(params: &ElementParams, [width, force, bend, join]: [f64; 4]) -> DeformationForce {
+    let (rising, falling) = (params.deformation.rising(), params.deformation.falling());
+    let branch = |branch: &Branch, bend: f64, join: f64| {
+        let piece = |piece: &Piece, from: f64, to: f64, bend: f64| {
+            let mut legendre = [0.0; 8];
+            legendre.iter_mut().zip(piece.legendre()).for_each(|(own, its)| *own = force * its);
+            // P_0 - P_2 is 0 at both ends.
+            let more = 0.3 * (bend - 1.0);
+            legendre[0] += more;
+            legendre[2] -= more;
+            Piece::new(width * from, width * to, &legendre).unwrap()
+        };
+        let (left, right, at) = (branch.left(), branch.right(), join * branch.join());
+        Branch::new(piece(left, left.from(), at, bend), piece(right, at, right.to(), 1.0)).unwrap()
+    };
+    DeformationForce::new(branch(rising, bend, join), branch(falling, 1.0, 1.0), None).unwrap()
+}
+
+const NUMBERS: usize = 13;
+/// Relative changes for the derivative by steps alone, and beside. Both upwards: the least yield stiffness that follows both branches
+/// has a kink.
+const ALONE: f64 = 3e-4;
 const BESIDE: f64 = 1e-4;
 
 /// Strokes, small reversals and tremor as of a coarse encoder: displacement (m) and duration (s).
@@ -94,17 +132,22 @@ fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 
 #[test]
 fn differences_are_derivatives() {
-    for (name, params) in [("creep", creeping()), ("damping", damped()), ("all terms", all_terms())] {
+    for (name, params) in [
+        ("plain", ElementParams::plausible_10_5_mm()),
+        ("creep", creeping()),
+        ("damping", damped()),
+        ("all terms", all_terms()),
+    ] {
         let params = params.unwrap();
         let model = changed(params, 0, 1.0);
         let force = alone(&model);
         for k in 0..NUMBERS {
-            let [more, less] = [1.0 + ALONE, 1.0 - ALONE].map(|factor| alone(&changed(params, k, factor)));
-            let true_rate = |i: usize| (more[i] - less[i]) / (2.0 * ALONE);
+            let more = alone(&changed(params, k, 1.0 + ALONE));
+            let true_rate = |i: usize| (more[i] - force[i]) / ALONE;
             let own = beside(&model, &changed(params, k, 1.0 + BESIDE)).0;
             let error = |i: usize| (own[i] - force[i]) / BESIDE - true_rate(i);
             let [error, rate] = [rms((0..force.len()).map(error)), rms((0..force.len()).map(true_rate))];
-            assert!(error < 0.002 + 0.2 * rate, "{name}, number {k}: {error} N of {rate} N");
+            assert!(error < 0.005 + 0.03 * rate, "{name}, number {k}: {error} N of {rate} N");
         }
     }
 }
@@ -114,7 +157,7 @@ fn differences_are_derivatives() {
 #[test]
 fn nothing_grows_on_a_folded_law() {
     let params = folded().unwrap();
-    let [model, other] = [1.0, 2.0].map(|factor| changed(params, 6, factor));
+    let [model, other] = [1.0, 2.0].map(|factor| changed(params, 12, factor));
     let (forces, state) = beside(&model, &other);
     let apart = forces.iter().zip(alone(&model)).map(|(beside, alone)| (beside - alone).abs()).fold(0.0, f64::max);
     assert!(apart < 1e-9, "{apart} N apart");
@@ -131,10 +174,10 @@ fn what_is_shared_is_stepped_once() {
     let mut beside = [model.beside(&state, &other, own), model.beside(&state, &model, own)];
     for (displacement, duration) in motion() {
         model.step_beside(&mut state, &mut beside, displacement, duration);
-        assert_eq!(beside[0].state().states()[0], state.states()[0]);
-        assert_eq!(beside[1].state(), &state);
+        assert_eq!(beside[0].state(&state).states()[0], state.states()[0]);
+        assert_eq!(beside[1].state(&state), state);
     }
-    assert_ne!(beside[0].state().states()[1], state.states()[1]);
+    assert_ne!(beside[0].state(&state).states()[1], state.states()[1]);
 }
 
 /// A model with more or fewer elements than the one that leads takes its own steps where there is none to follow.

@@ -1,169 +1,494 @@
-//! Elements that differ little from one that leads, each from a state of its own.
+//! First-order differences between elements that differ little and one that leads: derivatives of the force, without steps of their own.
 //!
-//! Where the leader slides on through a step, r(u) of a follower is evaluated once, at the leader's slip speeds. One Newton step from
-//! there leaves what the leader's search left, or the follower takes the step by itself: where r differs by more than a search may
-//! leave. θ is the leader's, and so are the exponentials of numbers that both have in common.
+//! The step of the leader solves r(u; state, θ) = 0. Differentiated where it arrives,
+//!
+//! ```text
+//! δu = -(∂r/∂state·δstate + δ_θ r)/(dr/du)        δ_θ: by the parameters at fixed state
+//! ```
+//!
+//! and the same at the start of a slide, where seal damping gives the slip speed a jump with the velocity. All that depends on the
+//! leader alone is found once a step ([`Course`]). Where it yields, turns or comes to rest, or differences are too large for the first
+//! order, a follower takes the step by itself. The weight θ of the step, which decides its order of accuracy, is the leader's.
 
-use super::{Motion, RESIDUAL, Slide};
+use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
+use crate::elastic::{Place, ShapeDifference};
 use crate::ems::{Element, Side, State};
+use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
+use crate::relaxation::{ArmForces, MAX_ARMS, StepArms};
 use crate::sliding::SlidingFriction;
 
+/// Largest difference of r, as a fraction of the static force, that is followed to first order.
+const LARGEST: f64 = 1e-2;
+
+/// How a state differs from the leader's.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Apart {
+    deflection: f64,
+    yield_force: f64,
+    arms: ArmForces,
+    /// Of the force without seal damping, N.
+    elastic: f64,
+    slip_velocity: f64,
+    rise: f64,
+    pub(crate) force: f64,
+}
+
+/// How the parameters differ from the leader's.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Different {
+    /// `None` where the shapes are the same.
+    shape: Option<ShapeDifference>,
+    yield_stiffness: f64,
+    damping: [f64; 3],
+    /// For withdrawal and insertion.
+    sliding: [SlidingDifference; 2],
+    creep_velocity: f64,
+    friction_lag: f64,
+    /// E and τ of each arm.
+    arms: [[f64; 2]; MAX_ARMS],
+    /// Has what the leader lacks altogether, or lacks what it has.
+    is_another: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct SlidingDifference {
+    coulomb_force: f64,
+    static_force: f64,
+    stribeck_velocity: f64,
+    stribeck_exponent: f64,
+    viscous_damping: f64,
+}
+
+impl SlidingDifference {
+    fn new(own: &SlidingFriction, other: &SlidingFriction) -> Self {
+        Self {
+            coulomb_force: other.coulomb_force - own.coulomb_force,
+            static_force: other.static_force - own.static_force,
+            stribeck_velocity: other.stribeck_velocity - own.stribeck_velocity,
+            stribeck_exponent: other.stribeck_exponent - own.stribeck_exponent,
+            viscous_damping: other.viscous_damping - own.viscous_damping,
+        }
+    }
+}
+
+impl Element {
+    /// What `other` has more.
+    pub(crate) fn difference(&self, other: &Self) -> Different {
+        let (own, its) = (&self.params, &other.params);
+        let shape = (own.deformation != its.deformation).then(|| own.deformation.difference(&its.deformation));
+        let mut different = Different {
+            yield_stiffness: shape.as_ref().map_or(0.0, |s| s.yield_stiffness),
+            shape,
+            damping: [0.0; 3],
+            sliding: [(&own.withdrawal, &its.withdrawal), (&own.insertion, &its.insertion)]
+                .map(|(a, b)| SlidingDifference::new(a, b)),
+            creep_velocity: its.creep_velocity - own.creep_velocity,
+            friction_lag: its.friction_lag - own.friction_lag,
+            arms: [[0.0; 2]; MAX_ARMS],
+            is_another: self.creeps != other.creeps || (own.friction_lag > 0.0) != (its.friction_lag > 0.0),
+        };
+        for ((more, a), b) in different.damping.iter_mut().zip(own.damping.coefficients).zip(its.damping.coefficients) {
+            *more = b - a;
+        }
+        for ((more, a), b) in different.arms.iter_mut().zip(&own.relaxation.arms).zip(&its.relaxation.arms) {
+            *more = [b.stiffness - a.stiffness, b.time - a.time];
+            different.is_another |= (a.stiffness > 0.0) != (b.stiffness > 0.0);
+        }
+        different
+    }
+
+    /// How `other` in `its` state differs from this element in `state`.
+    pub(crate) fn apart(&self, state: &State, other: &Self, its: &State) -> Apart {
+        let elastic =
+            |e: &Self, s: &State| e.params.deformation.mid_and_gap(s.deflection).0 + s.yield_force + s.relaxing_force();
+        let mut arms = [0.0; MAX_ARMS];
+        arms.iter_mut().zip(its.arms).zip(state.arms).for_each(|((more, b), a)| *more = b - a);
+        Apart {
+            deflection: its.deflection - state.deflection,
+            yield_force: its.yield_force - state.yield_force,
+            arms,
+            elastic: elastic(other, its) - elastic(self, state),
+            slip_velocity: its.slip_velocity - state.slip_velocity,
+            rise: its.rise - state.rise,
+            force: its.force - state.force,
+        }
+    }
+}
+
+impl Apart {
+    /// The state that differs so from `led`.
+    pub(crate) fn state_beside(&self, led: &State) -> State {
+        let mut state = *led;
+        state.deflection += self.deflection;
+        state.yield_force += self.yield_force;
+        state.arms.iter_mut().zip(self.arms).for_each(|(a, more)| *a += more);
+        state.slip_velocity += self.slip_velocity;
+        state.rise += self.rise;
+        state.force += self.force;
+        state
+    }
+}
+
 /// One part of a leader's step.
-pub(crate) struct Lead {
+pub(crate) struct Lead<'a> {
+    leader: &'a Element,
+    before: State,
+    after: State,
     motion: Motion,
-    /// Where the leader slid on without a turn.
+    /// `None` where it yielded, turned or came to rest.
     course: Option<Course>,
 }
 
-/// How the leader slid.
+/// How the leader moved.
 struct Course {
-    side: Side,
-    theta: f64,
-    /// At the start and at the end.
-    start: Speed,
-    end: Speed,
-    /// What a follower may have in common.
-    sliding: SlidingFriction,
+    bend: Bend,
+    /// `None` where it bent without slip.
+    slide: Option<Slide>,
 }
 
-/// A slip speed >= 0, m/s, with g and dg/du there, and the r that its search left, N.
-struct Speed {
-    speed: f64,
-    level: (f64, f64),
+/// The deformation force where the leader arrives.
+struct Bend {
+    place: Place,
+    /// z⁺ - z, m.
+    travel: f64,
+    /// dM/dz and dq/dz there, N/m; the latter is ±h' where q follows ±h, and κ elsewhere.
+    mid_slope: f64,
+    yield_slope: f64,
+    /// Of h in q: ±1 where q follows ±h, 0 elsewhere.
+    follows: f64,
+    arms: StepArms,
+    arm_slopes: [ArmSlopes; MAX_ARMS],
+}
+
+/// Derivatives of an arm's step.
+#[derive(Clone, Copy, Default)]
+struct ArmSlopes {
+    /// Of what is left of a, and the response to a change of z: by a, E and τ.
     left: f64,
+    left_by_time: f64,
+    response: f64,
+    response_by_stiffness: f64,
+    response_by_time: f64,
 }
 
-impl Speed {
-    fn new(sliding: &SlidingFriction, speed: f64) -> Self {
-        Self { speed, level: sliding.level_and_slope(speed), left: 0.0 }
-    }
+/// A slide from slip speed `start.speed` to `end.speed`.
+struct Slide {
+    side: Side,
+    /// s·dt·(1 - θ) and s·dt·θ, s.
+    explicit: f64,
+    implicit: f64,
+    start: At,
+    end: At,
+    lag: LagSlopes,
+    /// -dr/du at the start and at the end, N·s/m.
+    start_drag: f64,
+    end_drag: f64,
+    /// Whether seal damping makes the slip speed jump with the velocity.
+    is_damped: bool,
 }
 
-impl Course {
-    /// g and dg/du of a follower.
-    fn level(&self, sliding: &SlidingFriction, at: &Speed) -> (f64, f64) {
-        if *sliding == self.sliding { at.level } else { sliding.level_and_slope(at.speed) }
-    }
+/// The contact at one slip speed with its derivatives.
+struct At {
+    speed: f64,
+    /// v_d, m/s.
+    deformation_velocity: f64,
+    /// dD/dż, N·s/m.
+    damping_slope: f64,
+    /// ρ, and g·∂ρ/∂v_c, N·s/m.
+    part: f64,
+    by_creep: f64,
+    /// λ, and F_s - F_c, N.
+    rise: f64,
+    surplus: f64,
+    /// e = exp(-(u/v_s)^δ) and its derivatives by u, v_s and δ.
+    curve: f64,
+    curve_by_speed: f64,
+    curve_by_velocity: f64,
+    curve_by_exponent: f64,
+}
+
+/// λ⁺ = λ·left + e_0·(mean - left) + e·now, and its derivative by T at fixed e.
+struct LagSlopes {
+    is_lagged: bool,
+    left: f64,
+    before: f64,
+    now: f64,
+    by_lag: f64,
 }
 
 impl Element {
     /// As [`Element::step`], part by part: after each `follow` may take others along.
     pub(crate) fn lead(&self, state: &mut State, displacement: f64, duration: f64, mut follow: impl FnMut(&Lead)) {
         let Some(velocity) = velocity(displacement, duration) else { return };
-        if self.confined {
-            self.step(state, displacement, duration);
-            return follow(&Lead { motion: Motion { velocity, time: duration }, course: None });
-        }
-        self.each_part(velocity, duration, |time| {
+        let mut part = |time: f64| {
             let motion = Motion { velocity, time };
             let before = *state;
-            state.commit(self.advance_general(&before, velocity, time));
-            follow(&Lead { motion, course: self.course(&before, state, motion) });
-        });
-    }
-
-    fn course(&self, before: &State, after: &State, motion: Motion) -> Option<Course> {
-        let side = Side::of(after.slip_velocity);
-        if before.slip_velocity * after.slip_velocity <= 0.0 {
-            return None;
-        }
-        let onset = self.sliding_on(before, motion.velocity);
-        if onset.speed <= 0.0 {
-            return None;
-        }
-        let arms = self.params.relaxation.within(&onset.arms, motion.time);
-        let sliding = *self.sliding(side);
-        let mut course = Course {
-            side,
-            theta: self.predict(&onset, motion, arms).0,
-            start: Speed::new(&sliding, onset.speed),
-            end: Speed::new(&sliding, after.slip_velocity.abs()),
-            sliding,
+            let course = if self.confined {
+                self.step(state, displacement, duration);
+                None
+            } else {
+                self.advance_on_course(state, motion)
+            };
+            follow(&Lead { leader: self, before, after: *state, motion, course });
         };
-        course.start.left = self.at_start(before, motion, &course).0;
-        course.end.left = self.at_end(before, motion, &course, onset.speed).residual;
-        Some(course)
+        if self.confined { part(duration) } else { self.each_part(velocity, duration, part) }
     }
 
-    /// r at the start of a step, and the drag β + (g·ρ)' + D' there.
-    #[inline(always)]
-    fn at_start(&self, state: &State, motion: Motion, course: &Course) -> (f64, f64) {
-        let (s, speed, damping) = (course.side.sign(), course.start.speed, &self.params.damping);
-        let rise = Rise::at_start(state.rise, self.params.friction_lag);
-        let contact = self.contact_at(course, &course.start, rise);
-        let deformation_velocity = motion.velocity - s * speed; // EMS (8)
-        let elastic =
-            self.params.deformation.mid_and_gap(state.deflection).0 + state.yield_force + state.relaxing_force();
-        let r = s * (elastic + damping.force(deformation_velocity)) - contact.force;
-        (r, contact.slope + damping.slope(deformation_velocity))
-    }
-
-    /// The end of a step that starts with slip speed `speed`, at the leader's slip speed.
-    #[inline(always)]
-    fn at_end(&self, state: &State, motion: Motion, course: &Course, speed: f64) -> End {
-        let Course { side, theta, start, end, .. } = course;
-        let sliding = self.sliding(*side);
-        let (level, fall) = course.level(sliding, start);
-        let before = || sliding.rise(level + fall * (speed - start.speed));
-        let lagged = Rise::after(state.rise, self.params.friction_lag, motion.time, before);
-        let arms = self.params.relaxation.within(&state.arms, motion.time);
-        let slide = Slide::new((state.deflection, state.yield_force), *side, speed, motion, arms, *theta);
-        let contact = self.contact_at(course, end, lagged);
-        let (residual, slope) = self.balance(&slide, end.speed, &contact);
-        End { slide, contact, residual, slope }
-    }
-
-    #[inline(always)]
-    fn contact_at(&self, course: &Course, at: &Speed, rise: Rise) -> Resistance {
-        let sliding = self.sliding(course.side);
-        resistance_at(sliding, self.params.creep_velocity, rise, at.speed, course.level(sliding, at))
-    }
-
-    /// The step beside `course`; `None` where it takes more than one evaluation.
-    #[inline(always)]
-    fn follow(&self, state: &State, motion: Motion, course: &Course) -> Option<State> {
-        let Course { side, start, end, .. } = course;
-        let last = side.sign() * state.slip_velocity;
-        let small = RESIDUAL * self.sliding(*side).static_force;
-        if last <= 0.0 {
-            return None;
-        }
-        let speed = if self.params.damping.is_zero() {
-            // The last step ended with the sliding force of the last slip speed.
-            last
-        } else {
-            let (r, drag) = self.at_start(state, motion, course);
-            let missing = r - start.left;
-            if missing.abs() > small || drag <= 0.0 {
+    fn advance_on_course(&self, state: &mut State, motion: Motion) -> Option<Course> {
+        let before = *state;
+        if before.slip_velocity == 0.0 && !self.creeps {
+            state.commit(self.leave_stick(&before, motion));
+            if state.slip_velocity != 0.0 {
                 return None;
             }
-            start.speed + missing / drag
+            return Some(Course { bend: self.bend(&before, state, motion), slide: None });
+        }
+        let onset = self.sliding_on(&before, motion.velocity);
+        if onset.speed <= 0.0 {
+            state.commit(self.keep_sliding(&before, motion));
+            return None;
+        }
+        let (next, theta) = self.slide_by_theta(onset, motion);
+        state.commit(next);
+        if state.slip_velocity * before.slip_velocity <= 0.0 {
+            return None;
+        }
+        Some(self.slid(&before, state, motion, onset.speed, theta))
+    }
+
+    fn bend(&self, before: &State, after: &State, motion: Motion) -> Bend {
+        let arms = self.params.relaxation.within(&before.arms, motion.time);
+        let deformation = &self.params.deformation;
+        let local = deformation.local(after.deflection);
+        let travel = after.deflection - before.deflection;
+        let trial = before.yield_force + deformation.yield_stiffness() * travel;
+        let follows = if trial > local.gap {
+            1.0
+        } else if trial < -local.gap {
+            -1.0
+        } else {
+            0.0
         };
-        let End { slide, contact, residual, slope } = self.at_end(state, motion, course, speed);
-        let missing = residual - end.left;
-        let u = end.speed - missing / slope;
-        let is_one_step_away = missing.abs() <= small && slope < 0.0 && u > 0.0 && speed > 0.0;
-        is_one_step_away.then(|| self.arrive(&slide, u, &contact, end.speed))
+        let yield_slope = if follows == 0.0 { deformation.yield_stiffness() } else { follows * local.gap_slope };
+        let mut arm_slopes = [ArmSlopes::default(); MAX_ARMS];
+        for (slopes, arm) in arm_slopes.iter_mut().zip(&self.params.relaxation.arms) {
+            if arm.stiffness > 0.0 {
+                let (left, mean) = decay_and_mean(motion.time / arm.time);
+                *slopes = ArmSlopes {
+                    left,
+                    left_by_time: left * motion.time / (arm.time * arm.time),
+                    response: arm.stiffness * mean,
+                    response_by_stiffness: mean,
+                    response_by_time: arm.stiffness * (mean - left) / arm.time,
+                };
+            }
+        }
+        let place = deformation.place(after.deflection);
+        Bend { place, travel, mid_slope: local.mid_slope, yield_slope, follows, arms, arm_slopes }
+    }
+
+    fn slid(&self, before: &State, after: &State, motion: Motion, speed: f64, theta: f64) -> Course {
+        let (side, lag) = (Side::of(after.slip_velocity), self.params.friction_lag);
+        let bend = self.bend(before, after, motion);
+        let (start, start_contact) =
+            self.contact_at(side, motion.velocity, speed, |_| Rise::at_start(before.rise, lag));
+        let lagged = |_: f64| Rise::after(before.rise, lag, motion.time, || start.curve);
+        let (end, end_contact) = self.contact_at(side, motion.velocity, after.slip_velocity.abs(), lagged);
+        let steep = bend.mid_slope + bend.yield_slope + bend.arms.stiffness;
+        let slide = Slide {
+            side,
+            explicit: side.sign() * motion.time * (1.0 - theta),
+            implicit: side.sign() * motion.time * theta,
+            start_drag: start_contact.slope + start.damping_slope,
+            end_drag: end_contact.slope + end.damping_slope + motion.time * theta * steep,
+            lag: LagSlopes::new(before.rise, lag, motion.time, &start, &end),
+            is_damped: !self.params.damping.is_zero(),
+            start,
+            end,
+        };
+        Course { bend, slide: Some(slide) }
+    }
+
+    /// The contact at slip speed `u`, m/s, with the part of λ that `rise` tells.
+    fn contact_at(&self, side: Side, velocity: f64, u: f64, rise: impl Fn(f64) -> Rise) -> (At, Resistance) {
+        let (sliding, creep) = (self.sliding(side), self.params.creep_velocity);
+        let surplus = sliding.static_force - sliding.coulomb_force;
+        let ratio = u / sliding.stribeck_velocity;
+        let logarithm = if surplus > 0.0 && ratio > 0.0 { logarithm(ratio) } else { 0.0 };
+        let exponent = sliding.exponent(u);
+        let curve = decay(exponent);
+        let growth = curve * exponent * sliding.stribeck_exponent; // -u·de/du
+        let by_speed = if u > 0.0 { -growth / u } else { 0.0 };
+        let rise = rise(curve);
+        let contact = resistance_at(
+            sliding,
+            creep,
+            rise,
+            u,
+            (sliding.coulomb_force + surplus * curve, if surplus > 0.0 { surplus * by_speed } else { 0.0 }),
+        );
+        let risen = rise.kept + rise.now * curve;
+        let level = sliding.coulomb_force + surplus * risen;
+        let (part, by_creep) = if creep > 0.0 {
+            let inverse = 1.0 / libm::sqrt(u * u + creep * creep);
+            (u * inverse, -level * u * creep * inverse * (inverse * inverse))
+        } else {
+            (1.0, 0.0)
+        };
+        let deformation_velocity = velocity - side.sign() * u; // EMS (8)
+        let at = At {
+            speed: u,
+            deformation_velocity,
+            damping_slope: self.params.damping.slope(deformation_velocity),
+            part,
+            by_creep,
+            rise: risen,
+            surplus,
+            curve,
+            curve_by_speed: by_speed,
+            curve_by_velocity: growth / sliding.stribeck_velocity,
+            curve_by_exponent: -curve * exponent * logarithm,
+        };
+        (at, contact)
     }
 }
 
-/// The end of a follower's step at the leader's slip speed: the contact, r, N, and dr/du, N·s/m.
-struct End {
-    slide: Slide,
-    contact: Resistance,
-    residual: f64,
-    slope: f64,
+impl LagSlopes {
+    fn new(rise: f64, lag: f64, duration: f64, start: &At, end: &At) -> Self {
+        if lag <= 0.0 {
+            return Self { is_lagged: false, left: 0.0, before: 0.0, now: 1.0, by_lag: 0.0 };
+        }
+        let (left, mean) = decay_and_mean(duration / lag);
+        let left_by_lag = left * duration / (lag * lag);
+        let mean_by_lag = (mean - left) / lag;
+        let by_lag = rise * left_by_lag + (mean_by_lag - left_by_lag) * start.curve - mean_by_lag * end.curve;
+        Self { is_lagged: true, left, before: mean - left, now: 1.0 - mean, by_lag }
+    }
 }
 
-impl Lead {
-    /// The same part for `element`.
-    pub(crate) fn take(&self, element: &Element, state: &mut State) {
-        let Motion { velocity, time } = self.motion;
-        match self.course.as_ref().and_then(|course| element.follow(state, self.motion, course)) {
-            Some(next) => state.commit(next),
-            None => _ = element.step(state, velocity * time, time),
+impl At {
+    /// δe at fixed slip speed.
+    #[inline(always)]
+    fn curve_apart(&self, by: &SlidingDifference) -> f64 {
+        self.curve_by_velocity * by.stribeck_velocity + self.curve_by_exponent * by.stribeck_exponent
+    }
+
+    /// Difference of the contact's force at fixed slip speed, where λ differs by `rise`, N.
+    #[inline(always)]
+    fn contact_apart(&self, different: &Different, by: &SlidingDifference, rise: f64) -> f64 {
+        let level = by.coulomb_force + self.rise * (by.static_force - by.coulomb_force) + self.surplus * rise;
+        self.part * level + self.by_creep * different.creep_velocity + by.viscous_damping * self.speed
+    }
+
+    /// Difference of the damping force at fixed slip speed, N.
+    #[inline(always)]
+    fn damping_apart(&self, different: &Different) -> f64 {
+        damping_apart(different, self.deformation_velocity)
+    }
+}
+
+#[inline(always)]
+fn damping_apart(different: &Different, deformation_velocity: f64) -> f64 {
+    let [s0, s1, s2] = different.damping;
+    let speed = deformation_velocity.abs();
+    (s0 + speed * (s1 + speed * s2)) * deformation_velocity // EMS (9)
+}
+
+impl Bend {
+    /// The deformation where z⁺ differs by `deflection`, m; the slip is not yet in it.
+    #[inline(always)]
+    fn apart(&self, leader: &Element, before: &State, different: &Different, apart: &Apart, deflection: f64) -> Apart {
+        let (mid, gap) = match &different.shape {
+            Some(shape) => leader.params.deformation.more_at(shape, &self.place),
+            None => (0.0, 0.0),
+        };
+        let moved = deflection - apart.deflection;
+        let yield_force = if self.follows == 0.0 {
+            apart.yield_force + different.yield_stiffness * self.travel + self.yield_slope * moved
+        } else {
+            self.follows * gap + self.yield_slope * deflection
+        };
+        let mut arms = [0.0; MAX_ARMS];
+        let each = arms.iter_mut().zip(&self.arm_slopes).zip(&different.arms).zip(apart.arms).zip(before.arms);
+        for ((((more, arm), [stiffness, time]), own), force) in each {
+            let response = arm.response_by_stiffness * stiffness + arm.response_by_time * time;
+            *more = arm.left * own + arm.left_by_time * time * force + response * self.travel + arm.response * moved;
         }
+        let elastic = mid + self.mid_slope * deflection + yield_force + arms.iter().sum::<f64>();
+        Apart { deflection, yield_force, arms, elastic, slip_velocity: 0.0, rise: 0.0, force: elastic }
+    }
+}
+
+impl Lead<'_> {
+    /// The same part for `element`, which is `different` and `apart`.
+    #[inline(always)]
+    pub(crate) fn take(&self, element: &Element, different: &Different, apart: &mut Apart) {
+        let course = self.course.as_ref().filter(|_| !different.is_another);
+        let followed = course.and_then(|Course { bend, slide }| match slide {
+            Some(slide) => self.slide(bend, slide, different, apart),
+            None => Some(self.bend(bend, different, apart)),
+        });
+        *apart = followed.unwrap_or_else(|| self.alone(element, apart));
+    }
+
+    #[inline(always)]
+    fn bend(&self, bend: &Bend, different: &Different, apart: &Apart) -> Apart {
+        let mut next = bend.apart(self.leader, &self.before, different, apart, apart.deflection);
+        next.force += damping_apart(different, self.motion.velocity);
+        next
+    }
+
+    #[inline(always)]
+    fn slide(&self, bend: &Bend, slide: &Slide, different: &Different, apart: &Apart) -> Option<Apart> {
+        let Slide { side, start, end, lag, .. } = slide;
+        let s = side.sign();
+        let by = &different.sliding[usize::from(*side == Side::Insertion)];
+        let small = LARGEST * self.leader.sliding(*side).static_force;
+        let curve = start.curve_apart(by);
+        let speed = if slide.is_damped || different.damping != [0.0; 3] {
+            let rise = if lag.is_lagged { apart.rise } else { curve };
+            let missing =
+                s * (apart.elastic + start.damping_apart(different)) - start.contact_apart(different, by, rise);
+            if missing.abs() > small || slide.start_drag <= 0.0 {
+                return None;
+            }
+            missing / slide.start_drag
+        } else {
+            // The last step ended with the sliding force of the last slip speed.
+            s * apart.slip_velocity
+        };
+        let mut next =
+            bend.apart(self.leader, &self.before, different, apart, apart.deflection - slide.explicit * speed);
+        let curve_before = curve + start.curve_by_speed * speed;
+        let rise = lag.left * apart.rise
+            + lag.before * curve_before
+            + lag.by_lag * different.friction_lag
+            + lag.now * end.curve_apart(by);
+        let damping = end.damping_apart(different);
+        let missing = s * (next.elastic + damping) - end.contact_apart(different, by, rise);
+        if missing.abs() > small || slide.end_drag <= 0.0 {
+            return None;
+        }
+        let speed = missing / slide.end_drag;
+        let shift = -slide.implicit * speed;
+        next.deflection += shift;
+        next.yield_force += bend.yield_slope * shift;
+        next.arms.iter_mut().zip(&bend.arm_slopes).for_each(|(a, arm)| *a += arm.response * shift);
+        next.elastic += (bend.mid_slope + bend.yield_slope + bend.arms.stiffness) * shift;
+        next.slip_velocity = s * speed;
+        next.rise = if lag.is_lagged { rise + lag.now * end.curve_by_speed * speed } else { 0.0 };
+        next.force = next.elastic + damping - end.damping_slope * next.slip_velocity;
+        Some(next)
+    }
+
+    /// The step of `element` by itself.
+    #[inline(never)]
+    fn alone(&self, element: &Element, apart: &Apart) -> Apart {
+        let Motion { velocity, time } = self.motion;
+        let mut state = apart.state_beside(&self.before);
+        element.step(&mut state, velocity * time, time);
+        self.leader.apart(&self.after, element, &state)
     }
 }

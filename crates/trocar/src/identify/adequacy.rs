@@ -11,7 +11,6 @@ use trocar_model::Stages;
 use super::candidate::Candidate;
 use super::element::Input;
 use super::estimate::t_p_value;
-use super::inertia;
 use super::scale::FrictionScale;
 use crate::recording::{Recording, local_velocity};
 use crate::replay::replay_along;
@@ -147,12 +146,12 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
     let (recording, segments) = (&input.recordings[index], &input.segments[index]);
     let candidate = model.candidate;
     let run = replay_along(model.stages.elements(), model.profile, recording, candidate.offset);
-    let inertia = inertia(recording, candidate.hidden_mass);
     let velocity = local_velocity(recording, (5.0 * recording.quality.median_interval).max(0.02));
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
     let mut seen = Seen::default();
-    let reading = |i: usize| recording.force[i] - candidate.offset - inertia[i];
+    let acceleration = &input.accelerations[index];
+    let reading = |i: usize| recording.force[i] - candidate.offset - candidate.hidden_mass * acceleration[i];
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
     for pass in &segments.passes {

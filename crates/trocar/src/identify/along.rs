@@ -4,8 +4,8 @@
 //! deflection while the seal deforms. Kept where it predicts strokes left out; the element is then fitted once more to readings
 //! without it.
 
+use super::Segments;
 use super::element::{self, ElementFit, Input};
-use super::{Segments, inertia};
 use crate::recording::Recording;
 use crate::replay::replay;
 use crate::scatter::StrokeScatter;
@@ -58,13 +58,13 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<TravelFit, String> {
     let (mut samples, mut strokes) = (Vec::new(), 0);
     for (index, recording) in input.recordings.iter().enumerate() {
         let run = replay(elements, recording, candidate.offset);
-        let inertia = inertia(recording, candidate.hidden_mass);
+        let acceleration = &input.accelerations[index];
         let stroke = travel::strokes(recording, &passes(recording, reversal_threshold(recording)));
         let slides = |i: &usize| run.sliding[*i];
         samples.extend(run.known.iter().cloned().flatten().filter(slides).map(|i| TravelSample {
             position: recording.position[i],
             seal_force: fit.scale.at(index, recording.time[i] - recording.time[0]) * run.force[i],
-            reading: recording.force[i] - inertia[i],
+            reading: recording.force[i] - candidate.hidden_mass * acceleration[i],
             stroke: strokes + stroke[i],
         }));
         strokes += stroke.iter().max().map_or(0, |last| last + 1);

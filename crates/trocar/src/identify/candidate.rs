@@ -7,7 +7,7 @@ use trocar_model::{
     Stages, StagesState,
 };
 
-use super::likelihood::{Column, Free, Trial};
+use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
 use super::shape::{BranchShape, Pins};
 use super::stage::SecondStage;
 use super::training::Step;
@@ -382,11 +382,14 @@ impl Trial for EmsTrial {
         &self.drift
     }
 
-    /// The first model leads, once in each thread.
-    fn forces(models: &[Stages], states: &mut [StagesState], steps: &[Step]) -> Vec<Vec<f64>> {
+    /// The first model leads, once in each part.
+    fn forces(models: &[Stages], states: &mut [StagesState], lanes: Lanes, steps: &[Step]) -> Vec<Vec<f64>> {
+        let Lanes { close, parts } = lanes;
+        let (models, alone) = models.split_at(close);
+        let (states, own_of_alone) = states.split_at_mut(close);
         let (leading, others) = models.split_first().expect("the trial's own");
         let (state, own) = states.split_first_mut().expect("one for each model");
-        let together = others.len().div_ceil(rayon::current_num_threads()).max(1);
+        let together = others.len().div_ceil(parts).max(1);
         let mut parts: Vec<(&[Stages], &mut [StagesState])> =
             others.chunks(together).zip(own.chunks_mut(together)).collect();
         if parts.is_empty() {
@@ -408,7 +411,7 @@ impl Trial for EmsTrial {
                     *before = after;
                 }
             }
-            own.iter_mut().zip(&beside).for_each(|(own, beside)| *own = *beside.state());
+            own.iter_mut().zip(&beside).for_each(|(own, beside)| *own = beside.state(&led));
             (led, forces)
         };
         let mut forces = Vec::with_capacity(models.len());
@@ -416,6 +419,7 @@ impl Trial for EmsTrial {
             *state = led;
             forces.extend(part.drain(usize::from(!forces.is_empty())..));
         }
+        forces.extend(each_alone(alone, own_of_alone, steps));
         forces
     }
 }

@@ -21,7 +21,7 @@ pub(super) fn conclude(
     profile: Profile,
     position_lag: Option<PositionLag>,
 ) -> Result<Identification, IdentifyError> {
-    let Input { recordings, segments, two, options } = input;
+    let Input { recordings, segments, two, options, .. } = input;
     let two_step_parameters = two_steps::parameters(two, options);
     let (travel, travel_missing) = match profile {
         Ok(travel) => (travel, None),

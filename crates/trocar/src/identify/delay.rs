@@ -55,6 +55,8 @@ pub(super) struct InTime {
     pub(super) recordings: Vec<Recording>,
     pub(super) lag: Option<PositionLag>,
     pub(super) segments: Vec<Segments>,
+    /// Of each recording, m/s².
+    accelerations: Vec<Vec<f64>>,
     pub(super) two: TwoSteps,
 }
 
@@ -114,12 +116,14 @@ impl InTime {
     ) -> Result<(Self, Option<Begun>), IdentifyError> {
         let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
         let two = two_steps::two_steps(&recordings, &segments, options)?;
-        let found = Self { recordings, lag, segments, two };
+        let accelerations = recordings.iter().map(Recording::acceleration).collect();
+        let found = Self { recordings, lag, segments, accelerations, two };
         let begun = if options.paper { None } else { element::begin(&found.input(options), progress) };
         Ok((found, begun))
     }
 
-    fn input<'a>(&'a self, options: &'a IdentifyOptions) -> Input<'a> {
-        Input { recordings: &self.recordings, segments: &self.segments, two: &self.two, options }
+    pub(super) fn input<'a>(&'a self, options: &'a IdentifyOptions) -> Input<'a> {
+        let Self { recordings, segments, accelerations, two, .. } = self;
+        Input { recordings, segments, accelerations, two, options }
     }
 }

@@ -23,7 +23,7 @@ use super::terms::{self, Chosen, Term, TermTrial};
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_stretches};
 use super::unexplained::{Left, Unexplained};
-use super::{FreeMotion, IdentifyOptions, Progress, Segments, inertia};
+use super::{FreeMotion, IdentifyOptions, Progress, Segments};
 use crate::recording::{Recording, range};
 use crate::replay::replay;
 use crate::segment::Direction;
@@ -50,6 +50,8 @@ const LAST: Stop = Stop { iterations: 80, fall: 1e-5, promise: 10.0 * 1e-5 };
 pub(super) struct Input<'a> {
     pub(super) recordings: &'a [Recording],
     pub(super) segments: &'a [Segments],
+    /// Of each recording, m/s².
+    pub(super) accelerations: &'a [Vec<f64>],
     pub(super) two: &'a TwoSteps,
     pub(super) options: &'a IdentifyOptions,
 }
@@ -141,14 +143,14 @@ fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) ->
 /// Root mean square error, N, over all samples whose force does not depend on the unknown start.
 pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
     let Ok(stages) = candidate.stages() else { return f64::INFINITY };
-    let of = |recording: &Recording| {
+    let of = |(recording, acceleration): (&Recording, &Vec<f64>)| {
         let run = replay(stages.elements(), recording, candidate.offset);
-        let inertia = inertia(recording, candidate.hidden_mass);
-        let error = |i: usize| recording.force[i] - candidate.offset - inertia[i] - run.force[i];
+        let reading = |i: usize| recording.force[i] - candidate.hidden_mass * acceleration[i];
+        let error = |i: usize| reading(i) - candidate.offset - run.force[i];
         let known = run.known.iter().cloned().flatten();
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
     };
-    let sums = input.recordings.iter().map(of).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let sums = input.recordings.iter().zip(input.accelerations).map(of).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
     (sums.0 / f64::max(sums.1, 1.0)).sqrt()
 }
 
@@ -188,10 +190,7 @@ impl Scaled {
     /// With the terms tried, and the error of the paper's element.
     fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
         let scale = FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
-        let mut left = Left::by(&self.training, &self.fitted);
-        if !acceleration_is_resolved(input.recordings) {
-            (left.lag, left.lag_left) = (None, None);
-        }
+        let left = Left::by(input.recordings, &self.training, &self.fitted);
         ElementFit { fitted: self.fitted, trials, scale, paper_rms, left }
     }
 }
@@ -208,12 +207,9 @@ fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda:
 }
 
 impl Begun {
-    /// The delay of the positions: none where the sampling does not resolve what may pass for one.
+    /// The delay of the positions.
     pub(super) fn position_lag(&self, found: &InTime) -> Option<PositionLag> {
-        if !acceleration_is_resolved(&found.recordings) {
-            return None;
-        }
-        Unexplained::new(&self.training, &self.fitted)?.lag_left()
+        Unexplained::new(&found.recordings, &self.training, &self.fitted)?.lag_left()
     }
 }
 
@@ -425,27 +421,16 @@ fn slowest_creep(recordings: &[Recording]) -> f64 {
 }
 
 /// All samples, those of settled sliding taken together.
-fn training(input: &Input, of: &Candidate) -> Option<Training> {
-    let Input { recordings, segments, two, .. } = input;
-    let segmented = |(recording, segments): (&'_ Recording, &'_ Segments)| {
+fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
+    let Input { recordings, segments, accelerations, two, .. } = input;
+    let segmented = |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
         let settled = match &two.deformation {
             Ok(found) => settled_stretches(recording, segments, &two.steady, found),
             Err(_) => Vec::new(),
         };
-        (settled, recording.acceleration())
+        Segmented { recording, passes: &segments.passes, settled, acceleration }
     };
-    let parts: Vec<_> = recordings.iter().zip(*segments).map(segmented).collect();
-    let data: Vec<Segmented> = recordings
-        .iter()
-        .zip(*segments)
-        .zip(parts)
-        .map(|((recording, segments), (settled, acceleration))| Segmented {
-            recording,
-            passes: &segments.passes,
-            settled,
-            acceleration,
-        })
-        .collect();
+    let data: Vec<Segmented> = recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
     training.variance = (INITIAL_ERROR * of.insertion.coulomb_force).powi(2);
     let stages = of.stages().ok()?;

@@ -91,13 +91,19 @@ pub(crate) trait Trial: Clone + Send + Sync {
     fn drift(&self) -> &[f64] {
         &[]
     }
-    /// Force of each model at the centres of the steps, N, from its state; all differ little from the first.
-    fn forces(models: &[Self::Model], states: &mut [StateOf<Self>], steps: &[Step]) -> Vec<Vec<f64>> {
-        let of = |(model, state): (&Self::Model, &mut StateOf<Self>)| {
-            steps.iter().map(|step| seal_force(model, state, step)).collect()
-        };
-        models.par_iter().zip(states).map(of).collect()
+    /// Force of each model at the centres of the steps, N, from its state.
+    fn forces(models: &[Self::Model], states: &mut [StateOf<Self>], _lanes: Lanes, steps: &[Step]) -> Vec<Vec<f64>> {
+        each_alone(models, states, steps)
     }
+}
+
+/// The forces of models by steps of their own.
+pub(super) fn each_alone<M>(models: &[M], states: &mut [M::State], steps: &[Step]) -> Vec<Vec<f64>>
+where
+    M: Friction<State: Send + Sync> + Send + Sync,
+{
+    let of = |(model, state): (&M, &mut M::State)| steps.iter().map(|step| seal_force(model, state, step)).collect();
+    models.par_iter().zip(states).map(of).collect()
 }
 
 /// State of the model of a trial.
@@ -334,9 +340,8 @@ fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
     let of_run = |run: &Run| {
         cancel::check();
         let mut state = start(trial, &model, run);
-        let first = run.steps.first().map_or(0, |s| s.stroke);
-        let last = run.steps.last().map_or(0, |s| s.stroke);
-        let mut sums = vec![ScaleSums::default(); last + 1 - first];
+        let Range { start: first, end } = run.strokes();
+        let mut sums = vec![ScaleSums::default(); end - first];
         let mut squares = 0.0;
         for step in &run.steps {
             let force = seal_force(&model, &mut state, step);
@@ -391,12 +396,14 @@ enum Source {
 struct Simulations<T: Trial> {
     trials: Vec<T>,
     models: Vec<T::Model>,
+    /// How many of the first differ little.
+    close: usize,
     sources: Vec<Source>,
 }
 
 impl<T: Trial> Simulations<T> {
     /// `None` where one of them is no model.
-    fn new(trial: &T, extra: &[Extra<T>], stretch: f64) -> Option<Self> {
+    fn new(trial: &T, extra: &[Extra<T>]) -> Option<Self> {
         let free = trial.free();
         let values: Vec<f64> = free.iter().map(|f| f.value).collect();
         let mut trials = vec![trial.clone()];
@@ -408,7 +415,7 @@ impl<T: Trial> Simulations<T> {
                 Column::Drift(k) => Source::Drift(k),
                 Column::Simulated => {
                     // Away from a bound that lies within the step.
-                    let step = stretch * if f.value + stretch * f.step > f.high { -f.step } else { f.step };
+                    let step = if f.value + f.step > f.high { -f.step } else { f.step };
                     let mut changed = values.clone();
                     changed[j] += step;
                     trials.push(trial.with(&changed));
@@ -416,6 +423,7 @@ impl<T: Trial> Simulations<T> {
                 }
             });
         }
+        let close = trials.len();
         for column in extra {
             sources.push(match column {
                 Extra::Secant(other) => {
@@ -427,7 +435,7 @@ impl<T: Trial> Simulations<T> {
             });
         }
         let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
-        Some(Self { trials, models, sources })
+        Some(Self { trials, models, close, sources })
     }
 }
 
@@ -444,43 +452,90 @@ fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
     trial.free().iter().map(|free| (free.value, training.variance / expected(free).powi(2))).collect()
 }
 
-/// The normal equations at a trial: columns for its free numbers, by difference quotients over `stretch` of their steps, and behind
-/// them for `extra`.
-fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>], stretch: f64) -> Option<Normal> {
-    let Simulations { trials, models, sources } = Simulations::new(trial, extra, stretch)?;
+/// The normal equations at a trial: columns for its free numbers, by difference quotients over their steps, and behind them for
+/// `extra`.
+fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]) -> Option<Normal> {
+    let Simulations { trials, models, close, sources } = Simulations::new(trial, extra)?;
     let p = sources.len();
     let predictor = Predictor::new(training, trial);
     let mut strokes = vec![StrokeSums::new(p); training.strokes.len()];
-    for run in &training.runs {
+    let threads = rayon::current_num_threads() as f64;
+    let total: usize = training.runs.iter().map(|run| run.steps.len()).sum();
+    let of_run = |(run, strokes): (&Run, &mut [StrokeSums])| {
+        let parts = (threads * run.steps.len() as f64 / total as f64).round().max(1.0) as usize;
         let mut states: Vec<StateOf<T>> = models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
         let mut before = 0.0;
         for block in run.steps.chunks(BLOCK) {
             cancel::check();
-            let forces = T::forces(&models, &mut states, block);
-            before = accumulate(&predictor, block, &forces, &sources, before, &mut strokes);
+            let forces = T::forces(&models, &mut states, Lanes { close, parts }, block);
+            accumulate(
+                &predictor,
+                block,
+                &forces,
+                &sources,
+                before,
+                &mut strokes[block[0].stroke - run.strokes().start..],
+            );
+            before = *forces[0].last().expect("a block has steps");
         }
+    };
+    let mut rest = strokes.as_mut_slice();
+    let mut runs: Vec<(&Run, &mut [StrokeSums])> = Vec::with_capacity(training.runs.len());
+    for run in &training.runs {
+        let (own, others) = rest.split_at_mut(run.strokes().len());
+        runs.push((run, own));
+        rest = others;
     }
+    runs.into_par_iter().for_each(of_run);
     let mut prior = prior(training, trial);
     prior.resize(p, (0.0, 0.0));
     Some(training.eliminated(strokes, &predictor.drift, prior))
 }
 
-/// Adds the steps of a block to the sums of their strokes; returns the last simulated force.
+/// Which models of a run are stepped together: the first `close` differ little, and are divided into `parts`.
+#[derive(Clone, Copy)]
+pub(crate) struct Lanes {
+    pub(crate) close: usize,
+    pub(crate) parts: usize,
+}
+
+/// Adds the steps of a block to the sums of its strokes and those behind; `before` is the force simulated before it.
 fn accumulate(
     predictor: &Predictor,
     block: &[Step],
     lanes: &[Vec<f64>],
     sources: &[Source],
-    mut before: f64,
+    before: f64,
     strokes: &mut [StrokeSums],
-) -> f64 {
+) {
+    let mut from = 0;
+    let of_strokes: Vec<Range<usize>> = block
+        .chunk_by(|a, b| a.stroke == b.stroke)
+        .map(|chunk| {
+            from += chunk.len();
+            from - chunk.len()..from
+        })
+        .collect();
+    let sums = strokes.par_iter_mut().zip(of_strokes);
+    sums.for_each(|(sums, range)| accumulate_stroke(predictor, block, range, lanes, sources, before, sums));
+}
+
+/// The steps `range` of a block, which are of one stroke.
+fn accumulate_stroke(
+    predictor: &Predictor,
+    block: &[Step],
+    range: Range<usize>,
+    lanes: &[Vec<f64>],
+    sources: &[Source],
+    before: f64,
+    sums: &mut StrokeSums,
+) {
     let p = sources.len();
     let mut row = vec![0.0; p];
     let basis = &predictor.training.scale.basis;
-    for (i, step) in block.iter().enumerate() {
-        let force = lanes[0][i];
-        let rate = (force - before) / step.duration;
-        before = force;
+    for i in range {
+        let (step, force) = (&block[i], lanes[0][i]);
+        let rate = (force - if i > 0 { lanes[0][i - 1] } else { before }) / step.duration;
         if step.weight == 0.0 {
             continue;
         }
@@ -495,7 +550,6 @@ fn accumulate(
             };
         }
         let weight = step.weight;
-        let sums = &mut strokes[step.stroke];
         sums.steps += step.independent;
         sums.cost += weight * residual * residual;
         sums.scale.add(weight, residual, z);
@@ -510,7 +564,6 @@ fn accumulate(
             column.iter_mut().zip(&row[j..]).for_each(|(h, b)| *h += scaled * b);
         }
     }
-    before
 }
 
 impl Training {
@@ -632,14 +685,11 @@ fn step_within(
 
 /// Damping beyond which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
-/// Factor on the steps of the difference quotients where a fit would stall.
-const WIDEST: f64 = 16.0;
 
 /// Lowers C from `from`; `None` when `from` is no model.
 pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option<Fitted<T>> {
     let mut best = from.clone();
-    let mut stretch = 1.0;
-    let mut normal = normal_equations(training, &best, &[], stretch)?;
+    let mut normal = normal_equations(training, &best, &[])?;
     let first = normal.data_cost();
     let (mut lambda, mut iterations, mut converged) = (1e-5, 0, false);
     let mut held = vec![false; best.free().len()];
@@ -664,18 +714,11 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
             is_first = false;
         }
         let Some((after, better)) = accepted else {
-            if stretch < WIDEST && stop.promise.is_finite() {
-                // A kink within reach: wider quotients see beyond it.
-                stretch = WIDEST;
-                lambda = 1e-3;
-                normal = normal_equations(training, &best, &[], stretch)?;
-                continue;
-            }
             converged = true;
             break;
         };
         best = better;
-        normal = normal_equations(training, &best, &[], stretch)?;
+        normal = normal_equations(training, &best, &[])?;
         lambda = lambda.max(1e-8);
         // With scales of its own the force of all strokes together is a flat direction: small falls are no sign of the end.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
@@ -748,7 +791,7 @@ impl<T: Trial> Fitted<T> {
 
     /// The same fit with columns for `extra` behind its own: what each of them would change, to first order.
     pub(crate) fn with_columns(&self, training: &Training, extra: &[Extra<T>]) -> Option<Normal> {
-        normal_equations(training, &self.best, extra, 1.0)
+        normal_equations(training, &self.best, extra)
     }
 }
 

@@ -24,9 +24,7 @@ use crate::travel::{TravelFit, TravelProfile};
 pub use adequacy::Phase;
 pub use candidate::Candidate;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
-use delay::InTime;
 pub use delay::PositionLag;
-use element::Input;
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use free_motion::FreeMotion;
@@ -330,12 +328,11 @@ pub fn identify(
     recordings.iter().try_for_each(shows_force)?;
     progress("steady state", 0.1);
     let (in_time, fit) = delay::fitted(recordings, options, progress)?;
-    let InTime { recordings, lag, segments, two } = in_time;
-    let input = Input { recordings: &recordings, segments: &segments, two: &two, options };
-    if fit.is_none() && two.steady.means.is_empty() {
+    let (input, lag) = (in_time.input(options), in_time.lag);
+    if fit.is_none() && input.two.steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
-            passes: segments.iter().map(|s| s.passes.len()).sum(),
-            stretches: segments.iter().map(|s| s.stretches.len()).sum(),
+            passes: input.segments.iter().map(|s| s.passes.len()).sum(),
+            stretches: input.segments.iter().map(|s| s.stretches.len()).sum(),
         });
     }
     progress("position profile", 0.8);
@@ -378,12 +375,4 @@ fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
     let passes = passes(recording, reversal_threshold(recording));
     let stretches = stretches(recording, &passes, options);
     Segments { passes, stretches }
-}
-
-/// Force, N, of the inertia of `mass`, kg, at every sample.
-fn inertia(recording: &Recording, mass: f64) -> Vec<f64> {
-    if mass == 0.0 {
-        return vec![0.0; recording.len()];
-    }
-    recording.acceleration().into_iter().map(|a| mass * a).collect()
 }

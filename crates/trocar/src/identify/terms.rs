@@ -272,6 +272,9 @@ pub(super) struct Chosen {
 
 /// Stops of the fits with one term more.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
+/// Of those that look whether the model can do without a term, where a few steps show that it cannot: a p value below this.
+const FIRST: Stop = Stop { iterations: 4, fall: 0.02, promise: 0.1 };
+const CLEARLY_NEEDED: f64 = 1e-6;
 /// Part of the squared error from which a term that is only suspected is fitted, and judged by what the fit gains: of a shape far from
 /// the one tried the step tells little.
 const LARGE_GAIN: f64 = 0.05;
@@ -363,8 +366,13 @@ impl Chosen {
         let mut needless = Vec::new();
         for trial in self.trials.iter_mut().filter(|t| t.kept) {
             let smaller = trial.term.left_out_of(&self.fitted.best);
-            let Some(without) = smaller.and_then(|s| likelihood::fit(training, &s, NEXT)) else { continue };
+            let Some(mut without) = smaller.and_then(|s| likelihood::fit(training, &s, FIRST)) else { continue };
             trial.p_value = growth_p_value(training, &without, &self.fitted);
+            if trial.p_value >= CLEARLY_NEEDED {
+                let Some(further) = likelihood::fit(training, &without.best, NEXT) else { continue };
+                without = further;
+                trial.p_value = growth_p_value(training, &without, &self.fitted);
+            }
             trial.gain = 1.0 - self.fitted.cost() / without.cost();
             if trial.p_value >= LEVEL {
                 trial.kept = false;

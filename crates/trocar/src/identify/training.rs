@@ -100,6 +100,14 @@ pub(crate) struct Run {
     pub(crate) first_force: f64,
 }
 
+impl Run {
+    /// The strokes of its steps.
+    pub(crate) fn strokes(&self) -> Range<usize> {
+        let [first, last] = [self.steps.first(), self.steps.last()].map(|step| step.map(|s| s.stroke));
+        first.unwrap_or(0)..last.map_or(0, |last| last + 1)
+    }
+}
+
 /// All that the fit simulates.
 #[derive(Debug, Clone)]
 pub(crate) struct Training {
@@ -118,7 +126,8 @@ pub(crate) struct Segmented<'a> {
     pub(crate) passes: &'a [Pass],
     /// Stretches of constant velocity from where the sliding has settled.
     pub(crate) settled: Vec<Stretch>,
-    pub(crate) acceleration: Vec<f64>,
+    /// m/s².
+    pub(crate) acceleration: &'a [f64],
 }
 
 /// Most samples of a step that count as independent: what the model does not explain changes little within it.
@@ -260,7 +269,7 @@ fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, stro
             displacement,
             duration: recording.time[next] - recording.time[at],
             force: mean(&recording.force),
-            acceleration: mean(&part.acceleration),
+            acceleration: mean(part.acceleration),
             weight: if is_clipped { 0.0 } else { samples / (1.0 + samples / limits.independent) },
             centre: if displacement == 0.0 {
                 0.5 * (samples + 1.0) / samples
@@ -304,7 +313,7 @@ impl Progress {
 
 /// Last of the samples behind `at` that are taken together: few, close in position and time, moving one way.
 fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
-    let (x, t, a) = (&part.recording.position, &part.recording.time, &part.acceleration);
+    let (x, t, a) = (&part.recording.position, &part.recording.time, part.acceleration);
     let first = x[at + 1] - x[at];
     let mut change = a[at + 1] * (t[at + 1] - t[at]);
     let close = |i: &usize| {

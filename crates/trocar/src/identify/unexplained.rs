@@ -5,10 +5,11 @@
 
 use super::candidate::EmsTrial;
 use super::delay::PositionLag;
-use super::element::variance;
+use super::element::{acceleration_is_resolved, variance};
 use super::estimate::{Estimate, t_p_value, t_quantile};
 use super::likelihood::{Extra, Fitted, Normal, OneStep, Trial};
 use super::training::Training;
+use crate::recording::Recording;
 
 /// What the model may lack.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -34,9 +35,13 @@ pub(super) struct Unexplained {
 }
 
 impl Unexplained {
-    pub(super) fn new(training: &Training, fitted: &Fitted<EmsTrial>) -> Option<Self> {
+    /// No delay where the sampling does not resolve what may pass for one.
+    pub(super) fn new(recordings: &[Recording], training: &Training, fitted: &Fitted<EmsTrial>) -> Option<Self> {
         let EmsTrial { layout, candidate, .. } = &fitted.best;
-        let mut columns = vec![(Cause::Delay, Extra::Delay)];
+        let mut columns = Vec::new();
+        if acceleration_is_resolved(recordings) {
+            columns.push((Cause::Delay, Extra::Delay));
+        }
         if !layout.hidden_mass {
             columns.push((Cause::Mass, Extra::Acceleration));
         }
@@ -115,8 +120,8 @@ pub(super) struct Left {
 }
 
 impl Left {
-    pub(super) fn by(training: &Training, fitted: &Fitted<EmsTrial>) -> Self {
-        let Some(tests) = Unexplained::new(training, fitted) else { return Self::default() };
+    pub(super) fn by(recordings: &[Recording], training: &Training, fitted: &Fitted<EmsTrial>) -> Self {
+        let Some(tests) = Unexplained::new(recordings, training, fitted) else { return Self::default() };
         Self { lag: tests.lag(), lag_left: tests.lag_left(), mass: tests.mass(), damping: tests.damping() }
     }
 }

@@ -260,11 +260,11 @@ impl Recording {
             return Err(RecordingError::MovingMass { found: mass });
         }
         let window = self.acceleration_window();
-        let acceleration = self.acceleration();
+        let acceleration = self.acceleration_about(window);
         for (force, a) in self.force.iter_mut().zip(acceleration) {
             *force -= mass * (a + gravity);
         }
-        let window_ms = window * 1e3;
+        let window_ms = 1e3 * window;
         self.quality.notes.push(format!("inertia of {mass} kg taken out, acceleration over {window_ms:.3} ms"));
         Ok(self)
     }

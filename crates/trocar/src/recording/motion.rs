@@ -54,7 +54,11 @@ impl Recording {
     /// blurred by the window are scaled to what a window of a third holds of them (regression calibration).
     #[must_use]
     pub fn acceleration(&self) -> Vec<f64> {
-        let window = self.acceleration_window();
+        self.acceleration_about(self.acceleration_window())
+    }
+
+    /// The same from the fit over `window`, s.
+    pub(super) fn acceleration_about(&self, window: f64) -> Vec<f64> {
         let narrow = local_acceleration(self, window);
         let mut best = local_acceleration(self, WIDER * window);
         let difference: Vec<f64> = narrow.iter().zip(&best).map(|(a, b)| a - b).collect();

@@ -52,11 +52,10 @@ pub(crate) fn plain_training(
     (half_width, elements): (f64, &[Element]),
     acceleration: impl Fn(&Recording) -> Vec<f64>,
 ) -> Training {
-    let parts: Vec<(Segments, Vec<Stretch>)> = recordings.iter().map(|r| segmented(r, found, options)).collect();
+    let parts: Vec<_> = recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
     let mut all = Vec::new();
-    for (recording, (segments, settled)) in recordings.iter().zip(&parts) {
+    for (recording, ((segments, settled), acceleration)) in recordings.iter().zip(&parts) {
         let (passes, settled) = (segments.passes.as_slice(), settled.clone());
-        let acceleration = acceleration(recording);
         all.push(Segmented { recording, passes, settled, acceleration });
     }
     let mut training = Training::new(&all, half_width, MOST_CLUSTERS, f64::INFINITY);
