@@ -90,10 +90,7 @@ impl Resistance {
 /// The contact at slip speed `u` >= 0, m/s; ρ = 1 without creep.
 #[inline(always)]
 pub(crate) fn resistance(sliding: &SlidingFriction, creep_velocity: f64, rise: Rise, u: f64) -> Resistance {
-    // What does not show within the step need not be known.
-    let unseen = creep_velocity > 0.0 && rise.now == 0.0;
-    let level = if unseen { (sliding.coulomb_force, 0.0) } else { sliding.level_and_slope(u) };
-    resistance_at(sliding, creep_velocity, rise, u, level)
+    resistance_at(sliding, creep_velocity, rise, u, sliding.level_and_slope(u))
 }
 
 /// The same where g and dg/du are known: `level`, `fall`.

@@ -20,7 +20,7 @@ use crate::relaxation::{ArmForces, MAX_ARMS, StepArms};
 use crate::sliding::SlidingFriction;
 
 /// Largest difference of r, as a fraction of the static force, that is followed to first order.
-const LARGEST: f64 = 1e-2;
+const LARGEST: f64 = 1e-4;
 
 /// How a state differs from the leader's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
