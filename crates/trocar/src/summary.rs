@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::identify::{
     DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions,
-    Parameter, Phase, PositionLag, SteadyFit, Warning,
+    Parameter, Phase, PositionLag, SteadyFit, StickSlip, Warning,
 };
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, SensorInfo};
 use crate::recording::{Quality, Recording};
@@ -128,6 +128,8 @@ pub struct Summary<'a> {
     pub friction_scale: &'a FrictionScale,
     /// Error of the model by phase.
     pub phases: &'a [Phase],
+    /// Where the force swings by itself; `None` where it does not.
+    pub stick_slip: Option<&'a StickSlip>,
     /// Holds and partial reversals in the recordings.
     pub free_motion: FreeMotion,
     /// The delay of the positions that was taken out; `None` when none shows.
@@ -178,6 +180,7 @@ impl<'a> Outcome<'a> {
             fit: found.fit.as_ref(),
             friction_scale: &found.friction_scale,
             phases: &found.phases,
+            stick_slip: found.stick_slip.as_ref(),
             free_motion: found.free_motion,
             position_lag: found.position_lag,
             travel: found.travel.as_ref(),

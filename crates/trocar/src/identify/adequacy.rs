@@ -12,6 +12,7 @@ use super::candidate::Candidate;
 use super::element::Input;
 use super::estimate::t_p_value;
 use super::scale::FrictionScale;
+use super::stick_slip::StickSlip;
 use crate::recording::{Recording, local_velocity};
 use crate::replay::replay_along;
 use crate::travel::TravelProfile;
@@ -77,6 +78,7 @@ pub(super) struct Adequacy {
     pub(super) undetermined: Vec<(Group, String)>,
     /// Why the result is doubtful.
     pub(super) doubts: Vec<(String, String)>,
+    pub(super) stick_slip: Option<StickSlip>,
     /// Root mean square error, N, without any friction scale of strokes.
     pub(super) residual_rms: f64,
 }
@@ -111,14 +113,6 @@ struct Seen {
     speeds: Vec<(f64, f64)>,
     /// Force over the model's, by stroke, in the first and the second half of its sliding.
     halves: Vec<[f64; 2]>,
-    oscillations: Vec<Oscillation>,
-}
-
-/// A force that swings by itself at constant speed.
-struct Oscillation {
-    frequency: f64,
-    swing: f64,
-    speed: f64,
 }
 
 /// Judges the model.
@@ -134,12 +128,12 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     undetermined.extend(speeds.fast_enough(model.candidate));
     let phases = phases(input, model, &seen);
     let mut doubts: Vec<(String, String)> = phases.iter().filter_map(doubt).collect();
-    if model.has_shape {
-        doubts.extend(stick_slip(model, &seen));
-    }
+    let stick_slip =
+        StickSlip::of(input.recordings, input.segments, input.two.candidate.offset).filter(|_| model.has_shape);
+    doubts.extend(stick_slip.iter().map(|found| ("stick-slip".to_owned(), found.in_words())));
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let squares: f64 = seen.iter().map(|s| s.plain_squares).sum();
-    Adequacy { phases, undetermined, doubts, residual_rms: (squares / samples.max(1) as f64).sqrt() }
+    Adequacy { phases, undetermined, doubts, stick_slip, residual_rms: (squares / samples.max(1) as f64).sqrt() }
 }
 
 fn look(input: &Input, model: &Model, index: usize) -> Seen {
@@ -183,7 +177,6 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
             seen.halves.push([mean(true), mean(false)]);
         }
     }
-    seen.oscillations = oscillations(input, index);
     seen
 }
 
@@ -312,62 +305,6 @@ fn doubt(phase: &Phase) -> Option<(String, String)> {
             phase.phase, phase.rms_n, phase.expected_n
         );
         (phase.phase.to_owned(), message)
-    })
-}
-
-/// Fewest swings, and least swing as a part of the force and of the sensor noise, that count as stick-slip.
-const FEWEST_SWINGS: usize = 8;
-const LEAST_SWING: f64 = 0.06;
-const OVER_NOISE: f64 = 6.0;
-
-/// Swings of the force about its mean at constant speed, counted with a hysteresis of a quarter of the swing.
-fn oscillations(input: &Input, index: usize) -> Vec<Oscillation> {
-    let (recording, segments) = (&input.recordings[index], &input.segments[index]);
-    let of = |stretch: &crate::segment::Stretch| {
-        let from = stretch.start + (stretch.end - stretch.start) / 3;
-        let force = &recording.force[from..stretch.end];
-        let mut sorted = force.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
-        let (low, middle, high) = (quantile(0.02), quantile(0.5), quantile(0.98));
-        let swing = high - low;
-        if swing
-            < LEAST_SWING * (middle - input.two.candidate.offset).abs() + OVER_NOISE * recording.quality.force_noise
-        {
-            return None;
-        }
-        let (mut above, mut swings) = (force[0] > middle, 0);
-        for f in force {
-            let crossed = if above { *f < middle - 0.25 * swing } else { *f > middle + 0.25 * swing };
-            if crossed {
-                above = !above;
-                swings += 1;
-            }
-        }
-        let time = recording.time[stretch.end - 1] - recording.time[from];
-        let frequency = 0.5 * swings as f64 / time;
-        (swings >= FEWEST_SWINGS).then(|| Oscillation { frequency, swing, speed: stretch.velocity.abs() })
-    };
-    segments.stretches.iter().filter_map(of).collect()
-}
-
-/// Stick-slip, named with its speeds, frequency and swing.
-fn stick_slip(model: &Model, seen: &[Seen]) -> Option<(String, String)> {
-    let all: Vec<&Oscillation> = seen.iter().flat_map(|s| &s.oscillations).collect();
-    let range = |of: fn(&Oscillation) -> f64| {
-        all.iter().map(|o| of(o)).fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)))
-    };
-    let (slow, fast) = range(|o| 1e3 * o.speed);
-    let (low, high) = range(|o| o.frequency);
-    let swing = all.iter().map(|o| o.swing).sum::<f64>() / all.len().max(1) as f64;
-    (all.len() >= 2).then(|| {
-        let folded = model.candidate.insertion.static_force > 1.02 * model.candidate.insertion.coulomb_force;
-        let fitted = if folded { "" } else { "; the model has no velocity weakening and shows the mean force only" };
-        let message = format!(
-            "at {slow:.0} to {fast:.0} mm/s the force swings by {swing:.2} N, {low:.1} to {high:.1} times a second{fitted}. \
-             Sliding forces and c are then not determined by averages; record faster strokes too"
-        );
-        ("stick-slip".to_owned(), message)
     })
 }
 

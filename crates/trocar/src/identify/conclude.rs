@@ -73,6 +73,7 @@ pub(super) fn conclude(
         }),
         friction_scale: scale,
         phases: judged.phases,
+        stick_slip: judged.stick_slip,
         position_lag,
         travel,
         travel_missing,

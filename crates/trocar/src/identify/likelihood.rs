@@ -403,7 +403,7 @@ struct Simulations<T: Trial> {
 
 impl<T: Trial> Simulations<T> {
     /// `None` where one of them is no model.
-    fn new(trial: &T, extra: &[Extra<T>], stretch: f64) -> Option<Self> {
+    fn new(trial: &T, extra: &[Extra<T>]) -> Option<Self> {
         let free = trial.free();
         let values: Vec<f64> = free.iter().map(|f| f.value).collect();
         let mut trials = vec![trial.clone()];
@@ -415,7 +415,7 @@ impl<T: Trial> Simulations<T> {
                 Column::Drift(k) => Source::Drift(k),
                 Column::Simulated => {
                     // Away from a bound that lies within the step.
-                    let step = stretch * if f.value + stretch * f.step > f.high { -f.step } else { f.step };
+                    let step = if f.value + f.step > f.high { -f.step } else { f.step };
                     let mut changed = values.clone();
                     changed[j] += step;
                     trials.push(trial.with(&changed));
@@ -423,8 +423,7 @@ impl<T: Trial> Simulations<T> {
                 }
             });
         }
-        // Wider than what a first order holds.
-        let close = if stretch > 1.0 { 1 } else { trials.len() };
+        let close = trials.len();
         for column in extra {
             sources.push(match column {
                 Extra::Secant(other) => {
@@ -453,10 +452,10 @@ fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
     trial.free().iter().map(|free| (free.value, training.variance / expected(free).powi(2))).collect()
 }
 
-/// The normal equations at a trial: columns for its free numbers, by difference quotients over `stretch` of their steps, and behind
-/// them for `extra`.
-fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>], stretch: f64) -> Option<Normal> {
-    let Simulations { trials, models, close, sources } = Simulations::new(trial, extra, stretch)?;
+/// The normal equations at a trial: columns for its free numbers, by difference quotients over their steps, and behind them for
+/// `extra`.
+fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]) -> Option<Normal> {
+    let Simulations { trials, models, close, sources } = Simulations::new(trial, extra)?;
     let p = sources.len();
     let predictor = Predictor::new(training, trial);
     let mut strokes = vec![StrokeSums::new(p); training.strokes.len()];
@@ -687,14 +686,10 @@ fn step_within(
 /// Damping beyond which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
 
-/// Factor on the steps of the difference quotients where a fit would stall.
-const WIDEST: f64 = 16.0;
-
 /// Lowers C from `from`; `None` when `from` is no model.
 pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option<Fitted<T>> {
     let mut best = from.clone();
-    let mut stretch = 1.0;
-    let mut normal = normal_equations(training, &best, &[], stretch)?;
+    let mut normal = normal_equations(training, &best, &[])?;
     let first = normal.data_cost();
     let (mut lambda, mut iterations, mut converged) = (1e-5, 0, false);
     let mut held = vec![false; best.free().len()];
@@ -719,18 +714,11 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
             is_first = false;
         }
         let Some((after, better)) = accepted else {
-            if stretch < WIDEST && stop.promise.is_finite() {
-                // A kink within reach: wider quotients see beyond it.
-                stretch = WIDEST;
-                lambda = 1e-3;
-                normal = normal_equations(training, &best, &[], stretch)?;
-                continue;
-            }
             converged = true;
             break;
         };
         best = better;
-        normal = normal_equations(training, &best, &[], stretch)?;
+        normal = normal_equations(training, &best, &[])?;
         lambda = lambda.max(1e-8);
         // With scales of its own the force of all strokes together is a flat direction: small falls are no sign of the end.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
@@ -803,7 +791,7 @@ impl<T: Trial> Fitted<T> {
 
     /// The same fit with columns for `extra` behind its own: what each of them would change, to first order.
     pub(crate) fn with_columns(&self, training: &Training, extra: &[Extra<T>]) -> Option<Normal> {
-        normal_equations(training, &self.best, extra, 1.0)
+        normal_equations(training, &self.best, extra)
     }
 }
 

@@ -7,7 +7,7 @@
 //!               friction scale of each stroke, optional terms                   element.rs, scale.rs, terms.rs
 //!            -> the force along the position, where strokes repeat it           along.rs
 //!            -> intervals                                                       numbers.rs, spread.rs
-//!            -> what the data determine, and whether the model is adequate      adequacy.rs
+//!            -> what the data determine, and whether the model is adequate      adequacy.rs, stick_slip.rs
 //!            -> the result                                                      conclude.rs
 //! ```
 //!
@@ -34,6 +34,7 @@ pub use scale::{FrictionScale, Jump, StrokeFriction};
 pub use shape::{BranchShape, Pins};
 pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
+pub use stick_slip::StickSlip;
 pub use terms::{Term, TermTrial};
 
 mod adequacy;
@@ -57,6 +58,7 @@ mod shape;
 mod spread;
 mod stage;
 mod steady;
+mod stick_slip;
 mod stribeck;
 mod terms;
 mod training;
@@ -241,6 +243,8 @@ pub struct Identification {
     pub free_motion: FreeMotion,
     /// Error of the model by phase of the motion.
     pub phases: Vec<Phase>,
+    /// Where the force swings by itself; `None` where it does not.
+    pub stick_slip: Option<StickSlip>,
     /// The delay of the positions that was found and compensated; `None` when none shows.
     pub position_lag: Option<PositionLag>,
     /// How the force depends on the position beside the element; `None` where strokes left out are predicted no better.
