@@ -5,9 +5,7 @@ use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Term, identify};
 use trocar::recording::Recording;
 use trocar::validate::validate;
-use trocar_model::{
-    DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction, State, step_parallel,
-};
+use trocar_model::{DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction};
 
 /// Noise of the bench's force sensor, N rms.
 const NOISE: f64 = 0.025;
