@@ -174,5 +174,10 @@ fn a_seal_that_sticks_and_slips_is_found_to_do_so_between_the_same_forces() {
         }
         assert!((seen.frequency_hz[0] / frequency - 1.0).abs() < 0.15, "{seen:?}, {frequency} Hz true");
         assert!((seen.force_n[1] - sliding.static_force).abs() < 0.02 * sliding.static_force, "{seen:?}");
+        for velocity in [2e-2, 4e-2] {
+            let [found, true_swing] = [found.stages.elements(), &[truth]]
+                .map(|e| e.iter().map(|e| swing(e, velocity).0).map(|[l, h]| h - l).sum::<f64>());
+            assert!(true_swing < 1e-3 && found < 0.02, "{found} N found, {true_swing} N true at {velocity} m/s");
+        }
     }
 }

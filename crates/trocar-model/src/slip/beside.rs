@@ -12,11 +12,12 @@
 
 use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
+use crate::damping::SealDamping;
 use crate::elastic::{Place, ShapeDifference};
 use crate::ems::{Element, Side, State};
 use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
-use crate::relaxation::{ArmForces, MAX_ARMS, StepArms};
+use crate::relaxation::{ArmForces, MAX_ARMS};
 use crate::sliding::SlidingFriction;
 
 /// Largest difference of r, as a fraction of the static force, that is followed to first order.
@@ -40,10 +41,9 @@ pub(crate) struct Apart {
 pub(crate) struct Different {
     /// `None` where the shapes are the same.
     shape: Option<ShapeDifference>,
-    yield_stiffness: f64,
-    damping: [f64; 3],
+    damping: SealDamping,
     /// For withdrawal and insertion.
-    sliding: [SlidingDifference; 2],
+    sliding: [SlidingFriction; 2],
     creep_velocity: f64,
     friction_lag: f64,
     /// E and τ of each arm.
@@ -52,24 +52,14 @@ pub(crate) struct Different {
     is_another: bool,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct SlidingDifference {
-    coulomb_force: f64,
-    static_force: f64,
-    stribeck_velocity: f64,
-    stribeck_exponent: f64,
-    viscous_damping: f64,
-}
-
-impl SlidingDifference {
-    fn new(own: &SlidingFriction, other: &SlidingFriction) -> Self {
-        Self {
-            coulomb_force: other.coulomb_force - own.coulomb_force,
-            static_force: other.static_force - own.static_force,
-            stribeck_velocity: other.stribeck_velocity - own.stribeck_velocity,
-            stribeck_exponent: other.stribeck_exponent - own.stribeck_exponent,
-            viscous_damping: other.viscous_damping - own.viscous_damping,
-        }
+/// Each number of `other` less that of `own`.
+fn more_of_sliding(own: &SlidingFriction, other: &SlidingFriction) -> SlidingFriction {
+    SlidingFriction {
+        coulomb_force: other.coulomb_force - own.coulomb_force,
+        static_force: other.static_force - own.static_force,
+        stribeck_velocity: other.stribeck_velocity - own.stribeck_velocity,
+        stribeck_exponent: other.stribeck_exponent - own.stribeck_exponent,
+        viscous_damping: other.viscous_damping - own.viscous_damping,
     }
 }
 
@@ -79,19 +69,20 @@ impl Element {
         let (own, its) = (&self.params, &other.params);
         let shape = (own.deformation != its.deformation).then(|| own.deformation.difference(&its.deformation));
         let mut different = Different {
-            yield_stiffness: shape.as_ref().map_or(0.0, |s| s.yield_stiffness),
             shape,
-            damping: [0.0; 3],
+            damping: SealDamping::ZERO,
             sliding: [(&own.withdrawal, &its.withdrawal), (&own.insertion, &its.insertion)]
-                .map(|(a, b)| SlidingDifference::new(a, b)),
+                .map(|(a, b)| more_of_sliding(a, b)),
             creep_velocity: its.creep_velocity - own.creep_velocity,
             friction_lag: its.friction_lag - own.friction_lag,
             arms: [[0.0; 2]; MAX_ARMS],
             is_another: self.creeps != other.creeps || (own.friction_lag > 0.0) != (its.friction_lag > 0.0),
         };
-        for ((more, a), b) in different.damping.iter_mut().zip(own.damping.coefficients).zip(its.damping.coefficients) {
-            *more = b - a;
-        }
+        let coefficients = different.damping.coefficients.iter_mut();
+        coefficients
+            .zip(own.damping.coefficients)
+            .zip(its.damping.coefficients)
+            .for_each(|((more, a), b)| *more = b - a);
         for ((more, a), b) in different.arms.iter_mut().zip(&own.relaxation.arms).zip(&its.relaxation.arms) {
             *more = [b.stiffness - a.stiffness, b.time - a.time];
             different.is_another |= (a.stiffness > 0.0) != (b.stiffness > 0.0);
@@ -144,7 +135,7 @@ pub(crate) struct Lead<'a> {
 /// How the leader moved.
 struct Course {
     bend: Bend,
-    /// `None` where it bent without slip.
+    /// `None` where it deformed without slip.
     slide: Option<Slide>,
 }
 
@@ -158,7 +149,8 @@ struct Bend {
     yield_slope: f64,
     /// Of h in q: ±1 where q follows ±h, 0 elsewhere.
     follows: f64,
-    arms: StepArms,
+    /// Σ of the arms' response, N/m.
+    arm_stiffness: f64,
     arm_slopes: [ArmSlopes; MAX_ARMS],
 }
 
@@ -259,7 +251,6 @@ impl Element {
     }
 
     fn bend(&self, before: &State, after: &State, motion: Motion) -> Bend {
-        let arms = self.params.relaxation.within(&before.arms, motion.time);
         let deformation = &self.params.deformation;
         let local = deformation.local(after.deflection);
         let travel = after.deflection - before.deflection;
@@ -285,18 +276,18 @@ impl Element {
                 };
             }
         }
+        let arm_stiffness = arm_slopes.iter().map(|arm| arm.response).sum();
         let place = deformation.place(after.deflection);
-        Bend { place, travel, mid_slope: local.mid_slope, yield_slope, follows, arms, arm_slopes }
+        Bend { place, travel, mid_slope: local.mid_slope, yield_slope, follows, arm_stiffness, arm_slopes }
     }
 
     fn slid(&self, before: &State, after: &State, motion: Motion, speed: f64, theta: f64) -> Course {
         let (side, lag) = (Side::of(after.slip_velocity), self.params.friction_lag);
         let bend = self.bend(before, after, motion);
-        let (start, start_contact) =
-            self.contact_at(side, motion.velocity, speed, |_| Rise::at_start(before.rise, lag));
-        let lagged = |_: f64| Rise::after(before.rise, lag, motion.time, || start.curve);
+        let (start, start_contact) = self.contact_at(side, motion.velocity, speed, Rise::at_start(before.rise, lag));
+        let lagged = Rise::after(before.rise, lag, motion.time, || start.curve);
         let (end, end_contact) = self.contact_at(side, motion.velocity, after.slip_velocity.abs(), lagged);
-        let steep = bend.mid_slope + bend.yield_slope + bend.arms.stiffness;
+        let steep = bend.mid_slope + bend.yield_slope + bend.arm_stiffness;
         let slide = Slide {
             side,
             explicit: side.sign() * motion.time * (1.0 - theta),
@@ -312,7 +303,7 @@ impl Element {
     }
 
     /// The contact at slip speed `u`, m/s, with the part of λ that `rise` tells.
-    fn contact_at(&self, side: Side, velocity: f64, u: f64, rise: impl Fn(f64) -> Rise) -> (At, Resistance) {
+    fn contact_at(&self, side: Side, velocity: f64, u: f64, rise: Rise) -> (At, Resistance) {
         let (sliding, creep) = (self.sliding(side), self.params.creep_velocity);
         let surplus = sliding.static_force - sliding.coulomb_force;
         let ratio = u / sliding.stribeck_velocity;
@@ -321,7 +312,6 @@ impl Element {
         let curve = decay(exponent);
         let growth = curve * exponent * sliding.stribeck_exponent; // -u·de/du
         let by_speed = if u > 0.0 { -growth / u } else { 0.0 };
-        let rise = rise(curve);
         let contact = resistance_at(
             sliding,
             creep,
@@ -371,42 +361,29 @@ impl LagSlopes {
 impl At {
     /// δe at fixed slip speed.
     #[inline(always)]
-    fn curve_apart(&self, by: &SlidingDifference) -> f64 {
+    fn curve_apart(&self, by: &SlidingFriction) -> f64 {
         self.curve_by_velocity * by.stribeck_velocity + self.curve_by_exponent * by.stribeck_exponent
     }
 
     /// Difference of the contact's force at fixed slip speed, where λ differs by `rise`, N.
     #[inline(always)]
-    fn contact_apart(&self, different: &Different, by: &SlidingDifference, rise: f64) -> f64 {
+    fn contact_apart(&self, different: &Different, by: &SlidingFriction, rise: f64) -> f64 {
         let level = by.coulomb_force + self.rise * (by.static_force - by.coulomb_force) + self.surplus * rise;
         self.part * level + self.by_creep * different.creep_velocity + by.viscous_damping * self.speed
     }
-
-    /// Difference of the damping force at fixed slip speed, N.
-    #[inline(always)]
-    fn damping_apart(&self, different: &Different) -> f64 {
-        damping_apart(different, self.deformation_velocity)
-    }
-}
-
-#[inline(always)]
-fn damping_apart(different: &Different, deformation_velocity: f64) -> f64 {
-    let [s0, s1, s2] = different.damping;
-    let speed = deformation_velocity.abs();
-    (s0 + speed * (s1 + speed * s2)) * deformation_velocity // EMS (9)
 }
 
 impl Bend {
     /// The deformation where z⁺ differs by `deflection`, m; the slip is not yet in it.
     #[inline(always)]
     fn apart(&self, leader: &Element, before: &State, different: &Different, apart: &Apart, deflection: f64) -> Apart {
-        let (mid, gap) = match &different.shape {
-            Some(shape) => leader.params.deformation.more_at(shape, &self.place),
-            None => (0.0, 0.0),
+        let ((mid, gap), yield_stiffness) = match &different.shape {
+            Some(shape) => (leader.params.deformation.more_at(shape, &self.place), shape.yield_stiffness),
+            None => ((0.0, 0.0), 0.0),
         };
         let moved = deflection - apart.deflection;
         let yield_force = if self.follows == 0.0 {
-            apart.yield_force + different.yield_stiffness * self.travel + self.yield_slope * moved
+            apart.yield_force + yield_stiffness * self.travel + self.yield_slope * moved
         } else {
             self.follows * gap + self.yield_slope * deflection
         };
@@ -436,7 +413,7 @@ impl Lead<'_> {
     #[inline(always)]
     fn bend(&self, bend: &Bend, different: &Different, apart: &Apart) -> Apart {
         let mut next = bend.apart(self.leader, &self.before, different, apart, apart.deflection);
-        next.force += damping_apart(different, self.motion.velocity);
+        next.force += different.damping.force(self.motion.velocity);
         next
     }
 
@@ -447,10 +424,10 @@ impl Lead<'_> {
         let by = &different.sliding[usize::from(*side == Side::Insertion)];
         let small = LARGEST * self.leader.sliding(*side).static_force;
         let curve = start.curve_apart(by);
-        let speed = if slide.is_damped || different.damping != [0.0; 3] {
+        let speed = if slide.is_damped || !different.damping.is_zero() {
             let rise = if lag.is_lagged { apart.rise } else { curve };
-            let missing =
-                s * (apart.elastic + start.damping_apart(different)) - start.contact_apart(different, by, rise);
+            let missing = s * (apart.elastic + different.damping.force(start.deformation_velocity))
+                - start.contact_apart(different, by, rise);
             if missing.abs() > small || slide.start_drag <= 0.0 {
                 return None;
             }
@@ -466,7 +443,7 @@ impl Lead<'_> {
             + lag.before * curve_before
             + lag.by_lag * different.friction_lag
             + lag.now * end.curve_apart(by);
-        let damping = end.damping_apart(different);
+        let damping = different.damping.force(end.deformation_velocity);
         let missing = s * (next.elastic + damping) - end.contact_apart(different, by, rise);
         if missing.abs() > small || slide.end_drag <= 0.0 {
             return None;
@@ -476,7 +453,7 @@ impl Lead<'_> {
         next.deflection += shift;
         next.yield_force += bend.yield_slope * shift;
         next.arms.iter_mut().zip(&bend.arm_slopes).for_each(|(a, arm)| *a += arm.response * shift);
-        next.elastic += (bend.mid_slope + bend.yield_slope + bend.arms.stiffness) * shift;
+        next.elastic += (bend.mid_slope + bend.yield_slope + bend.arm_stiffness) * shift;
         next.slip_velocity = s * speed;
         next.rise = if lag.is_lagged { rise + lag.now * end.curve_by_speed * speed } else { 0.0 };
         next.force = next.elastic + damping - end.damping_slope * next.slip_velocity;

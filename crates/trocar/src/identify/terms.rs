@@ -272,7 +272,7 @@ pub(super) struct Chosen {
 
 /// Stops of the fits with one term more.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
-/// Of those that look whether the model can do without a term, where a few steps show that it cannot: a p value below this.
+/// The first steps of a fit without a term, and the p value below which they show that the term is needed.
 const FIRST: Stop = Stop { iterations: 4, fall: 0.02, promise: 0.1 };
 const CLEARLY_NEEDED: f64 = 1e-6;
 /// Part of the squared error from which a term that is only suspected is fitted, and judged by what the fit gains: of a shape far from
