@@ -181,3 +181,25 @@ fn a_seal_that_sticks_and_slips_is_found_to_do_so_between_the_same_forces() {
         }
     }
 }
+
+#[test]
+fn swings_of_the_rig_are_not_called_stick_slip() {
+    let seal = [random_seal(&seals(4e-3), 3)].map(|params| Element::new(params).expect("a model"));
+    let done = run(&config(1.0), Protocol::Steady, &seal, 7).expect("the rig runs");
+    let plain = done.to_recording("steady").expect("finite columns");
+    let amplitude = 0.15 * seal[0].params().insertion.coulomb_force;
+    let cogging = |x: f64, _: f64| amplitude * (std::f64::consts::TAU * x / 3e-3).sin();
+    let hum = |_: f64, t: f64| amplitude * (std::f64::consts::TAU * 50.0 * t).sin();
+    for (subject, words, disturbance) in
+        [("ripple", "3.0 mm", &cogging as &dyn Fn(f64, f64) -> f64), ("interference", "50 Hz", &hum)]
+    {
+        let mut recording = plain.clone();
+        for ((force, x), t) in recording.force.iter_mut().zip(&plain.position).zip(&plain.time) {
+            *force += disturbance(*x, *t);
+        }
+        let found = found(&[recording]);
+        assert!(found.stick_slip.is_none(), "{subject}: {:?}", found.stick_slip);
+        let warning = found.warnings.iter().find(|w| w.subject == subject && w.doubtful);
+        assert!(warning.is_some_and(|w| w.message.contains(words)), "{subject}: {:?}", found.warnings);
+    }
+}

@@ -12,7 +12,7 @@ use super::candidate::Candidate;
 use super::element::Input;
 use super::estimate::t_p_value;
 use super::scale::FrictionScale;
-use super::stick_slip::StickSlip;
+use super::stick_slip::{StickSlip, Swings};
 use crate::recording::{Recording, local_velocity};
 use crate::replay::replay_along;
 use crate::travel::TravelProfile;
@@ -128,9 +128,9 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     undetermined.extend(speeds.fast_enough(model.candidate));
     let phases = phases(input, model, &seen);
     let mut doubts: Vec<(String, String)> = phases.iter().filter_map(doubt).collect();
-    let stick_slip =
-        StickSlip::of(input.recordings, input.segments, input.two.candidate.offset).filter(|_| model.has_shape);
-    doubts.extend(stick_slip.iter().map(|found| ("stick-slip".to_owned(), found.in_words())));
+    let swings = Swings::of(input.recordings, input.segments, input.two.candidate.offset).filter(|_| model.has_shape);
+    doubts.extend(swings.iter().map(Swings::warning));
+    let stick_slip = swings.and_then(Swings::stick_slip);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let squares: f64 = seen.iter().map(|s| s.plain_squares).sum();
     Adequacy { phases, undetermined, doubts, stick_slip, residual_rms: (squares / samples.max(1) as f64).sqrt() }

@@ -2,11 +2,14 @@
 //!
 //! A model with the right forces is soon out of phase with such readings, so the squared error tells nothing of them. What does not
 //! depend on the phase is a result of its own: at which speeds, how often, and between which forces.
+//!
+//! A force may also swing because of the rig. Cogging of the drive or a rough shaft comes back at the same positions whatever the
+//! speed, interference at the same frequency; neither is stick-slip.
 
 use serde::Serialize;
 
 use super::Segments;
-use crate::recording::{Recording, range};
+use crate::recording::{Recording, median, range};
 use crate::segment::Stretch;
 
 /// Fewest swings, and least swing as a part of the force and of the sensor noise, that count as stick-slip.
@@ -15,6 +18,16 @@ const LEAST_SWING: f64 = 0.06;
 const OVER_NOISE: f64 = 6.0;
 /// Fewest plateaus that swing.
 const FEWEST_PLATEAUS: usize = 2;
+/// Plateaus whose speeds differ by less than this factor may swing alike whatever the cause.
+const OTHER_SPEED: f64 = 1.1;
+/// Median correlation of such plateaus over the position from which on the swings belong to the position.
+const SAME_PLACES: f64 = 0.5;
+/// Cells of a period over which they are compared, and the fewest.
+const CELLS: f64 = 6.0;
+const FEWEST_CELLS: usize = 24;
+/// Range of the frequencies, in proportion, that counts as one frequency, while the speeds range over this factor or more.
+const ONE_FREQUENCY: f64 = 1.15;
+const SPEEDS: f64 = 2.0;
 
 /// Where and how the force swings by itself: least and greatest over the plateaus of the velocity that do.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -30,33 +43,84 @@ pub struct StickSlip {
     pub force_n: [f64; 2],
 }
 
+/// What makes the force swing at constant velocity.
+pub(super) enum Swings {
+    /// The seal.
+    StickSlip(StickSlip),
+    /// Something that depends on the position, with a period in m.
+    Position { period: f64 },
+    /// Something with a frequency of its own, Hz.
+    Interference { frequency: f64 },
+}
+
 /// One plateau that swings.
-struct Oscillation {
+struct Oscillation<'a> {
     frequency: f64,
     force: [f64; 2],
     speed: f64,
+    inserts: bool,
+    positions: &'a [f64],
+    readings: &'a [f64],
 }
 
-impl StickSlip {
+impl Swings {
     /// `None` where the force does not swing by itself on two plateaus or more.
     pub(super) fn of(recordings: &[Recording], segments: &[Segments], offset: f64) -> Option<Self> {
-        let all: Vec<Oscillation> =
-            recordings.iter().zip(segments).flat_map(|(r, s)| oscillations(r, s, offset)).collect();
+        let each: Vec<Vec<Oscillation>> =
+            recordings.iter().zip(segments).map(|(r, s)| oscillations(r, s, offset)).collect();
+        let period = period_over_position(&each);
+        let all: Vec<Oscillation> = each.into_iter().flatten().collect();
         let over = |of: fn(&Oscillation) -> f64| {
             let (low, high) = range(&all.iter().map(of).collect::<Vec<f64>>());
             [low, high]
         };
+        let (speed_m_s, frequency_hz) = (over(|o| o.speed), over(|o| o.frequency));
+        let is_wide = |[low, high]: [f64; 2], factor: f64| high > factor * low;
         let mean = |k: usize| all.iter().map(|o| o.force[k]).sum::<f64>() / all.len() as f64;
-        (all.len() >= FEWEST_PLATEAUS).then(|| Self {
-            plateaus: all.len(),
-            speed_m_s: over(|o| o.speed),
-            frequency_hz: over(|o| o.frequency),
-            force_n: [mean(0), mean(1)],
-        })
+        let swings = if let Some(period) = period {
+            Self::Position { period }
+        } else if is_wide(speed_m_s, SPEEDS) && !is_wide(frequency_hz, ONE_FREQUENCY) {
+            Self::Interference { frequency: 0.5 * (frequency_hz[0] + frequency_hz[1]) }
+        } else {
+            let (plateaus, force_n) = (all.len(), [mean(0), mean(1)]);
+            Self::StickSlip(StickSlip { plateaus, speed_m_s, frequency_hz, force_n })
+        };
+        (all.len() >= FEWEST_PLATEAUS).then_some(swings)
     }
 
+    /// What a reader should know: subject and sentence.
+    pub(super) fn warning(&self) -> (String, String) {
+        let (subject, text) = match self {
+            Self::StickSlip(found) => ("stick-slip", found.in_words()),
+            Self::Position { period } => (
+                "ripple",
+                format!(
+                    "at constant velocity the force swings with a period of {:.1} mm in the position, at the same places whatever the \
+                     speed: not stick-slip, but cogging of the drive, a screw or a rough shaft; c and the joins may be off. Turn the \
+                     instrument or use another drive",
+                    1e3 * period
+                ),
+            ),
+            Self::Interference { frequency } => (
+                "interference",
+                format!(
+                    "at constant velocity the force swings at {frequency:.0} Hz whatever the speed: not stick-slip, but interference or \
+                     a vibration of the rig; find its source, or filter force and position alike before identification"
+                ),
+            ),
+        };
+        (subject.to_owned(), text)
+    }
+
+    /// The seal's own swings.
+    pub(super) fn stick_slip(self) -> Option<StickSlip> {
+        if let Self::StickSlip(found) = self { Some(found) } else { None }
+    }
+}
+
+impl StickSlip {
     /// What a reader should know.
-    pub(super) fn in_words(&self) -> String {
+    fn in_words(&self) -> String {
         let [slow, fast] = self.speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
         let speeds = if slow == fast { slow } else { format!("{slow} to {fast}") };
         let [low, high] = self.force_n;
@@ -69,9 +133,48 @@ impl StickSlip {
     }
 }
 
+/// Period in m of swings that come back at the same positions at other speeds of the same direction; `None` for those that do
+/// not, and where no two speeds tell.
+fn period_over_position(recordings: &[Vec<Oscillation>]) -> Option<f64> {
+    let period = median(recordings.iter().flatten().map(|o| o.speed / o.frequency).collect())?;
+    let mut correlations = Vec::new();
+    for all in recordings {
+        for (k, one) in all.iter().enumerate() {
+            let differs =
+                |o: &&Oscillation| o.inserts == one.inserts && (o.speed / one.speed).ln().abs() > OTHER_SPEED.ln();
+            let next = all[k + 1..].iter().find(differs);
+            correlations.extend(next.and_then(|other| correlation(one, other, period / CELLS)));
+        }
+    }
+    median(correlations).filter(|middle| *middle > SAME_PLACES).map(|_| period)
+}
+
+/// Correlation of the forces of two plateaus over cells of the position of length `cell`, m.
+fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64> {
+    let (own, others) = (range(one.positions), range(other.positions));
+    let (from, to) = (own.0.max(others.0), own.1.min(others.1));
+    let cells = ((to - from) / cell).max(0.0) as usize;
+    let means = |of: &Oscillation| {
+        let mut sums = vec![(0.0, 0.0); cells];
+        for (x, force) in of.positions.iter().zip(of.readings) {
+            if let Some((sum, count)) = sums.get_mut(((x - from) / cell).floor() as usize).filter(|_| *x >= from) {
+                (*sum, *count) = (*sum + force, *count + 1.0);
+            }
+        }
+        sums.into_iter().map(|(sum, count)| sum / count).collect::<Vec<f64>>()
+    };
+    let pairs: Vec<(f64, f64)> =
+        means(one).into_iter().zip(means(other)).filter(|(a, b)| (a + b).is_finite()).collect();
+    let n = pairs.len() as f64;
+    let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let product = |of: fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| of(x - a, y - b)).sum::<f64>();
+    let scale = (product(|x, _| x * x) * product(|_, y| y * y)).sqrt();
+    (pairs.len() >= FEWEST_CELLS && scale > 0.0).then(|| product(|x, y| x * y) / scale)
+}
+
 /// Swings of the force about its mean on each plateau of the velocity, behind its first third, counted with a hysteresis of a quarter of
 /// the swing. A plateau is taken whole: the slips of a seal shake the drive, too.
-fn oscillations(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Oscillation> {
+fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) -> Vec<Oscillation<'a>> {
     let of = |plateau: &[Stretch]| {
         let (start, end) = (plateau.first()?.start, plateau.last()?.end);
         let (from, last) = (start + (end - start) / 3, end - 1);
@@ -96,8 +199,16 @@ fn oscillations(recording: &Recording, segments: &Segments, offset: f64) -> Vec<
         let time = passed(&recording.time);
         let (frequency, speed) = (0.5 * f64::from(swings) / time, (passed(&recording.position) / time).abs());
         let [one, other] = [low, high].map(|level| (level - offset).abs());
-        let force = [one.min(other), one.max(other)];
-        (swings as usize >= FEWEST_SWINGS).then_some(Oscillation { frequency, force, speed })
+        let inserts = recording.position[last] > recording.position[from];
+        let found = Oscillation {
+            frequency,
+            force: [one.min(other), one.max(other)],
+            speed,
+            inserts,
+            positions: &recording.position[from..end],
+            readings: force,
+        };
+        (swings as usize >= FEWEST_SWINGS).then_some(found)
     };
     segments.stretches.chunk_by(|a, b| a.plateau == b.plateau).filter_map(of).collect()
 }

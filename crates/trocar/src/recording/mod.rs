@@ -31,7 +31,7 @@ pub use container::{Column, Table};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-pub(crate) use screen::range;
+pub(crate) use screen::{median, range};
 pub use tables::{read_columns, tables};
 
 pub(crate) mod block;

@@ -283,7 +283,7 @@ pub(crate) fn range(values: &[f64]) -> (f64, f64) {
 }
 
 /// The middle value; `None` of nothing.
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len().checked_sub(1)? / 2;
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
