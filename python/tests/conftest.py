@@ -26,10 +26,10 @@ def training() -> list[trocar.Recording]:
 
 
 @pytest.fixture(scope="session")
-def held_back() -> list[trocar.Recording]:
+def held_out() -> list[trocar.Recording]:
     return [trocar.bench("validation"), trocar.bench("surgeon")]
 
 
 @pytest.fixture(scope="session")
-def found(training: list[trocar.Recording], held_back: list[trocar.Recording]) -> trocar.Identification:
-    return trocar.identify(training, validate=held_back, moving_mass_kg=ROD_KG)
+def found(training: list[trocar.Recording], held_out: list[trocar.Recording]) -> trocar.Identification:
+    return trocar.identify(training, validate=held_out, moving_mass_kg=ROD_KG)

@@ -22,7 +22,7 @@ TRUTH = {"coulomb_force_n": 3.0, "viscous_damping_n_s_m": 5.0, "half_width_m": 8
 def test_the_truth_lies_in_the_intervals(found: trocar.Identification) -> None:
     for name, truth in TRUTH.items():
         parameter = found.parameters[name]
-        assert parameter.known and parameter.ci95_low <= truth <= parameter.ci95_high, parameter
+        assert parameter.determined and parameter.ci95_low <= truth <= parameter.ci95_high, parameter
         assert name.endswith(parameter.unit.replace(" ", "_").replace("/", "_").lower())
     assert found.validation is not None and not found.is_doubtful
     # N rms: twice the noise of the bench's sensor and fluctuation.
@@ -39,9 +39,9 @@ def test_the_summary_says_how_the_fit_came_out(found: trocar.Identification) -> 
 
 
 def test_results_are_reproducible_and_saved(
-    found: trocar.Identification, training: list[trocar.Recording], held_back: list[trocar.Recording], tmp_path: Path
+    found: trocar.Identification, training: list[trocar.Recording], held_out: list[trocar.Recording], tmp_path: Path
 ) -> None:
-    again = trocar.identify(training, validate=held_back, moving_mass_kg=ROD_KG, threads=1)
+    again = trocar.identify(training, validate=held_out, moving_mass_kg=ROD_KG, threads=1)
     assert again.summary == found.summary and again.model == found.model
     found.save(tmp_path / "results")
     assert json.loads((tmp_path / "results" / "summary.json").read_text()) == found.summary
@@ -55,9 +55,9 @@ def test_results_are_reproducible_and_saved(
 
 
 def test_a_validation_that_contradicts_is_doubtful(
-    training: list[trocar.Recording], held_back: list[trocar.Recording]
+    training: list[trocar.Recording], held_out: list[trocar.Recording]
 ) -> None:
-    stroke = held_back[0]
+    stroke = held_out[0]
     other = trocar.Recording(stroke.time_s, stroke.position_m, 1.5 * stroke.force_n, name="other seal")
     found = trocar.identify(training, validate=other, bootstrap=0, moving_mass_kg=ROD_KG)
     assert found.is_doubtful and found.validation is not None and found.validation.is_doubtful
@@ -65,8 +65,8 @@ def test_a_validation_that_contradicts_is_doubtful(
     assert warning.doubtful and "times the identification error" in warning.message
 
 
-def test_validation_alone_says_the_same(found: trocar.Identification, held_back: list[trocar.Recording]) -> None:
-    validation = trocar.validate(found.model, held_back)
+def test_validation_alone_says_the_same(found: trocar.Identification, held_out: list[trocar.Recording]) -> None:
+    validation = trocar.validate(found.model, held_out)
     assert found.validation is not None
     assert validation.rms_n == pytest.approx(found.validation.rms_n, rel=1e-9)
     forces = validation.forces("validation")
@@ -80,7 +80,7 @@ def test_validation_alone_says_the_same(found: trocar.Identification, held_back:
     with pytest.raises(IndexError):
         validation.forces(2)
     with pytest.raises(trocar.ParameterError, match="offset_n must be finite"):
-        trocar.validate(found.model, held_back, offset_n=np.nan)
+        trocar.validate(found.model, held_out, offset_n=np.nan)
     with pytest.raises(trocar.ParameterError, match="no recording to validate on"):
         trocar.validate(found.model, [])
 
@@ -167,11 +167,11 @@ def test_forked_processes_work_too(found: trocar.Identification, training: list[
     assert len(trocar.simulate(model, [0, 1], [0, 0.01])) == 2
 
 
-def test_models_are_compared(training: list[trocar.Recording], held_back: list[trocar.Recording], tmp_path: Path) -> None:
+def test_models_are_compared(training: list[trocar.Recording], held_out: list[trocar.Recording], tmp_path: Path) -> None:
     options = {"models": ["ems", "dahl", "gms:2-3"], "moving_mass_kg": ROD_KG}
-    comparison = trocar.compare(training, validate=held_back[0], **options)
+    comparison = trocar.compare(training, validate=held_out[0], **options)
     assert {model.label for model in comparison} == {"ems", "dahl", "gms-2", "gms-3"}
-    assert comparison.best.label == "ems" and not comparison.held_back
+    assert comparison.best.label == "ems" and not comparison.held_out
     errors = [model.validate_rms_n for model in comparison]
     assert errors == sorted(errors)
     assert comparison["dahl"].model.kind == "dahl" and comparison["ems"].ns_per_sample is None
@@ -187,8 +187,8 @@ def test_models_are_compared(training: list[trocar.Recording], held_back: list[t
         trocar.compare(training, models="granite")
 
 
-def test_the_tissue_is_told_from_the_trocar(found: trocar.Identification, held_back: list[trocar.Recording]) -> None:
-    recording = held_back[0]
+def test_the_tissue_is_told_from_the_trocar(found: trocar.Identification, held_out: list[trocar.Recording]) -> None:
+    recording = held_out[0]
     said = trocar.compensate(found.model, recording)
     # There is no tissue on this bench: what is left is the error of the model, within its band.
     settled = said.tissue_force_n[1500:]

@@ -67,7 +67,7 @@ def test_models_of_all_kinds_go_together() -> None:
 
 
 @pytest.mark.parametrize("start", [{"initial_force_n": -1.0}, {"initial_deflection_m": 2e-3}], ids=lambda start: next(iter(start)))
-@pytest.mark.parametrize("name", ["ems", "ems_stages", "ems_travel"])
+@pytest.mark.parametrize("name", ["ems", "ems_stages", "ems_profile"])
 def test_the_start_is_that_of_simulate(name: str, start: dict[str, float]) -> None:
     model = trocar.Model.load(CONFORMANCE / "models" / f"{name}.json")
     time, position = motion()

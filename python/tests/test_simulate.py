@@ -245,7 +245,7 @@ def test_a_foreign_state_is_refused(model: trocar.Model) -> None:
     assert np.array_equal(stepper.state, before)
 
 
-def test_models_travel(tmp_path: Path) -> None:
+def test_models_survive_pickling(tmp_path: Path) -> None:
     for path in MODELS:
         model = trocar.Model.load(path)
         assert pickle.loads(pickle.dumps(model)) == model

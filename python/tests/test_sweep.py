@@ -57,12 +57,12 @@ def command(folder: Path, document: str, out: str, code: int = 0) -> bytes:
     return (folder / f"theirs.{out}").read_bytes()
 
 
-@pytest.mark.parametrize("ending", ["parquet", "csv", "arrow", "csv.zst"])
+@pytest.mark.parametrize("extension", ["parquet", "csv", "arrow", "csv.zst"])
 @pytest.mark.parametrize(("document", "code"), [(DOCUMENT, 0), (DOUBTFUL, 3), (RIG, 0)], ids=["seals", "failures", "rigs"])
-def test_the_table_is_that_of_the_command_line(document: str, code: int, ending: str, tmp_path: Path) -> None:
-    done = trocar.sweep(document, out=tmp_path / f"ours.{ending}", threads=3)
-    assert (tmp_path / f"ours.{ending}").read_bytes() == command(tmp_path, document, ending, code)
-    assert done.is_doubtful == (code == 3) and done.path == tmp_path / f"ours.{ending}"
+def test_the_table_is_that_of_the_command_line(document: str, code: int, extension: str, tmp_path: Path) -> None:
+    done = trocar.sweep(document, out=tmp_path / f"ours.{extension}", threads=3)
+    assert (tmp_path / f"ours.{extension}").read_bytes() == command(tmp_path, document, extension, code)
+    assert done.is_doubtful == (code == 3) and done.path == tmp_path / f"ours.{extension}"
 
 
 def test_a_seed_takes_the_place_of_that_of_the_document(tmp_path: Path) -> None:

@@ -149,7 +149,7 @@ def identify(
     :param free_motion: try the optional terms that rests and partial reversals determine: creep,
         relaxation, second_relaxation, minor_loops, second_stage
     :param without: optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
-        second_relaxation, hidden_mass, asymmetry, second_stage
+        second_relaxation, unmodelled_mass, asymmetry, second_stage
     :param offset_n: known reading of the sensor without load (its tare); estimated when left out
     :param paper: identify by the two steps of the paper alone
     :param moving_mass_kg: mass between sensor and seal: its inertia is taken out of the readings
@@ -160,15 +160,15 @@ def identify(
     :raises IdentifyError: where there is nothing to identify from
     """
     training = _recordings("recordings", recordings)
-    held_back = [] if validate is None else _recordings("validate", validate)
+    held_out = [] if validate is None else _recordings("validate", validate)
     seen = {recording.sha256 for recording in training}
-    overlap = [recording.name for recording in held_back if recording.sha256 in seen]
+    overlap = [recording.name for recording in held_out if recording.sha256 in seen]
     if overlap:
         text = f"{', '.join(overlap)}: validated on what it was identified from: no validation"
         _python_warnings.warn(text, stacklevel=2)
     found = _core.identify(
         training,
-        held_back,
+        held_out,
         bootstrap=_count("bootstrap", bootstrap),
         seed=_count("seed", seed),
         degrees=_degrees(degrees),
@@ -218,17 +218,17 @@ def compare(
 ) -> Comparison:
     """Fits friction models to the same recordings and scores them on the same others, those given with ``validate``.
 
-    Without those, the last third of each recording is held back from the fits and scored on.
+    Without those, the last third of each recording is held out from the fits and scored on.
 
     :param models: names, with commas between or in a list: ems, ems-output-error, coulomb, coulomb-viscous, stribeck, dahl,
         lugre, lugre-rational, leuven, maxwell-slip, gms; the last three also with numbers of elements, as in gms:4-10
     :param timing: measure the time of a step and of each fit; results then differ from run to run
     :raises NotConverged: where a model could not be fitted from any start
     """
-    held_back = [] if validate is None else _recordings("validate", validate)
+    held_out = [] if validate is None else _recordings("validate", validate)
     done = _core.compare(
         _recordings("recordings", recordings),
-        held_back,
+        held_out,
         models=models if isinstance(models, str) else ",".join(models),
         seed=_count("seed", seed),
         timing=timing,

@@ -124,9 +124,9 @@ class Model:
     @property
     def moving_mass_kg(self) -> float: ...
     @property
-    def position_lag_s(self) -> float: ...
+    def position_delay_s(self) -> float: ...
     @property
-    def has_travel(self) -> bool: ...
+    def has_position_profile(self) -> bool: ...
     @property
     def tunables(self) -> tuple[Tunable, ...]: ...
     def tuned(self, **values: float) -> Model: ...
@@ -328,7 +328,7 @@ def sweep(
 def sweep_config() -> str: ...
 def identify(
     recordings: Sequence[Recording],
-    held_back: Sequence[Recording],
+    held_out: Sequence[Recording],
     *,
     bootstrap: int,
     seed: int,
@@ -352,7 +352,7 @@ def validate(
 ) -> Validated: ...
 def compare(
     recordings: Sequence[Recording],
-    held_back: Sequence[Recording],
+    held_out: Sequence[Recording],
     *,
     models: str,
     seed: int,

@@ -76,7 +76,7 @@ def _gallery(figures: Mapping[str, Figure], first: Iterable[str]) -> str:
 def _parameter(found: Parameter) -> tuple[str, str, str, str]:
     scale, unit = _DISPLAY.get(found.unit, (1.0, found.unit))
     low, high = (_number(scale * end) for end in (found.ci95_low, found.ci95_high))
-    interval = f"{low} … {high}" if found.known else "not determined by the data"
+    interval = f"{low} … {high}" if found.determined else "not determined by the data"
     return f"<code>{escape(found.name)}</code>", _number(scale * found.value), interval, escape(unit)
 
 
@@ -139,7 +139,7 @@ def comparison(found: Comparison) -> str:
         )
         for m in found
     ]
-    where = "on the last third of each recording, held back from the fits" if found.held_back else "on recordings not fitted"
+    where = "on the last third of each recording, held out from the fits" if found.held_out else "on recordings not fitted"
     caption = f"<b>{len(rows)} friction models</b>, scored {where}"
     table = _table(head, rows[:_MOST_ROWS], caption)
     if rows[_MOST_ROWS:]:

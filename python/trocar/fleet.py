@@ -119,7 +119,7 @@ class Outcome:
     failed: tuple[tuple[str, str], ...]
     #: Recordings whose rows an interrupted run had left behind.
     taken_over: int
-    #: Files that were passed over for their ending.
+    #: Files that were passed over for their extension.
     left_out: tuple[str, ...]
 
 

@@ -76,7 +76,7 @@ class Parameter:
     ci95_low: float
     ci95_high: float
     #: Whether the data determine it; if not, ``note`` says why.
-    known: bool
+    determined: bool
     note: Optional[str] = None
 
     @classmethod
@@ -84,7 +84,7 @@ class Parameter:
         low, high = found["ci95"]
         bounds = (-np.inf if low is None else low, np.inf if high is None else high)
         value = np.nan if found["value"] is None else found["value"]
-        return cls(name, value, found["unit"], *bounds, known=found["pinned"], note=found.get("note"))
+        return cls(name, value, found["unit"], *bounds, determined=found["determined"], note=found.get("note"))
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class Identification:
     warnings: tuple[ResultWarning, ...] = field(repr=False)
     #: Root mean square error over the recordings it was identified from, N.
     residual_rms_n: float
-    #: On the recordings held back; None without any.
+    #: On the recordings held out; None without any.
     validation: Optional[Validation]
     #: The contents of summary.json.
     summary: Mapping[str, Any] = field(repr=False)
@@ -252,7 +252,7 @@ class ComparedModel:
     fit_percent: float
     aic: float
     bic: float
-    #: Behind the reversals of the validation, and behind the worst one; nan without a reversal.
+    #: After the reversals of the validation, and behind the worst one; nan without a reversal.
     reversal_rms_n: float
     worst_reversal_n: float
     offset_n: float
@@ -288,7 +288,7 @@ class Comparison:
     #: What EMS section II-C claims, tested, in words.
     claims: tuple[str, ...]
     #: Whether the models were scored on the last thirds of the recordings, for want of others.
-    held_back: bool
+    held_out: bool
     warnings: tuple[str, ...]
     #: The contents of compare.json.
     summary: Mapping[str, Any] = field(repr=False)
@@ -299,7 +299,7 @@ class Comparison:
         summary = json.loads(done.summary_json())
         models = tuple(ComparedModel._of(*pair) for pair in zip(summary["models"], done.models()))
         claims = tuple(claim["sentence"] for claim in summary["reversal_claim"])
-        return cls(models, claims, summary["held_back"], tuple(done.unknown_states()), summary, done)
+        return cls(models, claims, summary["held_out"], tuple(done.unknown_states()), summary, done)
 
     @property
     def best(self) -> ComparedModel:

@@ -127,7 +127,7 @@ fn observe(file: &ModelFile, model: *mut Model, forces: &[f64]) -> Result<[f64; 
 fn report(path: &Path) -> Result<(), Box<dyn Error>> {
     let (positions, times) = (motion(), (1..=STEPS).map(|k| PERIOD * k as f64).collect::<Vec<f64>>());
     let file = ModelFile::read(path)?;
-    let (trocar, model) = (file.trocar()?, loaded(path)?);
+    let (trocar, model) = (file.trocar.borrowed(), loaded(path)?);
     let step_to: StepTo = black_box(trocar_step_to);
     let (mut state, mut forces) = (State { words: [0; 48] }, vec![0.0; STEPS]);
     let mut best = [f64::INFINITY; 3];

@@ -52,7 +52,7 @@
 #define TROCAR_MESSAGE_SIZE 512
 
 /**
- * Mode of a seal that sticks to the instrument and bends, trocar_state_mode().
+ * Mode of a seal that sticks to the instrument and deforms, trocar_state_mode().
  */
 #define TROCAR_MODE_DEFORMING 0
 
@@ -508,7 +508,7 @@ trocar_status trocar_state_init_at_force(const trocar_model *model,
                                          double force_n);
 
 /**
- * The same with a seal bent by deflection_m (m, positive with insertion).
+ * The same with A seal deformed by deflection_m (m, positive with insertion).
  *
  * Refuses: TROCAR_STATUS_UNSUPPORTED for a classical model, which knows no deflection.
  */

@@ -61,7 +61,7 @@ struct Step {
     explicit operator bool() const noexcept { return status == TROCAR_STATUS_OK; }
 };
 
-/** Whether the seal bends or slides. */
+/** Whether the seal deforms or slides. */
 enum class Mode { deforming = TROCAR_MODE_DEFORMING, sliding = TROCAR_MODE_SLIDING };
 
 /** A saved state. */
@@ -300,7 +300,7 @@ class State {
         return status == TROCAR_STATUS_OK ? std::optional<double>(deflection) : std::nullopt;
     }
 
-    /** Whether the seal bends or slides; nothing for a classical model. */
+    /** Whether the seal deforms or slides; nothing for a classical model. */
     std::optional<Mode> mode() const noexcept {
         int32_t mode = 0;
         const Status status = trocar_state_mode(model_.get(), &state_, &mode);

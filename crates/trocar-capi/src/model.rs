@@ -3,7 +3,6 @@
 use std::ffi::{CStr, CString, OsStr, c_char};
 use std::mem::offset_of;
 use std::path::{Path, PathBuf};
-use std::slice;
 use std::sync::Arc;
 
 use trocar::model_file::{ModelFile, ModelFileError};
@@ -28,9 +27,7 @@ pub(crate) struct Content {
     mark: u64,
     /// What its states carry: the same for all models tuned from one.
     pub(crate) tag: u64,
-    pub(crate) trocar: Trocar<'static>,
-    #[allow(dead_code)] // kept alive: `trocar` borrows from it
-    numbers: Arc<[f64]>,
+    pub(crate) trocar: Trocar<Vec<f64>>,
     /// What it was read from; a tuned model has a seal of its own.
     pub(crate) file: Arc<ModelFile>,
     tunables: Vec<TunableText>,
@@ -66,22 +63,17 @@ pub struct Tunable {
 }
 
 impl Model {
-    fn new(trocar: &Trocar, file: Arc<ModelFile>, tag: Option<u64>) -> Result<Box<Self>, Failure> {
-        let internal = |error| Failure::new(Status::Internal, error);
-        let mut row = vec![0.0; trocar.count_numbers()];
-        trocar.write_numbers(&mut row).map_err(internal)?;
-        let numbers: Arc<[f64]> = row.into();
-        // SAFETY: `numbers` lives beside what borrows from it, is never changed, and `trocar` never leaves the model.
-        let own: &'static [f64] = unsafe { slice::from_raw_parts(numbers.as_ptr(), numbers.len()) };
-        let trocar = Trocar::from_numbers(own).map_err(internal)?;
+    fn new(trocar: Trocar<Vec<f64>>, file: Arc<ModelFile>, tag: Option<u64>) -> Result<Box<Self>, Failure> {
+        let mut numbers = vec![0.0; trocar.count_numbers()];
+        trocar.write_numbers(&mut numbers).map_err(|error| Failure::new(Status::Internal, error))?;
         let tag = tag.unwrap_or_else(|| tag_of(&numbers));
         let tunables = trocar.seal().tunables().map(TunableText::new).collect();
-        Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, numbers, file, tunables } }))
+        Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, file, tunables } }))
     }
 
     fn from_file(file: ModelFile) -> Result<Box<Self>, Failure> {
         let file = Arc::new(file);
-        Self::new(&file.trocar().map_err(refused)?, Arc::clone(&file), None)
+        Self::new(file.trocar.clone(), Arc::clone(&file), None)
     }
 
     /// # Safety
@@ -257,7 +249,7 @@ pub unsafe extern "C" fn trocar_model_tuned(
             }
             let values: Vec<f64> = values.iter().collect();
             let seal = old.trocar.seal().tuned(&values).map_err(|error| Failure::new(Status::ModelInvalid, error))?;
-            Model::new(&old.trocar.with_seal(seal), Arc::clone(&old.file), Some(old.tag))
+            Model::new(old.trocar.with_seal(seal), Arc::clone(&old.file), Some(old.tag))
         };
         // SAFETY: by the rule of the crate.
         unsafe { hand_over(tuned, made) }
@@ -334,12 +326,12 @@ mod tests {
 
     #[test]
     fn a_model_owns_what_it_borrows_from() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems_travel.json");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems_profile.json");
         let file = ModelFile::read(Path::new(path)).unwrap();
         let Ok(model) = Model::from_file(file.clone()) else { panic!("refused") };
-        assert_eq!(model.content.trocar, file.trocar().unwrap());
-        let forces = |trocar: &Trocar| trocar.step(&mut trocar.rest(0.1), 0.01, 0.1);
-        let expected = forces(&file.trocar().unwrap());
+        assert_eq!(model.content.trocar, file.trocar);
+        let forces = |trocar: &Trocar<Vec<f64>>| trocar.step(&mut trocar.rest(0.1), 0.01, 0.1);
+        let expected = forces(&file.trocar);
         drop(file);
         let moved = *model;
         assert_eq!(forces(&moved.content.trocar), expected);

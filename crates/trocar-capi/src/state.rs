@@ -17,7 +17,7 @@ pub const STATE_SIZE: usize = 384;
 pub const STATE_NUMBERS: usize = 41;
 /// Bytes that do for nearly all messages.
 pub const MESSAGE_SIZE: usize = 512;
-/// Mode of a seal that sticks to the instrument and bends, trocar_state_mode().
+/// Mode of a seal that sticks to the instrument and deforms, trocar_state_mode().
 pub const MODE_DEFORMING: i32 = 0;
 /// Mode of a seal that the instrument slides through.
 pub const MODE_SLIDING: i32 = 1;
@@ -218,7 +218,7 @@ pub unsafe extern "C" fn trocar_state_init_at_force(
     unsafe { begin(model, state, &[position_m, force_n], start) }
 }
 
-/// The same with a seal bent by deflection_m (m, positive with insertion).
+/// The same with A seal deformed by deflection_m (m, positive with insertion).
 ///
 /// Refuses: TROCAR_STATUS_UNSUPPORTED for a classical model, which knows no deflection.
 #[unsafe(no_mangle)]

@@ -40,7 +40,7 @@ unsafe fn step(
     state: *mut State,
     force_n: *mut f64,
     motion: impl FnOnce(&TrocarState) -> Motion,
-    advance: impl FnOnce(&Trocar, &mut TrocarState) -> f64,
+    advance: impl FnOnce(&Trocar<Vec<f64>>, &mut TrocarState) -> f64,
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
@@ -119,7 +119,8 @@ pub unsafe extern "C" fn trocar_step_velocity(
         displacement: velocity_m_s * duration_s,
         duration: duration_s,
     };
-    let advance = |trocar: &Trocar, state: &mut TrocarState| trocar.step_velocity(state, velocity_m_s, duration_s);
+    let advance =
+        |trocar: &Trocar<Vec<f64>>, state: &mut TrocarState| trocar.step_velocity(state, velocity_m_s, duration_s);
     // SAFETY: by the rule of the crate.
     unsafe { step(model, state, force_n, motion, advance) }
 }
@@ -172,7 +173,7 @@ pub unsafe extern "C" fn trocar_simulate(
 
 /// A state on its way along rows.
 struct Run<'a> {
-    trocar: &'a Trocar<'static>,
+    trocar: &'a Trocar<Vec<f64>>,
     state: &'a mut TrocarState,
     /// Time of the row before, s.
     time: f64,

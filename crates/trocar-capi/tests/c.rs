@@ -117,7 +117,7 @@ fn models() -> Vec<PathBuf> {
 /// Forces of the Rust core along the motion for all programs.
 fn reference(model: &Path) -> Vec<u64> {
     let file = ModelFile::read(model).unwrap();
-    let trocar = file.trocar().unwrap();
+    let trocar = file.trocar.borrowed();
     let motion = fs::read_to_string(conformance("motion.csv")).unwrap();
     let row = |line: &str| {
         let (time, position) = line.split_once(',').unwrap();
@@ -340,7 +340,7 @@ fn threads_share_a_model_and_are_told_of_a_shared_state() {
         return;
     }
     let program = compiled("tests/c/threads.c", Link::Shared, &[]);
-    for model in ["ems", "ems_stages", "ems_travel", "gms"] {
+    for model in ["ems", "ems_stages", "ems_profile", "gms"] {
         done(Command::new(&program).arg(conformance(&format!("models/{model}.json"))));
     }
 }

@@ -19,7 +19,7 @@ use console::Console;
 
 /// Identifies, validates and simulates the force between a surgical instrument and the seal of its trocar.
 ///
-/// The model is the Extended Maxwell-Slip (EMS) element: a seal that first bends with the instrument, then lets it
+/// The model is the Extended Maxwell-Slip (EMS) element: a seal that first deforms with the instrument, then lets it
 /// slide. Position and force are positive on insertion. Not a medical device.
 #[derive(Parser)]
 #[command(name = "trocar", version, after_help = AFTER_HELP, max_term_width = 110)]

@@ -5,7 +5,7 @@ mod common;
 use std::fs;
 
 use serde_json::Value;
-use trocar::model_file::{Model, ModelFile};
+use trocar::model_file::ModelFile;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::replay::{Replay, replay};
 
@@ -89,13 +89,13 @@ fn json_holds_every_model_with_all_keys_least_error_first() {
         assert!(model["ns_per_sample"].is_null() && model["fit_s"].is_null(), "{model}");
         assert!(model["warnings"].as_array().unwrap().iter().all(Value::is_string));
         let offset = &model["estimates"]["offset_n"];
-        assert!(offset["value"].is_number() && offset["unit"] == "N" && offset["pinned"].is_boolean(), "{offset}");
+        assert!(offset["value"].is_number() && offset["unit"] == "N" && offset["determined"].is_boolean(), "{offset}");
         assert_eq!(offset["ci95"].as_array().unwrap().len(), 2);
     }
     let errors = numbers(&json, "validate_rms_n");
     assert!(errors.is_sorted(), "{errors:?}");
     assert_eq!(models(&json)[0]["name"], "ems", "the bench is made with an EMS element");
-    assert_eq!(json["held_back"], false);
+    assert_eq!(json["held_out"], false);
     assert_eq!(json["reversal_claim"].as_array().unwrap().len(), 1, "one family of banks");
     assert!(json["reversal_claim"][0]["sentence"].as_str().unwrap().contains("maxwell-slip"));
     let used: Vec<&str> =
@@ -128,12 +128,12 @@ fn equal_input_gives_equal_bytes_and_times_are_all_that_differs() {
 }
 
 #[test]
-fn without_validation_the_last_third_is_held_back_and_it_is_said() {
+fn without_validation_the_last_third_is_held_out_and_it_is_said() {
     let place = recorded();
     let ran = place.compare("--models ems,coulomb --json --out out").ends_with(0);
-    ran.says(&["last third", "held back"]);
+    ran.says(&["last third", "held out"]);
     let json = ran.json();
-    assert_eq!(json["held_back"], true);
+    assert_eq!(json["held_out"], true);
     let parts = json["recordings"].as_array().unwrap();
     assert_eq!(parts.len(), 2);
     assert_eq!(parts[0]["sha256"], parts[1]["sha256"], "parts of one file");
@@ -141,7 +141,7 @@ fn without_validation_the_last_third_is_held_back_and_it_is_said() {
     let part = duration(1) / (duration(0) + duration(1));
     assert!((0.1..0.34).contains(&part), "{part}");
     let page = fs::read_to_string(place.path("out/report.html")).unwrap();
-    assert!(page.contains("The last third of each recording was held back"));
+    assert!(page.contains("The last third of each recording was held out"));
 }
 
 #[test]
@@ -218,11 +218,7 @@ fn lost_data_and_seals_that_never_slide_end_with_3() {
 }
 
 fn run(model: &ModelFile, recording: &Recording) -> Replay {
-    let offset = model.sensor.unwrap().offset_n;
-    match &model.model {
-        Model::Ems(elements) => replay(elements.as_slice(), recording, offset),
-        Model::Classical(classical) => replay(classical, recording, offset),
-    }
+    replay(&model.trocar, recording, model.offset())
 }
 
 /// Root mean square error, N, over the samples whose state `judge` knows.
@@ -310,9 +306,8 @@ fn classical_models_simulate_their_force_and_are_no_ems_elements() {
     let essentials = [model, "holds a lugre model", "expected EMS elements"];
     place.run(&format!("analyze {model}")).ends_with(1).says(&essentials).says(&["hint: trocar simulate"]);
     place.run(&format!("bench step --seal {model} --out step.csv")).ends_with(1).says(&essentials);
-    for flag in ["--literal", "--initial-deflection-mm 1"] {
-        let ran = place.run(&format!("simulate {model} validation.csv --out other.csv {flag}")).ends_with(2);
-        ran.says(&[&flag[..9], "is for EMS elements", model, "lugre"]);
-    }
+    let ran =
+        place.run(&format!("simulate {model} validation.csv --out other.csv --initial-deflection-mm 1")).ends_with(2);
+    ran.says(&["--initial-deflection-mm", "is for EMS elements", model, "lugre"]);
     assert_eq!(place.names(), before);
 }

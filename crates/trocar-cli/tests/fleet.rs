@@ -50,7 +50,7 @@ fn failures_are_rows() {
     assert_eq!(status.iter().filter(|status| **status == "failed").count(), 2);
     let reasons = texts(&table, "reason");
     assert!(status.iter().zip(&reasons).all(|(status, reason)| (*status == "failed") != reason.is_empty()));
-    let Some(Column::Whole(counts)) = table.column("insertion_count") else { panic!("insertions are whole numbers") };
+    let Some(Column::Integer(counts)) = table.column("insertion_count") else { panic!("insertions are whole numbers") };
     assert_eq!(counts.iter().flatten().copied().collect::<Vec<i64>>(), [0, 20, 40, 0, 20, 40]);
     let Some(Column::Number(forces)) = table.column("coulomb_force_n") else { panic!("no force") };
     // The bench's seal has 3 N.
@@ -142,9 +142,9 @@ fn killed_again_and_again(place: &Place, set: &str, code: i32) {
         fs::write(place.path("t.parquet.journal"), torn).unwrap();
     }
     assert!(kills >= 2, "{kills} kills");
-    let same = |ending: &str| {
-        fs::read(place.path(&format!("whole.{ending}"))).unwrap()
-            == fs::read(place.path(&format!("t.{ending}"))).unwrap()
+    let same = |extension: &str| {
+        fs::read(place.path(&format!("whole.{extension}"))).unwrap()
+            == fs::read(place.path(&format!("t.{extension}"))).unwrap()
     };
     assert!(same("parquet") && same("html"));
     assert!(!place.path("t.parquet.journal").exists());

@@ -139,7 +139,7 @@ impl Motion {
     }
 
     /// Forces that the library gives from `state` on.
-    fn host(&self, trocar: &Trocar, mut state: TrocarState) -> Vec<f64> {
+    fn host(&self, trocar: &Trocar<&[f64]>, mut state: TrocarState) -> Vec<f64> {
         let mut all = vec![state.force()];
         for i in 1..self.time.len() {
             all.push(trocar.step_to(&mut state, self.position[i], self.time[i] - self.time[i - 1]));
@@ -147,7 +147,7 @@ impl Motion {
         all
     }
 
-    fn assert_forces(&self, what: &str, trocar: &Trocar, state: TrocarState) {
+    fn assert_forces(&self, what: &str, trocar: &Trocar<&[f64]>, state: TrocarState) {
         let host = self.host(trocar, state);
         let differs = host.iter().zip(&self.force).position(|(a, b)| a.to_bits() != b.to_bits());
         assert_eq!(host.len(), self.force.len(), "{what}");
@@ -280,7 +280,7 @@ fn check_desktop(page: &Page, seen: &Desktop, folder: &Path) {
 }
 
 /// The identified model with another Coulomb force on either side.
-fn turned_seal(page: &Page, found: &Trocar, force: f64) -> Seal {
+fn turned_seal(page: &Page, found: &Trocar<&[f64]>, force: f64) -> Seal {
     let turned = |(at, knob): (usize, &Knob)| if at == 1 || knob.follows == Some(1) { force } else { knob.value };
     let values: Vec<f64> = page.knobs.iter().enumerate().map(turned).collect();
     found.seal().tuned(&values).unwrap()

@@ -19,7 +19,7 @@ use trocar_model::{Element, ElementParams, Trocar};
 const STEPS: u32 = 2_000_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let trocar = Trocar::new(Element::new(ElementParams::plausible_10_5_mm()?)?, None);
+    let trocar = Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm()?)?);
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row)?;
     let folder = std::env::temp_dir().join(format!("trocar-fmu-{}", std::process::id()));

@@ -333,7 +333,7 @@ mod tests {
     #[test]
     fn a_panic_ends_the_instance_and_not_the_importer() {
         let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
-        let row = to_row(&Trocar::new(element, None));
+        let row = to_row(&Trocar::of_seal(element));
         let wanted = token(&row, Input::Position);
         let logger = || Logger::Fmi3 { callback: None, environment: std::ptr::null_mut() };
         assert!(instantiate("", logger(), || panic!("on purpose")).is_null());

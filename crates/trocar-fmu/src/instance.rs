@@ -21,11 +21,11 @@ const START_TOLERANCE: f64 = 1e-6;
 pub struct Instance {
     table: Vec<Variable>,
     /// As exported.
-    base: Trocar<'static>,
+    base: Trocar<Vec<f64>>,
     input: Input,
     identity: u128,
     /// With the parameters of `applied`.
-    trocar: Trocar<'static>,
+    trocar: Trocar<Vec<f64>>,
     applied: Vec<f64>,
     live: Snapshot,
 }
@@ -66,7 +66,7 @@ impl Instance {
         let live = Snapshot::new(identity(&row, input), applied.clone(), trocar.rest(0.0));
         Ok(Self {
             table: variables(&trocar, input),
-            base: trocar,
+            base: trocar.clone(),
             input,
             identity: live.identity,
             trocar,
@@ -151,7 +151,7 @@ impl Instance {
     /// Back to instantiation, with all values as exported.
     pub fn reset(&mut self) {
         let values: Vec<f64> = self.base.seal().tunables().map(|tunable| tunable.value).collect();
-        self.trocar = self.base;
+        self.trocar = self.base.clone();
         self.applied.clone_from(&values);
         self.live = Snapshot::new(self.identity, values, self.base.rest(0.0));
     }

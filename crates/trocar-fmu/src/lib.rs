@@ -8,7 +8,7 @@
 //! - A step of the FMU is one step of [`trocar_model::Trocar`]: the same numbers as every other program that runs it.
 //! - A refused call changes nothing, returns an error and tells the importer's logger why. No call panics into the
 //!   importer.
-//! - Instances share nothing but the knots of a profile along the way, which never change.
+//! - Instances share nothing.
 
 pub mod error;
 #[allow(unsafe_code)]

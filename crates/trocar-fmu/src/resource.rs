@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 use trocar_model::Trocar;
 
@@ -15,7 +14,7 @@ pub(crate) const MODEL: &str = "model.f64";
 #[derive(Debug, Clone)]
 pub(crate) struct Resource {
     pub(crate) row: Vec<f64>,
-    pub(crate) trocar: Trocar<'static>,
+    pub(crate) trocar: Trocar<Vec<f64>>,
 }
 
 /// The row of `trocar` as bytes.
@@ -24,7 +23,7 @@ pub(crate) fn to_bytes(row: &[f64]) -> Vec<u8> {
 }
 
 /// The row of `trocar`.
-pub(crate) fn to_row(trocar: &Trocar) -> Vec<f64> {
+pub(crate) fn to_row<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Vec<f64> {
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row).expect("the row has the length that was asked for");
     row
@@ -50,26 +49,9 @@ impl Resource {
         if !rest.is_empty() || trocar.count_numbers() != row.len() {
             return Err(damaged(None));
         }
-        let trocar = match trocar.travel() {
-            None => Trocar::new(*trocar.seal(), None),
-            Some(_) => Trocar::from_numbers(kept(&row)).map_err(|error| damaged(Some(error)))?,
-        };
+        let trocar = trocar.stored_as(<[f64]>::to_vec);
         Ok(Self { row, trocar })
     }
-}
-
-/// The row, kept for as long as the process lives: a profile along the way borrows its knots. Each row is kept once,
-/// however many instances there are.
-fn kept(row: &[f64]) -> &'static [f64] {
-    static ROWS: Mutex<Vec<&'static [f64]>> = Mutex::new(Vec::new());
-    let mut rows = ROWS.lock().unwrap_or_else(PoisonError::into_inner);
-    let same = |kept: &&&'static [f64]| kept.iter().map(|n| n.to_bits()).eq(row.iter().map(|n| n.to_bits()));
-    if let Some(kept) = rows.iter().find(same) {
-        return kept;
-    }
-    let kept: &'static [f64] = Box::leak(row.into());
-    rows.push(kept);
-    kept
 }
 
 /// The folder behind a resource location of FMI 2.0, a `file:` URI (RFC 8089).
@@ -113,7 +95,7 @@ fn percent_decoded(text: &str) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use trocar_model::{Element, ElementParams, Travel};
+    use trocar_model::{Element, ElementParams, PositionProfile};
 
     use super::*;
 
@@ -136,9 +118,8 @@ mod tests {
 
     fn rows() -> [Vec<f64>; 2] {
         let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
-        let (offset, level) = ([0.1, 0.2, 0.0], [1.0, 1.1, 0.9]);
-        let travel = Travel::new(0.0, 0.2, &offset, &level).unwrap();
-        [to_row(&Trocar::new(element, None)), to_row(&Trocar::new(element, Some(travel)))]
+        let profile = PositionProfile::new(0.0, 0.2, [0.1, 0.2, 0.0], [1.0, 1.1, 0.9]).unwrap();
+        [to_row(&Trocar::of_seal(element)), to_row(&Trocar::new(element, Some(profile)))]
     }
 
     #[test]
@@ -152,11 +133,5 @@ mod tests {
             }
             assert!(Resource::from_bytes(&[&bytes[..], &[0; 8]].concat(), "m").is_err());
         }
-    }
-
-    #[test]
-    fn a_row_is_kept_once() {
-        let [_, row] = rows();
-        assert_eq!(kept(&row).as_ptr(), kept(&row).as_ptr());
     }
 }

@@ -81,11 +81,11 @@ impl Snapshot {
     }
 
     /// From bytes, for the model of `identity` with so many `tunables`; `tuned` gives the model for their values.
-    pub(crate) fn from_bytes<'a>(
+    pub(crate) fn from_bytes(
         bytes: &[u8],
         identity: u128,
         tunables: usize,
-        tuned: impl FnOnce(&[f64]) -> Result<Trocar<'a>, ParamError>,
+        tuned: impl FnOnce(&[f64]) -> Result<Trocar<Vec<f64>>, ParamError>,
     ) -> Result<Self, FmuError> {
         let head: Vec<u8> = MAGIC.into_iter().chain(identity.to_le_bytes()).collect();
         if bytes.len() >= HEAD && !bytes.starts_with(&head) {
@@ -104,11 +104,11 @@ impl Snapshot {
         Self::from_numbers(identity, &numbers, tunables, tuned).ok_or(FmuError::StateDamaged)
     }
 
-    fn from_numbers<'a>(
+    fn from_numbers(
         identity: u128,
         numbers: &[f64],
         tunables: usize,
-        tuned: impl FnOnce(&[f64]) -> Result<Trocar<'a>, ParamError>,
+        tuned: impl FnOnce(&[f64]) -> Result<Trocar<Vec<f64>>, ParamError>,
     ) -> Option<Self> {
         let (own, rest) = numbers.split_first_chunk::<OWN>()?;
         let (values, state) = rest.split_at_checked(tunables)?;

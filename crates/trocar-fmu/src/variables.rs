@@ -94,7 +94,7 @@ impl Variable {
 /// Variables of `trocar` driven by `input`, by rising value reference.
 ///
 /// A parameter that is infinite (a law switched off) is left out: not every importer reads an infinite start value.
-pub fn variables(trocar: &Trocar, input: Input) -> Vec<Variable> {
+pub fn variables<K: AsRef<[f64]>>(trocar: &Trocar<K>, input: Input) -> Vec<Variable> {
     let is_ems = matches!(trocar.seal(), Seal::Ems(_));
     let driven = input == Input::Velocity;
     let mut table = vec![Variable::new(Role::Time, "time", "s", "simulated time", None), input_variable(input)];

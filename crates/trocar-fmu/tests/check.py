@@ -176,14 +176,14 @@ def check_by_c(unit, fmi, motion, forces, folder):
     check(path in ran.stderr, f"{path} expected in {ran.stderr}")
 
 
-def level_at_end(model):
-    """What the force along the way is multiplied by behind the last knot."""
+def gain_at_end(model):
+    """What the position-dependent force is multiplied by after the last knot."""
     with open(model) as file:
-        travel = json.load(file).get("travel")
-    return travel["level"][-1] if travel else 1.0
+        profile = json.load(file).get("position_profile")
+    return profile["gain"][-1] if profile else 1.0
 
 
-def check_tuning(unit, level):
+def check_tuning(unit, gain):
     """More friction in the midst of a slide is felt as such, and taken back again; other values are refused."""
     names = [name for name in unit.starts if name.endswith("coulomb_force_n") and "withdrawal" not in name]
     if not names:
@@ -195,7 +195,7 @@ def check_tuning(unit, level):
     old = [unit.starts[name] for name in names]
     instance.set({name: value + MORE_N for name, value in zip(names, old)})
     more = steady(instance) - before
-    asked = level * MORE_N * len(names)
+    asked = gain * MORE_N * len(names)
     check(abs(more - asked) < STEADY_TOLERANCE_N, f"{asked} N more of {names} are {more} N")
     for bad in [0.0, -1.0, math.nan, math.inf]:
         refused(instance, lambda: instance.set({names[0]: bad}), names[0], "must be", "old value stays")
@@ -321,12 +321,12 @@ def main():
                     refused(instance, lambda: instance.from_bytes(other, 0.0), "another model")
                     instance.close()
                 foreign[fmi] = text
-                if name == "ems_travel":
+                if name == "ems_profile":
                     check_functions(unit, fmi)
                     check_by_c(unit, fmi, motion, forces, folder)
             with Unit(paths["velocity"]) as unit:
                 off = check_velocity(unit, rows, forces)
-                check_tuning(unit, level_at_end(model))
+                check_tuning(unit, gain_at_end(model))
             told.append(f"FMI {fmi}.0 by velocity {off:.1e} N, simulate_fmu "
                         f"{check_simulate_fmu(trocar, model, paths['position'], folder):.1e} N")
         print(f"{name}: {len(rows)} rows bit-identical; {'; '.join(told)}", flush=True)

@@ -18,7 +18,7 @@ from fmpy.fmi3 import FMU3Slave
 
 
 class Unit:
-    """An unpacked FMU."""
+    """An decompressed FMU."""
 
     def __init__(self, path):
         self.description = fmpy.read_model_description(path)

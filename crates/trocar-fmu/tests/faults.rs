@@ -81,7 +81,7 @@ impl Model {
     }
 
     fn ems() -> Self {
-        Self::new(Trocar::new(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap(), None))
+        Self::new(Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()))
     }
 
     fn uri(&self) -> CString {
@@ -449,7 +449,7 @@ fn states_that_are_not_whole_or_not_ours_are_refused() {
     }
     let bank = [SlipElement { stiffness: 400.0, limit_force: 1.0 }];
     let other =
-        Model::new(Trocar::new(trocar_model::Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0).unwrap()), None));
+        Model::new(Trocar::of_seal(trocar_model::Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0).unwrap())));
     let foreign = other.instance();
     assert_eq!(foreign.read(&bytes), (ERROR, null_mut()));
     assert!(told().contains("another model"));
@@ -471,7 +471,7 @@ fn states_that_are_not_whole_or_not_ours_are_refused() {
 fn a_classical_model_has_neither_deflection_nor_mode() {
     let bank = [SlipElement { stiffness: 400.0, limit_force: 1.0 }];
     let model =
-        Model::new(Trocar::new(trocar_model::Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0).unwrap()), None));
+        Model::new(Trocar::of_seal(trocar_model::Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0).unwrap())));
     let unit = Unit::started(&model);
     assert_eq!([unit.get(DEFLECTION), unit.get(INITIAL_DEFLECTION)], [Err(ERROR); 2]);
     assert_eq!(unsafe { fmi2GetInteger(unit.0, &MODE, 1, &mut 0) }, ERROR);

@@ -69,7 +69,7 @@ fn pass<M: Friction>(
         *force = model.step(&mut state, displacement, PERIOD);
     }
     let stepped = start.elapsed();
-    let (trocar, durations) = (Trocar::new(classical, None), vec![PERIOD; displacements.len()]);
+    let (trocar, durations) = (Trocar::of_seal(classical), vec![PERIOD; displacements.len()]);
     let mut array = vec![f64::NAN; displacements.len()];
     let mut state = trocar.rest(positions[0]);
     let start = Instant::now();

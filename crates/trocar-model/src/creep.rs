@@ -11,7 +11,7 @@
 //!
 //! At small force the contact is a dashpot of F_s/v_c; at u >> v_c it is EMS, (1 - ρ) < v_c²/2u². v_c -> 0 is EMS itself.
 //! F·v_sl >= 0 at every slip speed: creep only ever takes energy. A held force F below F_s relaxes at first with the rate
-//! K·v_c/√(F_s² - F²) (K the stiffness of the bent seal).
+//! K·v_c/√(F_s² - F²) (K the stiffness of the deformed seal).
 //!
 //! # Lag of the Stribeck curve
 //!

@@ -1,6 +1,6 @@
 //! Deformation force of the seal: two direction-dependent branches, each two joined polynomials, EMS (25).
 //!
-//! A seal that is bent one way and back shows two branches: the force `F_u` while the deflection rises and `F_d`
+//! A seal that is deformed one way and back shows two branches: the force `F_u` while the deflection rises and `F_d`
 //! while it falls. Between them the force depends on the past. With
 //!
 //! ```text
@@ -143,7 +143,7 @@ impl Piece {
 
 /// One branch of the deformation force: two polynomials joined without a force jump, EMS (25).
 ///
-/// The slope may jump at the join (the seal turns over there). Outside its interval the branch goes on as a straight
+/// The slope may jump at the join (the seal snaps through there). Outside its interval the branch goes on as a straight
 /// line with the slope of its end, at least [`END_SLOPE_FLOOR`] of its mean slope.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Branch {

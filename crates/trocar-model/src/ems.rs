@@ -1,4 +1,4 @@
-//! The Extended Maxwell-Slip (EMS) element: a seal that first bends with the instrument, then lets it slide.
+//! The Extended Maxwell-Slip (EMS) element: a seal that first deforms with the instrument, then lets it slide.
 
 use crate::creep::{Resistance, Rise, resistance};
 use crate::damping::SealDamping;
@@ -21,7 +21,7 @@ const EVEN_PARTS: u32 = 32;
 /// Parameters of one element. Checked by [`Element::new`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElementParams {
-    /// F_e(z): force of the bent seal, EMS (25).
+    /// F_e(z): force of the deformed seal, EMS (25).
     pub deformation: DeformationForce,
     /// σ(ż): damping of the seal, EMS (9).
     pub damping: SealDamping,
@@ -111,7 +111,7 @@ impl State {
         }
     }
 
-    /// Whether the seal bends or slides.
+    /// Whether the seal deforms or slides.
     pub fn mode(&self) -> Mode {
         self.mode
     }
@@ -258,7 +258,7 @@ impl Element {
 
     /// State at rest on the mid curve M that holds `force`, N.
     ///
-    /// Of several deflections with that force (a seal that turns over has three) the one of least amount; beyond the
+    /// Of several deflections with that force (a seal that snaps through has three) the one of least amount; beyond the
     /// sliding limits the nearer end. A force that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> State {
         const CELLS: i32 = 200;
@@ -297,7 +297,7 @@ impl Element {
         state.force
     }
 
-    /// The general step in parts of at most c/8 of travel, so that the order of yielding and turning over is kept.
+    /// The general step in parts of at most c/8 of travel, so that the order of yielding and snapping through is kept.
     ///
     /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the work is bounded.
     fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {

@@ -16,15 +16,15 @@ use crate::leuven::{Leuven, LeuvenParams, LeuvenState};
 use crate::lugre::{LuGre, LuGreParams, LuGreState, StribeckCurve};
 use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
 use crate::parallel::{MAX_STAGES, Stages};
+use crate::profile::PositionProfile;
 use crate::relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 use crate::seal::{Seal, SealState, Trocar, TrocarState};
 use crate::sliding::SlidingFriction;
 use crate::stribeck::{StaticFriction, StaticState};
-use crate::travel::Travel;
 
 /// First number of every row: the version of this form.
 pub const FORMAT: f64 = 1.0;
-/// Most numbers of a row without a profile along the way.
+/// Most numbers of a row without a position profile.
 pub const SEAL_NUMBERS: usize = 4 + MAX_STAGES * ELEMENT_NUMBERS;
 /// Numbers of a state, whatever the model: fixed, so that a state fits one place.
 pub const STATE_NUMBERS: usize = 4 + 1 + MAX_STAGES * STATE_OF_ELEMENT;
@@ -149,7 +149,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-impl Trocar<'_> {
+impl<K: AsRef<[f64]>> Trocar<K> {
     /// Writes the trocar to the front of `row`; returns how many numbers it took.
     ///
     /// # Errors
@@ -158,12 +158,12 @@ impl Trocar<'_> {
         let mut out = Writer::new(row);
         out.put(&[FORMAT]);
         write_seal(&mut out, self.seal());
-        match self.travel() {
+        match self.profile() {
             None => out.put(&[0.0]),
-            Some(travel) => {
-                out.put(&[travel.levels().len() as f64, travel.from(), travel.to()]);
-                out.put(travel.offsets());
-                out.put(travel.levels());
+            Some(profile) => {
+                out.put(&[profile.gains().len() as f64, profile.from(), profile.to()]);
+                out.put(profile.offsets());
+                out.put(profile.gains());
             }
         }
         out.done()
@@ -173,12 +173,12 @@ impl Trocar<'_> {
     pub fn count_numbers(&self) -> usize {
         let mut out = Writer::new(&mut []);
         write_seal(&mut out, self.seal());
-        2 + out.count + self.travel().map_or(0, |travel| 2 + 2 * travel.levels().len())
+        2 + out.count + self.profile().map_or(0, |profile| 2 + 2 * profile.gains().len())
     }
 }
 
-impl<'a> Trocar<'a> {
-    /// The trocar that [`Trocar::write_numbers`] wrote to the front of `row`; a profile along the way stays there.
+impl<'a> Trocar<&'a [f64]> {
+    /// The trocar that [`Trocar::write_numbers`] wrote to the front of `row`; its position profile borrows from `row`.
     ///
     /// # Errors
     /// [`FlatError`]: too short a row, a tag that is none, parameters that make no model.
@@ -193,9 +193,9 @@ impl<'a> Trocar<'a> {
         }
         let wrong = FlatError::Tag { place, found: knots as f64 };
         let [begin, end] = from.take()?;
-        let (offset, level) = (from.slice(knots)?, from.slice(knots)?);
-        let travel = Travel::new(begin, end, offset, level).filter(Travel::is_sound).ok_or(wrong)?;
-        Ok(Self::new(seal, Some(travel)))
+        let (offset, gain) = (from.slice(knots)?, from.slice(knots)?);
+        let profile = PositionProfile::new(begin, end, offset, gain).map_err(|_| wrong)?;
+        Ok(Self::new(seal, Some(profile)))
     }
 }
 
@@ -391,7 +391,7 @@ impl TrocarState {
     }
 }
 
-impl Trocar<'_> {
+impl<K: AsRef<[f64]>> Trocar<K> {
     /// The state that [`TrocarState::to_numbers`] wrote; it must be one of this model.
     ///
     /// # Errors

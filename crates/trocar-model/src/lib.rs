@@ -1,8 +1,8 @@
 //! Friction between a surgical instrument and the seal of the trocar it passes through: the Extended Maxwell-Slip (EMS)
 //! element, and the classical models that EMS section II names, without allocation and without the standard library.
 //!
-//! A trocar seal bends by millimetres with the instrument before it lets it slide. The element is a spring `F_e(z)` with
-//! two branches (the seal turns over), a damper `σ`, and a sliding contact in series:
+//! A trocar seal deforms by millimetres with the instrument before it lets it slide. The element is a spring `F_e(z)` with
+//! two branches (the seal snaps through), a damper `σ`, and a sliding contact in series:
 //!
 //! ```text
 //! v_d = dz/dt + v_sl                                       (8)     v_d velocity of the instrument, z deflection of the seal
@@ -46,7 +46,7 @@
 //!
 //! # Where this departs from the paper
 //!
-//! - **Contact as an inclusion.** EMS decides between bending and sliding, and on the branch, by sgn(v_d). Here the force
+//! - **Contact as an inclusion.** EMS decides between deforming and sliding, and on the branch, by sgn(v_d). Here the force
 //!   decides: the seal sticks while |F| <= F_s and slides otherwise, (13) with sgn(v_sl). Holds, encoder noise and the
 //!   end of a braking then need no rule of their own. [`paper_literal`] keeps the printed reading and says where it fails.
 //! - **Partial reversals.** EMS gives one branch per direction and nothing between; see [`elastic`] for the law that runs
@@ -73,6 +73,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod backlash;
 pub mod batch;
 pub mod classical;
 pub mod constants;
@@ -86,22 +87,22 @@ mod exponential;
 pub mod flat;
 pub mod friction;
 pub mod gms;
-pub mod guard;
 pub mod leuven;
 pub mod lugre;
 pub mod maxwell_slip;
 pub mod paper_literal;
 pub mod parallel;
 mod plausible;
+pub mod profile;
 pub mod relaxation;
 mod run;
 pub mod seal;
 pub mod sliding;
 mod slip;
 pub mod stribeck;
-pub mod travel;
 pub mod tuning;
 
+pub use backlash::{BacklashFilter, BacklashState, Direction, Reversal};
 pub use classical::{Classical, ClassicalState};
 pub use dahl::{Dahl, DahlParams, DahlState};
 pub use damping::SealDamping;
@@ -110,15 +111,14 @@ pub use ems::{Element, ElementParams, Folding, Mode, State};
 pub use error::ParamError;
 pub use friction::Friction;
 pub use gms::{Gms, GmsElement, GmsState, SlipRate};
-pub use guard::{Direction, GuardState, PlayGuard, Reversal};
 pub use leuven::{Leuven, LeuvenParams, LeuvenState};
 pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
 pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
 pub use paper_literal::{LiteralState, PaperLiteral};
-pub use parallel::{Beside, MAX_STAGES, Parallel, Stages, StagesState, rest_states, step_parallel};
+pub use parallel::{Beside, MAX_STAGES, Stages, StagesState, rest_states, step_parallel};
+pub use profile::{PositionProfile, ProfileError};
 pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;
 pub use stribeck::{StaticFriction, StaticState};
-pub use travel::Travel;
 pub use tuning::Tunable;

@@ -107,7 +107,7 @@ impl MaxwellSlipState {
 /// - **Invariants**: |f_i| <= F_i; at constant v the force settles at ΣF_i·sgn(v) + β·v (4), exactly, after a finite
 ///   travel; Masing's rules; returning to a turning point restores its force; Σf_i²/(2k_i) is stored, the rest of the
 ///   work is lost, never gained.
-/// - **Limits**: stiffness never grows on the way from a reversal (k_i > 0), so a seal that turns over is out of reach.
+/// - **Limits**: stiffness never grows on the way from a reversal (k_i > 0), so a seal that snaps through is out of reach.
 /// - **Errors**: [`ParamError`] from [`MaxwellSlip::new`]; never later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaxwellSlip {

@@ -12,46 +12,13 @@ pub fn step_parallel(elements: &[Element], states: &mut [State], displacement: f
     elements.iter().zip(states).map(|(element, state)| element.step(state, displacement, duration)).sum()
 }
 
-/// Elements and their states under one motion: the force is the sum, EMS section III.
-///
-/// In steady sliding only ΣF_c and Σβ show; each element has its own deflection and begins to slide on its own.
-#[derive(Debug)]
-pub struct Parallel<'a> {
-    elements: &'a [Element],
-    states: &'a mut [State],
-}
-
-impl<'a> Parallel<'a> {
-    /// Pairs `elements` with `states`; `None` when their numbers differ.
-    pub fn new(elements: &'a [Element], states: &'a mut [State]) -> Option<Self> {
-        (elements.len() == states.len()).then_some(Self { elements, states })
-    }
-
-    /// Advances by `displacement` (m) within `duration` (s); returns the total force (N).
-    pub fn step(&mut self, displacement: f64, duration: f64) -> f64 {
-        step_parallel(self.elements, self.states, displacement, duration)
-    }
-
-    /// Advances at constant `velocity` (m/s) for `duration` (s); returns the total force (N).
-    pub fn step_velocity(&mut self, velocity: f64, duration: f64) -> f64 {
-        self.step(velocity * duration, duration)
-    }
-
-    /// Total force after the last step, N.
-    pub fn force(&self) -> f64 {
-        self.states.iter().map(State::force).sum()
-    }
-
-    /// The states, one per element.
-    pub fn states(&self) -> &[State] {
-        self.states
-    }
-}
-
 /// Most elements of [`Stages`].
 pub const MAX_STAGES: usize = 4;
 
-/// Up to [`MAX_STAGES`] elements as one model that owns them: the stages of a trocar, such as a duckbill and a lip.
+/// Up to [`MAX_STAGES`] elements under one motion: the stages of a trocar, such as a duckbill and a lip. The force is the sum,
+/// EMS section III.
+///
+/// In steady sliding only ΣF_c and Σβ show; each element has its own deflection and begins to slide on its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stages {
     /// Those past `count` repeat the first.
@@ -75,7 +42,17 @@ impl Stages {
 
     /// State at rest with every element at `deflection`, m; one that is not finite counts as 0.
     pub fn rest_state(&self, deflection: f64) -> StagesState {
-        self.state(self.elements().iter().map(|element| element.rest_state(deflection)))
+        self.rest_at(|_| deflection)
+    }
+
+    /// State at rest with every element at a deflection (m) of its own; one that is not finite counts as 0.
+    pub fn rest_at(&self, mut deflection: impl FnMut(&Element) -> f64) -> StagesState {
+        self.state(self.elements().iter().map(|element| element.rest_state(deflection(element))))
+    }
+
+    /// c of the widest element, m.
+    pub fn half_width(&self) -> f64 {
+        self.elements().iter().map(|element| element.params().deformation.half_width()).fold(0.0, f64::max)
     }
 
     /// One state an element; the places past them are all alike.

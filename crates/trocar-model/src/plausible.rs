@@ -10,7 +10,7 @@ use crate::sliding::SlidingFriction;
 /// c, m. EMS discusses its figure 8 at 6 mm, and speaks of deformations of about 1 cm.
 const HALF_WIDTH: f64 = 8e-3;
 
-/// Join of the rising branch, m: just past the hump, where the seal turns over. The falling branch is its mirror image.
+/// Join of the rising branch, m: just past the hump, where the seal snaps through. The falling branch is its mirror image.
 const JOIN: f64 = -2.2e-3;
 
 /// Legendre coefficients of the rising branch on [-c, join], N: from -3 N up to the hump. The alternating sum is -3 N.
@@ -30,7 +30,7 @@ impl ElementParams {
     /// size, since the paper prints no parameter values.
     ///
     /// F_c = F_s = 3 N and β = 5 N·s/m in both directions, c = 8 mm, no seal damping; a steep first rise to a hump of
-    /// 1.15 N, a dip to 0.64 N (the seal turns over, stiffness down to -0.25 N/mm), a second rise to 3 N. The falling
+    /// 1.15 N, a dip to 0.64 N (the seal snaps through, stiffness down to -0.25 N/mm), a second rise to 3 N. The falling
     /// branch is the rising one turned about the origin, so the element is symmetric.
     ///
     /// # Errors

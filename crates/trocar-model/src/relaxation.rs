@@ -1,6 +1,6 @@
 //! Slow relaxation of the seal's rubber: springs that let go with time, in parallel with the branches.
 //!
-//! A bent seal that is held loses force, and a seal bent fast is stiffer than one bent slowly. Each arm is a spring and a
+//! A deformed seal that is held loses force, and A seal deformed fast is stiffer than one deformed slowly. Each arm is a spring and a
 //! dashpot in series (Maxwell's element; a sum of them is a Prony series, CHRISTENSEN):
 //!
 //! ```text
@@ -25,7 +25,7 @@ pub const MAX_ARMS: usize = 2;
 /// | τ      | `time`      | s    | > 0   |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelaxationArm {
-    /// E, N/m, >= 0: stiffness of the arm when bent fast. 0 switches it off.
+    /// E, N/m, >= 0: stiffness of the arm when deformed fast. 0 switches it off.
     pub stiffness: f64,
     /// τ, s, > 0: time in which a held arm falls to 1/e.
     pub time: f64,
@@ -98,7 +98,7 @@ impl Relaxation {
         self.arms.iter().all(|arm| arm.stiffness == 0.0)
     }
 
-    /// Σ E, N/m: what the arms add to the stiffness of a seal that is bent fast.
+    /// Σ E, N/m: what the arms add to the stiffness of a seal that is deformed fast.
     pub fn fast_stiffness(&self) -> f64 {
         self.arms.iter().map(|arm| arm.stiffness).sum()
     }

@@ -45,7 +45,7 @@ impl Motion {
     }
 }
 
-impl Trocar<'_> {
+impl<K: AsRef<[f64]>> Trocar<K> {
     /// Advances through `positions` (m), each reached within its duration (s) at constant velocity, and writes the force (N)
     /// at the end of each to `forces`: as [`Trocar::step_to`] for one after the other, to the last bit, and as far as the shortest
     /// of the three slices goes.
@@ -59,7 +59,7 @@ impl Trocar<'_> {
     /// let sliding = SlidingFriction { static_force: 3.0, ..SlidingFriction::coulomb(2.0, 5.0) };
     /// let (damping_velocity, curve) = (f64::INFINITY, StribeckCurve::Exponential);
     /// let lugre = LuGre::new(LuGreParams { stiffness: 800.0, micro_damping: 5.0, damping_velocity, sliding, curve })?;
-    /// let trocar = Trocar::new(Classical::LuGre(lugre), None);
+    /// let trocar = Trocar::of_seal(Classical::LuGre(lugre));
     /// let mut state = trocar.rest(0.0);
     /// let positions: [f64; 500] = core::array::from_fn(|k| 50e-6 * k as f64);
     /// let mut forces = [0.0; 500];
@@ -111,8 +111,8 @@ impl Trocar<'_> {
             _ => false,
         };
         if moved {
-            if let Some(travel) = self.travel() {
-                forces.iter_mut().zip(positions).for_each(|(force, x)| *force = travel.apply(*x, *force));
+            if let Some(profile) = self.profile() {
+                forces.iter_mut().zip(positions).for_each(|(force, x)| *force = profile.apply(*x, *force));
             }
             (state.position, state.force) = (positions[BLOCK - 1], forces[BLOCK - 1]);
         }

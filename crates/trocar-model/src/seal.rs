@@ -4,7 +4,7 @@ use crate::classical::{Classical, ClassicalState};
 use crate::ems::{Element, Mode, State};
 use crate::friction::{Friction, velocity};
 use crate::parallel::{Stages, StagesState};
-use crate::travel::Travel;
+use crate::profile::PositionProfile;
 
 /// A friction model: EMS elements in parallel, or a classical one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +36,9 @@ pub struct Deformation {
 }
 
 impl Seal {
+    /// Kind of EMS elements; the others are in [`Classical::KINDS`].
+    pub const EMS: &str = "ems";
+
     /// State of an undeformed seal at rest.
     pub fn rest(&self) -> SealState {
         match self {
@@ -44,11 +47,33 @@ impl Seal {
         }
     }
 
-    /// State at rest with every element at `deflection`, m; `None` for a classical model, which knows none.
+    /// State at rest with every element at `deflection`, m; `None` for a classical model, which has no deflection.
     pub fn rest_at_deflection(&self, deflection: f64) -> Option<SealState> {
+        self.stages().map(|stages| SealState::Ems(stages.rest_state(deflection)))
+    }
+
+    /// State at rest between the extremes, `part` from -1 to 1: every element at that part of its half width; a classical model
+    /// with that part of the largest force it can hold.
+    pub fn rest_between(&self, part: f64) -> SealState {
         match self {
-            Self::Ems(stages) => Some(SealState::Ems(stages.rest_state(deflection))),
+            Self::Ems(stages) => SealState::Ems(stages.rest_at(|e| part * e.params().deformation.half_width())),
+            Self::Classical(model) => SealState::Classical(model.rest_at_force(part * f64::MAX)),
+        }
+    }
+
+    /// The EMS elements; `None` for a classical model.
+    pub fn stages(&self) -> Option<&Stages> {
+        match self {
+            Self::Ems(stages) => Some(stages),
             Self::Classical(_) => None,
+        }
+    }
+
+    /// Kind of the model, as in a model file.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Ems(_) => Self::EMS,
+            Self::Classical(model) => model.kind(),
         }
     }
 }
@@ -66,15 +91,9 @@ impl Seal {
         }
     }
 
-    /// Travel over which the seal turns over after a reversal, m: 2c of the widest element; 0 for a classical model.
-    pub fn deformation_width(&self) -> f64 {
-        match self {
-            Self::Ems(stages) => {
-                let width = |element: &Element| 2.0 * element.params().deformation.half_width();
-                stages.elements().iter().map(width).fold(0.0, f64::max)
-            }
-            Self::Classical(_) => 0.0,
-        }
+    /// c of the widest element, m; 0 for a classical model.
+    pub fn half_width(&self) -> f64 {
+        self.stages().map_or(0.0, Stages::half_width)
     }
 }
 
@@ -95,6 +114,12 @@ impl Deformation {
         let slides = states.iter().all(|state| state.mode() == Mode::Sliding);
         let mode = if slides { Mode::Sliding } else { Mode::Deforming };
         Self { deflection: sum / states.len() as f64, mode }
+    }
+}
+
+impl From<Stages> for Seal {
+    fn from(stages: Stages) -> Self {
+        Self::Ems(stages)
     }
 }
 
@@ -137,15 +162,16 @@ impl Friction for Seal {
     }
 }
 
-/// A trocar: its seal, and how the force depends on the way.
+/// A trocar: its seal, and how the force depends on the position.
 ///
-/// All programs that run a model run this step, so all give the same numbers.
+/// All programs that run a model run this step, so all give the same numbers. `K` stores the knots of the profile, as in
+/// [`PositionProfile`].
 ///
 /// ```
 /// use trocar_model::{Element, ElementParams, Trocar};
 ///
 /// # fn main() -> Result<(), trocar_model::ParamError> {
-/// let trocar = Trocar::new(Element::new(ElementParams::plausible_10_5_mm()?)?, None);
+/// let trocar = Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm()?)?);
 /// let mut state = trocar.rest(0.1);           // the instrument stands at 100 mm
 /// let force = trocar.step(&mut state, 50e-6, 1e-3);
 /// assert!(force > 0.0 && state.position() == 0.1 + 50e-6);
@@ -153,9 +179,9 @@ impl Friction for Seal {
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Trocar<'a> {
+pub struct Trocar<K = &'static [f64]> {
     seal: Seal,
-    travel: Option<Travel<'a>>,
+    profile: Option<PositionProfile<K>>,
 }
 
 /// State of a [`Trocar`].
@@ -166,10 +192,17 @@ pub struct TrocarState {
     pub(crate) seal: SealState,
 }
 
-impl<'a> Trocar<'a> {
-    /// The trocar of `seal`, with a force that depends on the position where `travel` says so.
-    pub fn new(seal: impl Into<Seal>, travel: Option<Travel<'a>>) -> Self {
-        Self { seal: seal.into(), travel }
+impl Trocar {
+    /// The trocar of `seal` alone, whose force does not depend on the position.
+    pub fn of_seal(seal: impl Into<Seal>) -> Self {
+        Self { seal: seal.into(), profile: None }
+    }
+}
+
+impl<K: AsRef<[f64]>> Trocar<K> {
+    /// The trocar of `seal`, with a force that depends on the position where there is a `profile`.
+    pub fn new(seal: impl Into<Seal>, profile: Option<PositionProfile<K>>) -> Self {
+        Self { seal: seal.into(), profile }
     }
 
     /// The seal.
@@ -178,13 +211,26 @@ impl<'a> Trocar<'a> {
     }
 
     /// How the force depends on the position.
-    pub fn travel(&self) -> Option<Travel<'a>> {
-        self.travel
+    pub fn profile(&self) -> Option<&PositionProfile<K>> {
+        self.profile.as_ref()
     }
 
-    /// The same way with another seal.
-    pub fn with_seal(&self, seal: Seal) -> Self {
-        Self { seal, ..*self }
+    /// Another seal with the same profile.
+    pub fn with_seal(&self, seal: Seal) -> Self
+    where
+        K: Clone,
+    {
+        Self { seal, profile: self.profile.clone() }
+    }
+
+    /// The same trocar with a profile that borrows its knots from this one.
+    pub fn borrowed(&self) -> Trocar<&[f64]> {
+        self.stored_as(|knots| knots)
+    }
+
+    /// The same trocar, the knots of its profile stored as `store` does it.
+    pub fn stored_as<'a, L>(&'a self, store: impl Fn(&'a [f64]) -> L) -> Trocar<L> {
+        Trocar { seal: self.seal, profile: self.profile.as_ref().map(|profile| profile.stored_as(store)) }
     }
 
     /// An undeformed seal at rest on an instrument at `position`, m; one that is not finite counts as 0.
@@ -195,7 +241,7 @@ impl<'a> Trocar<'a> {
     /// At rest at `position` (m) with `force` (N), clamped to what the model can hold; what is not finite counts as 0.
     pub fn rest_at_force(&self, position: f64, force: f64) -> TrocarState {
         let position = if position.is_finite() { position } else { 0.0 };
-        let own = self.travel.map_or(force, |travel| travel.without(position, force));
+        let own = self.profile.as_ref().map_or(force, |profile| profile.without(position, force));
         self.state(position, self.seal.rest_at_force(own))
     }
 
@@ -211,7 +257,7 @@ impl<'a> Trocar<'a> {
 
     fn force_at(&self, position: f64, seal: &SealState) -> f64 {
         let own = Seal::force(seal);
-        self.travel.map_or(own, |travel| travel.apply(position, own))
+        self.profile.as_ref().map_or(own, |profile| profile.apply(position, own))
     }
 
     /// Advances by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the end, that

@@ -77,7 +77,7 @@ const ELEMENT: [Law; 14] = [
     from("seal_damping_n_s_m", "N.s/m", "sigma: damping of the seal while it deforms", 0.0),
     from("creep_velocity_m_s", "m/s", "v_c: slip speed over which the contact's force builds up; 0 is none", 0.0),
     from("friction_lag_s", "s", "T: lag of the Stribeck curve, with creep only", 0.0),
-    from("relaxation_stiffness_n_m", "N/m", "E: stiffness that a seal held bent loses", 0.0),
+    from("relaxation_stiffness_n_m", "N/m", "E: stiffness that a seal held deformed loses", 0.0),
     above("relaxation_time_s", "s", "tau: time over which it does"),
 ];
 

@@ -93,7 +93,7 @@ fn pinned() -> Element {
     Element::new(params(0.0, low)).unwrap()
 }
 
-/// Where the two readings must agree: while the seal bends for the first time, and once sliding has settled.
+/// Where the two readings must agree: while the seal deforms for the first time, and once sliding has settled.
 ///
 /// They must differ after each reversal. The trajectory switches to deformation at the reversal of v_d although the seal
 /// is still strained beyond F_s; in the natural law slip goes on until the force is back at F_s, some ten microseconds

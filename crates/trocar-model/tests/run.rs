@@ -3,12 +3,12 @@
 use proptest::prelude::*;
 use trocar_model::{
     Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction,
-    StribeckCurve, Travel, Trocar, TrocarState,
+    MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate, Stages,
+    StaticFriction, StribeckCurve, Trocar, TrocarState,
 };
 
 const OFFSET: [f64; 3] = [0.1, -0.2, 0.05];
-const LEVEL: [f64; 3] = [0.9, 1.05, 1.0];
+const GAIN: [f64; 3] = [0.9, 1.05, 1.0];
 
 fn sliding(stribeck_exponent: f64) -> SlidingFriction {
     SlidingFriction { static_force: 3.0, stribeck_exponent, ..SlidingFriction::coulomb(2.0, 4.0) }
@@ -99,11 +99,11 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn an_array_has_the_bits_of_the_step(motion in motions(), with_travel: bool, force in -4.0..4.0_f64) {
-        let travel = Travel::new(-0.02, 0.03, &OFFSET, &LEVEL);
+    fn an_array_has_the_bits_of_the_step(motion in motions(), with_profile: bool, force in -4.0..4.0_f64) {
+        let profile = PositionProfile::new(-0.02, 0.03, OFFSET.as_slice(), GAIN.as_slice()).ok();
         let (positions, durations) = positions(0.01, &motion);
         for (index, seal) in seals().into_iter().enumerate() {
-            let trocar = Trocar::new(seal, travel.filter(|_| with_travel));
+            let trocar = Trocar::new(seal, profile.filter(|_| with_profile));
             let (mut one, mut all) = (trocar.rest_at_force(0.01, force), trocar.rest_at_force(0.01, force));
             let mut forces = vec![f64::NAN; positions.len()];
             trocar.run(&mut all, &positions, &durations, &mut forces);
@@ -118,7 +118,7 @@ proptest! {
 
 #[test]
 fn the_shortest_slice_counts() {
-    let trocar = Trocar::new(maxwell_slip(4, 2.0), None);
+    let trocar = Trocar::of_seal(maxwell_slip(4, 2.0));
     let (positions, durations): (Vec<f64>, Vec<f64>) = (0..100).map(|k| (1e-5 * f64::from(k), 1e-3)).unzip();
     let mut forces = [f64::NAN; 70];
     let mut state = trocar.rest(0.0);

@@ -4,12 +4,12 @@ use proptest::prelude::*;
 use trocar_model::flat::{FlatError, SEAL_NUMBERS, STATE_NUMBERS};
 use trocar_model::{
     Classical, Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre,
-    LuGreParams, MaxwellSlip, ParamError, Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate,
-    Stages, StaticFriction, StribeckCurve, Travel, Trocar,
+    LuGreParams, MaxwellSlip, ParamError, PositionProfile, Relaxation, RelaxationArm, Seal, SlidingFriction,
+    SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve, Trocar,
 };
 
 const OFFSET: [f64; 3] = [0.1, -0.2, 0.05];
-const LEVEL: [f64; 3] = [0.9, 1.05, 1.0];
+const GAIN: [f64; 3] = [0.9, 1.05, 1.0];
 
 fn seals() -> Result<Vec<Seal>, ParamError> {
     let plausible = ElementParams::plausible_10_5_mm()?;
@@ -39,8 +39,8 @@ fn seals() -> Result<Vec<Seal>, ParamError> {
     ])
 }
 
-fn travel() -> Travel<'static> {
-    Travel::new(-0.02, 0.03, &OFFSET, &LEVEL).expect("two knots or more")
+fn profile() -> PositionProfile {
+    PositionProfile::new(-0.02, 0.03, OFFSET.as_slice(), GAIN.as_slice()).expect("two knots or more")
 }
 
 /// A motion with reversals, from a few numbers.
@@ -55,9 +55,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn a_row_of_numbers_is_the_same_trocar(seed in 0_u32..1000, with_travel: bool) {
+    fn a_row_of_numbers_is_the_same_trocar(seed in 0_u32..1000, with_profile: bool) {
         for seal in seals().unwrap() {
-            let trocar = Trocar::new(seal, with_travel.then(travel));
+            let trocar = Trocar::new(seal, with_profile.then(profile));
             let mut row = [0.0; SEAL_NUMBERS + 16];
             let count = trocar.write_numbers(&mut row).unwrap();
             prop_assert_eq!(count, trocar.count_numbers());
@@ -74,7 +74,7 @@ proptest! {
     #[test]
     fn a_stored_state_goes_on_as_if_nothing_had_happened(seed in 0_u32..1000, at in 1_usize..599) {
         for seal in seals().unwrap() {
-            let trocar = Trocar::new(seal, Some(travel()));
+            let trocar = Trocar::new(seal, Some(profile()));
             let (mut whole, mut cut) = (trocar.rest(0.01), trocar.rest(0.01));
             for (k, (displacement, duration)) in motion(seed).enumerate() {
                 if k == at {
@@ -93,7 +93,7 @@ proptest! {
             let mut state = trocar.rest(0.0);
             prop_assert!(trocar.step(&mut state, 1e-3, 1e-3).is_finite());
         }
-        let trocar = Trocar::new(seals().unwrap()[1], None);
+        let trocar = Trocar::of_seal(seals().unwrap()[1]);
         if let Ok(mut state) = trocar.state_from_numbers(&row) {
             prop_assert!(trocar.step(&mut state, 1e-3, 1e-3).is_finite());
         }
@@ -113,7 +113,7 @@ fn a_contact_that_lets_go_at_once_is_stored_like_any_other() {
     for creep_velocity in [0.0, 1e-4] {
         let plausible = ElementParams::plausible_10_5_mm().unwrap();
         let params = ElementParams { insertion: sharp, withdrawal: sharp, creep_velocity, ..plausible };
-        let trocar = Trocar::new(Element::new(params).unwrap(), None);
+        let trocar = Trocar::of_seal(Element::new(params).unwrap());
         let (mut whole, mut cut) = (trocar.rest(0.0), trocar.rest(0.0));
         for (displacement, duration) in (0..40).flat_map(motion) {
             cut = trocar.state_from_numbers(&cut.to_numbers()).unwrap();
@@ -129,12 +129,12 @@ fn a_state_of_another_model_is_refused() {
     let seals = seals().unwrap();
     for (i, own) in seals.iter().enumerate() {
         for (k, other) in seals.iter().enumerate() {
-            let row = Trocar::new(*other, None).rest(0.0).to_numbers();
-            let read = Trocar::new(*own, None).state_from_numbers(&row);
+            let row = Trocar::of_seal(*other).rest(0.0).to_numbers();
+            let read = Trocar::of_seal(*own).state_from_numbers(&row);
             assert_eq!(read.is_ok(), i == k, "{i} {k}");
         }
     }
-    let short = Trocar::new(seals[0], None).state_from_numbers(&[1.0; STATE_NUMBERS - 1]);
+    let short = Trocar::of_seal(seals[0]).state_from_numbers(&[1.0; STATE_NUMBERS - 1]);
     assert_eq!(short, Err(FlatError::Length { found: STATE_NUMBERS - 1 }));
 }
 
@@ -201,22 +201,22 @@ fn a_value_set_is_the_value_listed() {
 /// Outside its range a profile fades to none over a quarter of it: 12.5 mm here.
 #[test]
 fn a_profile_fades_outside_its_range() {
-    let profile = travel();
+    let profile = profile();
     let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a}, expected {b}");
-    for (end, side, offset, level) in [(-0.02, -1.0, OFFSET[0], LEVEL[0]), (0.03, 1.0, OFFSET[2], LEVEL[2])] {
+    for (end, side, offset, level) in [(-0.02, -1.0, OFFSET[0], GAIN[0]), (0.03, 1.0, OFFSET[2], GAIN[2])] {
         for part in [0.0, 0.2, 0.5, 0.9, 1.0, 1.1, 1e3, 1e300] {
             let x = end + side * part * 0.0125;
             let left = (1.0_f64 - part).max(0.0);
             close(profile.offset(x), left * offset);
-            close(profile.level(x), 1.0 + left * (level - 1.0));
+            close(profile.gain(x), 1.0 + left * (level - 1.0));
             assert!((profile.without(x, profile.apply(x, 2.5)) - 2.5).abs() < 1e-14);
         }
         for far in [side * f64::INFINITY, side * f64::MAX] {
-            assert_eq!((profile.offset(far), profile.level(far)), (0.0, 1.0));
+            assert_eq!((profile.offset(far), profile.gain(far)), (0.0, 1.0));
             assert_eq!(profile.apply(far, 2.5), 2.5);
         }
     }
-    assert_eq!((profile.offset(f64::NAN), profile.level(f64::NAN)), (OFFSET[0], LEVEL[0]));
+    assert_eq!((profile.offset(f64::NAN), profile.gain(f64::NAN)), (OFFSET[0], GAIN[0]));
     let outside = [-0.03, -0.02, 0.0, 0.03, 0.05].map(|x| profile.outside(x));
     assert!((outside[0] - 0.01).abs() < 1e-15 && (outside[4] - 0.02).abs() < 1e-15);
     assert_eq!(outside[1..4], [0.0; 3]);
@@ -225,7 +225,7 @@ fn a_profile_fades_outside_its_range() {
 #[test]
 fn inputs_that_are_no_motion_leave_all_as_it_was() {
     for seal in seals().unwrap() {
-        let trocar = Trocar::new(seal, Some(travel()));
+        let trocar = Trocar::new(seal, Some(profile()));
         let mut state = trocar.rest(0.01);
         trocar.step(&mut state, 1e-3, 1e-3);
         let before = state;

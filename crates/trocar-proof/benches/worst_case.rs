@@ -86,14 +86,14 @@ impl Adversary {
 }
 
 /// Nanoseconds of one step.
-fn time(trocar: &Trocar<'_>, state: &mut TrocarState, (way, duration): (f64, f64)) -> u32 {
+fn time(trocar: &Trocar<&[f64]>, state: &mut TrocarState, (way, duration): (f64, f64)) -> u32 {
     let begin = Instant::now();
     black_box(trocar.step(black_box(state), black_box(way), black_box(duration)));
     u32::try_from(begin.elapsed().as_nanos()).unwrap_or(u32::MAX)
 }
 
 /// Least nanoseconds of each step.
-fn least_times(trocar: &Trocar<'_>, steps: usize) -> Vec<u32> {
+fn least_times(trocar: &Trocar<&[f64]>, steps: usize) -> Vec<u32> {
     let mut least = vec![u32::MAX; steps];
     for _ in 0..RUNS {
         let (mut adversary, mut state) = (Adversary::new(), trocar.rest(0.1));
@@ -134,7 +134,7 @@ fn percentiles(mut times: Vec<u32>) -> [u32; 3] {
 }
 
 /// One row: all steps, the usual ones, and what the worst step was.
-fn report(name: &str, trocar: &Trocar<'_>, steps: usize) {
+fn report(name: &str, trocar: &Trocar<&[f64]>, steps: usize) {
     let times = least_times(trocar, steps);
     let mut adversary = Adversary::new();
     let motions: Vec<(f64, f64)> = times.iter().map(|_| adversary.next()).collect();
@@ -161,7 +161,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for path in paths {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         if asked.is_empty() || asked.iter().any(|asked| **asked == name) {
-            report(&name, &ModelFile::read(&path)?.trocar()?, steps);
+            report(&name, &ModelFile::read(&path)?.trocar.borrowed(), steps);
         }
     }
     Ok(())

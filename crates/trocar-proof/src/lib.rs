@@ -14,7 +14,7 @@
 use std::hint::black_box;
 
 use trocar_model::{
-    Classical, Element, ElementParams, MaxwellSlip, ParamError, Seal, SlipElement, Travel, Trocar, TrocarState,
+    Classical, Element, ElementParams, MaxwellSlip, ParamError, PositionProfile, Seal, SlipElement, Trocar, TrocarState,
 };
 
 /// Calls `run`; with the feature `link` the program links only if `run` cannot panic.
@@ -46,9 +46,9 @@ impl Drop for Guard {
 ///
 /// # Errors
 /// None: the models are made of constants.
-pub fn run(function: impl Fn(&Trocar<'_>, &mut TrocarState, f64, f64) -> f64) -> Result<(), ParamError> {
+pub fn run(function: impl Fn(&Trocar<&[f64]>, &mut TrocarState, f64, f64) -> f64) -> Result<(), ParamError> {
     let (offset, level) = ([0.0, 0.1], [1.0, 1.1]);
-    let travel = Travel::new(0.0, 0.2, black_box(&offset[..]), black_box(&level[..]));
+    let travel = PositionProfile::new(0.0, 0.2, black_box(&offset[..]), black_box(&level[..])).ok();
     let element = Element::new(ElementParams::plausible_10_5_mm()?)?;
     let slip = MaxwellSlip::new(&[SlipElement { stiffness: 1000.0, limit_force: 3.0 }], 1.0)?;
     for seal in [Seal::from(element), Seal::from(Classical::MaxwellSlip(slip))] {

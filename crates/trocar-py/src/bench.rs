@@ -30,7 +30,7 @@ pub(crate) fn bench(
         Some(seal) => seal.get().file().clone(),
         None => trocar::model_file::ModelFile::plausible_10_5_mm().map_err(Raise::raise)?.into(),
     };
-    let elements = file.elements().map_err(Raise::raise)?.to_vec();
+    let elements = file.stages().map_err(Raise::raise)?.elements().to_vec();
     let record = run(py, How::default(), move |_| {
         let run = trocar::bench::run(&config, protocol, &elements, seed)?;
         let events = run.events;

@@ -25,18 +25,18 @@ pub(crate) struct Compared(Arc<Job>);
 struct Job {
     comparison: Comparison,
     seed: u64,
-    held_back: bool,
+    held_out: bool,
     moving_mass: MovingMass,
 }
 
 /// Fits and scores friction models; `trocar.compare` wraps it.
 #[pyfunction]
-#[pyo3(signature = (recordings, held_back, *, models, seed, timing, moving_mass_kg, gravity_m_s2, threads, progress))]
+#[pyo3(signature = (recordings, held_out, *, models, seed, timing, moving_mass_kg, gravity_m_s2, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn compare(
     py: Python<'_>,
     recordings: Vec<PyRef<'_, Recording>>,
-    held_back: Vec<PyRef<'_, Recording>>,
+    held_out: Vec<PyRef<'_, Recording>>,
     models: &str,
     seed: u64,
     timing: bool,
@@ -47,7 +47,7 @@ pub(crate) fn compare(
 ) -> PyResult<Compared> {
     let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
     let models = Choice::list(models).map_err(|why| ParameterError::new_err(format!("models: {why}")))?;
-    let (training, validation) = (records(&recordings), records(&held_back));
+    let (training, validation) = (records(&recordings), records(&held_out));
     refuse_twice(training.iter().chain(&validation))?;
     let identify =
         IdentifyOptions { bootstrap: 0, seed, inertia_removed: moving_mass.mass > 0.0, ..Default::default() };
@@ -57,13 +57,13 @@ pub(crate) fn compare(
             recordings.into_iter().map(|recording| without(recording, moving_mass, 0.0)).collect::<Result<Vec<_>, _>>()
         };
         let (mut training, mut validation) = (corrected(training)?, corrected(validation)?);
-        let held_back = validation.is_empty();
-        if held_back {
+        let held_out = validation.is_empty();
+        if held_out {
             (training, validation) = split(&training)?;
         }
         let progress = |stage: &str, part: f64| report.tell(stage, part);
         let comparison = trocar::compare::compare(&training, &validation, &options, &progress)?;
-        Ok(Job { comparison, seed, held_back, moving_mass })
+        Ok(Job { comparison, seed, held_out, moving_mass })
     };
     let job =
         run(py, How { progress, threads }, task)?.map_err(|error: trocar::compare::CompareError| error.raise())?;
@@ -86,8 +86,8 @@ fn refuse_twice<'a>(recordings: impl Iterator<Item = &'a Record>) -> PyResult<()
 
 impl Job {
     fn outcome(&self) -> Outcome<'_> {
-        let Self { comparison, seed, held_back, moving_mass } = self;
-        Outcome { comparison, seed: *seed, held_back: *held_back, moving_mass: *moving_mass }
+        let Self { comparison, seed, held_out, moving_mass } = self;
+        Outcome { comparison, seed: *seed, held_out: *held_out, moving_mass: *moving_mass }
     }
 
     fn document(&self) -> Document {
@@ -114,8 +114,8 @@ impl Compared {
     }
 
     /// The models, in the order of the summary.
-    fn models(&self) -> PyResult<Vec<Model>> {
-        self.0.outcome().model_files().into_iter().map(|(_, file)| Model::new(file)).collect()
+    fn models(&self) -> Vec<Model> {
+        self.0.outcome().model_files().into_iter().map(|(_, file)| file.into()).collect()
     }
 
     /// Recordings on which the seal never slides all round, in words.

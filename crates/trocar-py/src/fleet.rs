@@ -70,8 +70,8 @@ impl FleetConfig {
 pub(crate) fn fleet_columns() -> Vec<(String, &'static str)> {
     let kind = |kind| match kind {
         Kind::Number => "number",
-        Kind::Whole => "whole",
-        Kind::Truth => "truth",
+        Kind::Integer => "integer",
+        Kind::Boolean => "boolean",
         Kind::Text => "text",
     };
     columns().into_iter().map(|column| (column.name, kind(column.kind))).collect()
@@ -100,7 +100,7 @@ fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<Py
     let row = run(py, How { progress: None, threads: 1 }, move |_| identify_one(&input, &config))?;
     let value = |cell: Cell| match cell {
         Cell::Empty => Ok(py.None()),
-        Cell::Flag(value) => value.into_py_any(py),
+        Cell::Boolean(value) => value.into_py_any(py),
         Cell::Integer(value) => value.into_py_any(py),
         Cell::Float(value) => value.into_py_any(py),
         Cell::Text(value) => value.into_py_any(py),
@@ -142,7 +142,7 @@ impl FleetTable {
         self.names.clone()
     }
 
-    /// Files left out for their ending.
+    /// Files left out for their extension.
     #[getter]
     fn left_out(&self) -> Vec<String> {
         self.left_out.clone()

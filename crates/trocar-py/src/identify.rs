@@ -27,7 +27,7 @@ struct Job {
     identification: Identification,
     options: IdentifyOptions,
     recordings: Vec<Record>,
-    held_back: Vec<Record>,
+    held_out: Vec<Record>,
     validation: Option<Validation>,
     moving_mass: MovingMass,
 }
@@ -61,13 +61,13 @@ impl Raise for Failure {
 
 /// Identifies a model; `trocar.identify` wraps it.
 #[pyfunction]
-#[pyo3(signature = (recordings, held_back, *, bootstrap, seed, degrees, free_motion, without, offset_n, paper,
+#[pyo3(signature = (recordings, held_out, *, bootstrap, seed, degrees, free_motion, without, offset_n, paper,
     moving_mass_kg, gravity_m_s2, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn identify(
     py: Python<'_>,
     recordings: Vec<PyRef<'_, Recording>>,
-    held_back: Vec<PyRef<'_, Recording>>,
+    held_out: Vec<PyRef<'_, Recording>>,
     bootstrap: usize,
     seed: u64,
     degrees: [usize; 2],
@@ -95,9 +95,9 @@ pub(crate) fn identify(
         paper,
         ..IdentifyOptions::default()
     };
-    let (recordings, held_back) = (records(&recordings), records(&held_back));
+    let (recordings, held_out) = (records(&recordings), records(&held_out));
     let task = move |report: &crate::work::Report| {
-        Job::run(recordings, held_back, moving_mass, options, &|stage, part| report.tell(stage, part))
+        Job::run(recordings, held_out, moving_mass, options, &|stage, part| report.tell(stage, part))
     };
     let job = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
     Ok(Found(Arc::new(job)))
@@ -112,7 +112,7 @@ fn term(name: &str) -> PyResult<Term> {
 impl Job {
     fn run(
         recordings: Vec<Record>,
-        held_back: Vec<Record>,
+        held_out: Vec<Record>,
         moving_mass: MovingMass,
         options: IdentifyOptions,
         progress: Progress,
@@ -125,10 +125,10 @@ impl Job {
         };
         let recordings = corrected(recordings, 0.0)?;
         let identification = trocar::identify::identify(&recordings, &options, progress)?;
-        let recordings = identification.in_step(recordings)?;
-        let held_back = identification.in_step(corrected(held_back, identification.model.hidden_mass)?)?;
-        let validation = validated(&identification, &held_back);
-        Ok(Self { identification, options, recordings, held_back, validation, moving_mass })
+        let recordings = identification.without_delay(recordings)?;
+        let held_out = identification.without_delay(corrected(held_out, identification.model.unmodelled_mass)?)?;
+        let validation = validated(&identification, &held_out);
+        Ok(Self { identification, options, recordings, held_out, validation, moving_mass })
     }
 
     fn outcome(&self) -> Outcome<'_> {
@@ -136,7 +136,7 @@ impl Job {
             identification: &self.identification,
             options: &self.options,
             recordings: &self.recordings,
-            held_back: &self.held_back,
+            held_out: &self.held_out,
             validation: self.validation.as_ref(),
             moving_mass: self.moving_mass,
         }
@@ -146,7 +146,7 @@ impl Job {
         document(&IdentificationReport {
             identification: &self.identification,
             training: &self.recordings,
-            validation: self.validation.as_ref().map(|validation| (self.held_back.as_slice(), validation)),
+            validation: self.validation.as_ref().map(|validation| (self.held_out.as_slice(), validation)),
             truth: None,
             seed: self.options.seed,
             bootstrap: self.options.bootstrap,
@@ -168,8 +168,8 @@ impl Job {
 #[pymethods]
 impl Found {
     /// The identified model.
-    fn model(&self) -> PyResult<Model> {
-        Model::new(self.0.outcome().model_file())
+    fn model(&self) -> Model {
+        self.0.outcome().model_file().into()
     }
 
     /// The text of summary.json.
@@ -182,15 +182,15 @@ impl Found {
         self.0.identification.parameters.iter().map(|parameter| parameter.name.as_str()).collect()
     }
 
-    /// The validation on the recordings held back, if there were any.
+    /// The validation on the recordings held out, if there were any.
     fn validated(&self, py: Python<'_>) -> PyResult<Option<Validated>> {
         let job = self.0.clone();
         run(py, How::default(), move |_| {
-            let Job { identification, held_back, validation, moving_mass, .. } = &*job;
-            let (elements, offset) = (identification.stages.elements(), identification.model.offset);
-            let mass = moving_mass.mass + identification.model.hidden_mass;
+            let Job { identification, held_out, validation, moving_mass, .. } = &*job;
+            let offset = identification.model.offset;
+            let mass = moving_mass.mass + identification.model.unmodelled_mass;
             let validation = validation.clone()?;
-            Some(Validated::new(elements, identification.profile(), held_back.clone(), validation, offset, mass))
+            Some(Validated::new(&identification.trocar(), held_out.clone(), validation, offset, mass))
         })
     }
 

@@ -112,7 +112,7 @@ impl<'a> Models<'a> {
             };
         };
         let columns = turned.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
-        let tuned = Tuned::new(base(models)?.trocar(), columns.collect::<PyResult<_>>()?);
+        let tuned = Tuned::new(base(models)?.trocar().borrowed(), columns.collect::<PyResult<_>>()?);
         Ok(Self::Tuned(Box::new(tuned.expect("every place was found among the tunables"))))
     }
 
@@ -134,9 +134,9 @@ impl Ensemble for Models<'_> {
         }
     }
 
-    fn trocar(&self, index: usize) -> Result<Trocar<'_>, ParamError> {
+    fn trocar(&self, index: usize) -> Result<Trocar<&[f64]>, ParamError> {
         match self {
-            Self::Listed(models) => Ok(models[index].trocar()),
+            Self::Listed(models) => Ok(models[index].trocar().borrowed()),
             Self::Tuned(tuned) => tuned.trocar(index),
         }
     }

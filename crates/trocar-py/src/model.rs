@@ -9,9 +9,9 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyTuple};
-use trocar::model_file::{Model as Kind, ModelFile, Origin, OriginKind};
+use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::AtomicFile;
-use trocar_model::{Seal, Trocar, TrocarState};
+use trocar_model::{Seal, Trocar};
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::shared::number;
@@ -20,43 +20,22 @@ use crate::shared::number;
 ///
 /// Models do not change: `tuned` gives another one. Two models are equal when their files would be.
 #[pyclass(module = "trocar", frozen)]
-pub(crate) struct Model {
-    file: Arc<ModelFile>,
-    /// The seal alone, ready to run where the force does not depend on the position.
-    seal: Trocar<'static>,
-}
+pub(crate) struct Model(Arc<ModelFile>);
 
 impl Model {
-    /// # Errors
-    /// `ModelFileError` for more elements than can be run.
-    pub(crate) fn new(file: ModelFile) -> PyResult<Self> {
-        let seal = Trocar::new(*file.trocar().map_err(Raise::raise)?.seal(), None);
-        Ok(Self { file: Arc::new(file), seal })
-    }
-
     pub(crate) fn file(&self) -> &Arc<ModelFile> {
-        &self.file
+        &self.0
     }
 
     /// The model as every program runs it.
-    pub(crate) fn trocar(&self) -> Trocar<'_> {
-        Trocar::new(*self.seal.seal(), self.file.travel.as_ref().map(|travel| travel.view()))
+    pub(crate) fn trocar(&self) -> &Trocar<Vec<f64>> {
+        &self.0.trocar
     }
+}
 
-    /// One step to `position`, m.
-    pub(crate) fn step_to(&self, state: &mut TrocarState, position: f64, duration: f64) -> f64 {
-        match self.file.travel {
-            None => self.seal.step_to(state, position, duration),
-            Some(_) => self.trocar().step_to(state, position, duration),
-        }
-    }
-
-    /// One step by `displacement`, m.
-    pub(crate) fn step(&self, state: &mut TrocarState, displacement: f64, duration: f64) -> f64 {
-        match self.file.travel {
-            None => self.seal.step(state, displacement, duration),
-            Some(_) => self.trocar().step(state, displacement, duration),
-        }
+impl From<ModelFile> for Model {
+    fn from(file: ModelFile) -> Self {
+        Self(Arc::new(file))
     }
 }
 
@@ -103,31 +82,31 @@ impl Model {
     /// Reads a model file (model.json).
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Self::new(py.detach(|| ModelFile::read(&path)).map_err(Raise::raise)?)
+        Ok(py.detach(|| ModelFile::read(&path)).map_err(Raise::raise)?.into())
     }
 
     /// Reads the text of a model file.
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
-        Self::new(ModelFile::from_json(text).map_err(Raise::raise)?)
+        Ok(ModelFile::from_json(text).map_err(Raise::raise)?.into())
     }
 
     /// A made-up, plausible one-stage 10.5 mm trocar; describes no particular one.
     #[staticmethod]
     fn plausible() -> PyResult<Self> {
-        Self::new(ModelFile::plausible_10_5_mm().map_err(Raise::raise)?)
+        Ok(ModelFile::plausible_10_5_mm().map_err(Raise::raise)?.into())
     }
 
     /// The text of a model file: equal models give equal text.
     fn to_json(&self) -> String {
-        self.file.to_json()
+        self.0.to_json()
     }
 
     /// Writes a model file; it appears whole or not at all.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let write = || {
             let mut file = AtomicFile::create(&path)?;
-            let outcome = file.write_all(self.file.to_json().as_bytes());
+            let outcome = file.write_all(self.0.to_json().as_bytes());
             outcome.map_err(|source| file.write_error(source))?;
             file.commit()
         };
@@ -137,55 +116,52 @@ impl Model {
     /// Kind of the model: "ems", "static", "dahl", "lugre", "leuven", "maxwell_slip" or "gms".
     #[getter]
     fn kind(&self) -> &'static str {
-        match &self.file.model {
-            Kind::Ems(_) => "ems",
-            Kind::Classical(model) => model.kind(),
-        }
+        self.trocar().seal().kind()
     }
 
     /// Offset of the force sensor behind the model, N: no part of the seal's force; 0 if there was no sensor.
     #[getter]
     fn sensor_offset_n(&self) -> f64 {
-        self.file.sensor.map_or(0.0, |sensor| sensor.offset_n)
+        self.0.sensor.map_or(0.0, |sensor| sensor.offset_n)
     }
 
     /// Mass between that sensor and the seal, kg; 0 if there was none.
     #[getter]
     fn moving_mass_kg(&self) -> f64 {
-        self.file.sensor.map_or(0.0, |sensor| sensor.moving_mass_kg)
+        self.0.sensor.map_or(0.0, |sensor| sensor.moving_mass_kg)
     }
 
     /// Time by which positions were read later than forces, s.
     #[getter]
-    fn position_lag_s(&self) -> f64 {
-        self.file.sensor.map_or(0.0, |sensor| sensor.position_lag_s)
+    fn position_delay_s(&self) -> f64 {
+        self.0.sensor.map_or(0.0, |sensor| sensor.position_delay_s)
     }
 
-    /// Whether the force depends on the position too.
+    /// Whether the force depends on the position, too.
     #[getter]
-    fn has_travel(&self) -> bool {
-        self.file.travel.is_some()
+    fn has_position_profile(&self) -> bool {
+        self.trocar().profile().is_some()
     }
 
     /// The whole model file as a dictionary: origin, sensor, elements or friction, intervals.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("json")?.call_method1("loads", (self.file.to_json(),))
+        py.import("json")?.call_method1("loads", (self.0.to_json(),))
     }
 
     /// The numbers that `tuned` can change.
     #[getter]
     fn tunables<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let all = tunables(self.seal.seal()).into_iter().map(|tunable| Py::new(py, tunable));
+        let all = tunables(self.trocar().seal()).into_iter().map(|tunable| Py::new(py, tunable));
         PyTuple::new(py, all.collect::<PyResult<Vec<_>>>()?)
     }
 
     /// Another model with some numbers changed, as in `model.tuned(half_width_m=5e-3)`; see `tunables`.
     ///
-    /// A new force stretches the branches of the deformation with it. The new model keeps sensor and travel, loses the
+    /// A new force stretches the branches of the deformation with it. The new model keeps sensor and position profile, loses the
     /// intervals, and says in its origin that it was made by hand.
     #[pyo3(signature = (**values), text_signature = "($self, **values)")]
     fn tuned(&self, values: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let old = tunables(self.seal.seal());
+        let old = tunables(self.trocar().seal());
         let mut new: Vec<f64> = old.iter().map(|tunable| tunable.value).collect();
         let mut note = "tuned:".to_owned();
         for (name, value) in values.into_iter().flat_map(|values| values.iter()) {
@@ -198,31 +174,27 @@ impl Model {
             // Writing to a string cannot fail.
             let _ = write!(note, " {name} = {}", number(new[place]));
         }
-        let seal = self.seal.seal().tuned(&new).map_err(Raise::raise)?;
-        let model = match seal {
-            Seal::Ems(stages) => Kind::Ems(stages.elements().to_vec()),
-            Seal::Classical(model) => Kind::Classical(model),
-        };
-        let mut file = ModelFile::new(model, Origin { note: Some(note), ..Origin::new(OriginKind::HandMade) });
-        (file.travel, file.sensor) = (self.file.travel.clone(), self.file.sensor);
-        Self::new(file)
+        let seal = self.trocar().seal().tuned(&new).map_err(Raise::raise)?;
+        let mut file = ModelFile::new(seal, Origin { note: Some(note), ..Origin::new(OriginKind::HandMade) });
+        (file.trocar, file.sensor) = (self.trocar().with_seal(seal), self.0.sensor);
+        Ok(file.into())
     }
 
     fn __eq__(&self, other: &Self) -> bool {
-        self.file == other.file
+        self.0 == other.0
     }
 
     fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
-        self.file.to_json().into_pyobject(py)?.hash()
+        self.0.to_json().into_pyobject(py)?.hash()
     }
 
     fn __repr__(&self) -> PyResult<String> {
-        let kind = match &self.file.model {
-            Kind::Ems(elements) if elements.len() > 1 => format!("ems, {} elements", elements.len()),
+        let kind = match self.trocar().seal().stages().map(|stages| stages.elements().len()) {
+            Some(count) if count > 1 => format!("ems, {count} elements"),
             _ => self.kind().to_owned(),
         };
-        let along = if self.file.travel.is_some() { ", force along the way" } else { "" };
-        let origin = serde_json::to_value(self.file.origin.kind);
+        let along = if self.trocar().profile().is_some() { ", position profile" } else { "" };
+        let origin = serde_json::to_value(self.0.origin.kind);
         let origin = origin.map_err(|error| InternalError::new_err(error.to_string()))?;
         Ok(format!("<trocar.Model {kind}{along}, {}>", origin.as_str().unwrap_or_default()))
     }

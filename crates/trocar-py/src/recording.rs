@@ -293,7 +293,7 @@ fn quality_json(quality: &Quality) -> PyResult<String> {
 ///
 /// Columns are found by their names, units included; `columns` names them in order instead, `-` skips one:
 /// `"time_s,position_mm,-,force_n"`, or by name: `"position_mm=x,force_n=-fz"`. `topics` are the tables or topics to look in.
-/// Rows before `from_s` and from `to_s` on (s behind the first row) are left out. `flip_force` reverses the sign of the force;
+/// Rows before `from_s` and from `to_s` on (s after the first row) are left out. `flip_force` reverses the sign of the force;
 /// readings at `sensor_limit_n` count as saturated.
 #[pyfunction]
 #[pyo3(signature = (path, *, columns=None, topics=Vec::new(), from_s=None, to_s=None, flip_force=false,

@@ -38,7 +38,7 @@ pub(crate) fn simulate<'py>(
     let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run = Run::new(py, &trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
+    let mut run = Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let result = match out {
         Some(out) => out.clone(),
         None => PyArray1::<f64>::zeros(py, time.len(), false).into_any(),
@@ -67,7 +67,7 @@ pub(crate) fn simulate_full<'py>(
     let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run = Run::new(py, &trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
+    let mut run = Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let tells = run.state.deformation().is_some();
     let mut rows = vec![Row::default(); time.len()];
     run.chunks(py, &mut rows, Row::take)?;
@@ -109,7 +109,7 @@ pub(crate) fn start(initial_force_n: Option<f64>, initial_deflection_m: Option<f
 
 /// A model under way along a motion that it can follow.
 struct Run<'a> {
-    trocar: &'a Trocar<'a>,
+    trocar: &'a Trocar<Vec<f64>>,
     time: &'a [f64],
     position: &'a [f64],
     state: TrocarState,
@@ -118,7 +118,7 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn new(
         py: Python<'_>,
-        trocar: &'a Trocar<'a>,
+        trocar: &'a Trocar<Vec<f64>>,
         time: &'a [f64],
         position: &'a [f64],
         start: Start,

@@ -43,13 +43,13 @@ impl Stepper {
     fn step(&mut self, displacement_m: f64, duration_s: f64) -> PyResult<f64> {
         check("displacement_m", displacement_m, displacement_m, duration_s)?;
         finite("position_m", self.state.position() + displacement_m, "m")?;
-        Ok(self.model.get().step(&mut self.state, displacement_m, duration_s))
+        Ok(self.model.get().trocar().step(&mut self.state, displacement_m, duration_s))
     }
 
     /// Moves to `position_m` within `duration_s` at constant velocity; returns the force at the end, N.
     fn step_to(&mut self, position_m: f64, duration_s: f64) -> PyResult<f64> {
         check("position_m", position_m, position_m - self.state.position(), duration_s)?;
-        Ok(self.model.get().step_to(&mut self.state, position_m, duration_s))
+        Ok(self.model.get().trocar().step_to(&mut self.state, position_m, duration_s))
     }
 
     /// The model.

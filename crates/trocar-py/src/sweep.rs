@@ -102,8 +102,8 @@ fn array<'py>(py: Python<'py>, column: Column) -> PyResult<Bound<'py, PyAny>> {
     Ok(match column {
         Column::Number(cells) => PyArray1::from_vec(py, cells).into_any(),
         // All there: the number of the run and its seed.
-        Column::Whole(cells) => PyArray1::from_iter(py, cells.into_iter().map(Option::unwrap_or_default)).into_any(),
-        Column::Truth(cells) => PyList::new(py, cells)?.into_any(),
+        Column::Integer(cells) => PyArray1::from_iter(py, cells.into_iter().map(Option::unwrap_or_default)).into_any(),
+        Column::Boolean(cells) => PyList::new(py, cells)?.into_any(),
         Column::Text(cells) => PyList::new(py, cells.iter().map(|cell| cell.as_deref()))?.into_any(),
     })
 }

@@ -4,13 +4,12 @@ use std::sync::Arc;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use trocar::model_file::Model as Kind;
 use trocar::recording::{Recording as Record, RecordingError};
-use trocar::replay::{Replay, Replayable, replay_along};
+use trocar::replay::{Replay, replay};
 use trocar::report::validation::document;
 use trocar::summary::MovingMass;
-use trocar::travel::TravelProfile;
-use trocar::validate::{Validation, validate_along};
+use trocar::validate::Validation;
+use trocar_model::Trocar;
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
@@ -47,42 +46,31 @@ pub(crate) fn validate(
     let file = model.get().file().clone();
     let mass = moving_mass_kg.unwrap_or(file.sensor.map_or(0.0, |sensor| sensor.moving_mass_kg));
     let offset = offset_n.unwrap_or(file.sensor.map_or(0.0, |sensor| sensor.offset_n));
-    let lag = file.sensor.map_or(0.0, |sensor| sensor.position_lag_s);
+    let lag = file.sensor.map_or(0.0, |sensor| sensor.position_delay_s);
     not_negative("moving_mass_kg", mass, "kg")?;
     finite("offset_n", offset, "N")?;
     let recordings = records(&recordings);
     let task = move |_: &crate::work::Report| {
         // The weight of the mass is part of the offset.
         let taken_out = MovingMass { mass, gravity: 0.0 };
-        let prepared = |recording| without(recording, taken_out, 0.0)?.with_position_lag(lag);
+        let prepared = |recording| without(recording, taken_out, 0.0)?.with_position_delay(lag);
         let recordings: Vec<Record> = recordings.into_iter().map(prepared).collect::<Result<_, RecordingError>>()?;
-        let travel = file.travel.as_ref();
-        Ok(match &file.model {
-            Kind::Ems(elements) => {
-                let elements = elements.as_slice();
-                let validation = validate_along(elements, travel, &recordings, offset);
-                Validated::new(elements, travel, recordings, validation, offset, mass)
-            }
-            Kind::Classical(model) => {
-                let validation = validate_along(model, travel, &recordings, offset);
-                Validated::new(model, travel, recordings, validation, offset, mass)
-            }
-        })
+        let validation = trocar::validate::validate(&file.trocar, &recordings, offset);
+        Ok(Validated::new(&file.trocar, recordings, validation, offset, mass))
     };
     run(py, How { progress: None, threads }, task)?.map_err(|error: RecordingError| error.raise())
 }
 
 impl Validated {
     /// The scores, and the runs behind them; `recordings` as they were scored.
-    pub(crate) fn new<M: Replayable + ?Sized>(
-        model: &M,
-        travel: Option<&TravelProfile>,
+    pub(crate) fn new<K: AsRef<[f64]>>(
+        trocar: &Trocar<K>,
         recordings: Vec<Record>,
         validation: Validation,
         offset: f64,
         mass: f64,
     ) -> Self {
-        let runs = recordings.iter().map(|recording| replay_along(model, travel, recording, offset)).collect();
+        let runs = recordings.iter().map(|recording| replay(trocar, recording, offset)).collect();
         Self(Arc::new(Job { recordings, runs, validation, offset, mass }))
     }
 }

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [model, motion] = &arguments[..] else { return Err("name a model and a motion".into()) };
     let file = ModelFile::read(Path::new(model))?;
     let mut page = module::Page::start(&module::artefact())?;
-    page.load(&file.trocar()?)?;
+    page.load(&file.trocar.borrowed())?;
     for (force, _) in page.drive(&module::read_motion(Path::new(motion))?)? {
         println!("{force}");
     }

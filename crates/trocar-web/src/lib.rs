@@ -29,7 +29,7 @@ mod exports;
 use trocar_model::tuning::MAX_TUNABLES;
 use trocar_model::{Mode, Seal, Trocar, TrocarState};
 
-/// Most numbers of a model's row: any model, with some ten thousand knots along the way.
+/// Most numbers of a model's row: any model, with some ten thousand knots over the position.
 pub const ROW: usize = 24_576;
 /// Most steps of one [`Page::run`].
 pub const BLOCK: usize = 1_024;
@@ -102,7 +102,7 @@ impl Page {
         self.begin(memory, |trocar| trocar.rest_at_force(position, force))
     }
 
-    fn begin(&mut self, memory: &Memory, at_rest: impl FnOnce(&Trocar) -> TrocarState) -> f64 {
+    fn begin(&mut self, memory: &Memory, at_rest: impl FnOnce(&Trocar<&[f64]>) -> TrocarState) -> f64 {
         let Running::Model { tuned, state, .. } = &mut self.running else { return f64::NAN };
         let Some(trocar) = read(&memory.row, self.count) else { return f64::NAN };
         *state = at_rest(&trocar.with_seal(*tuned));
@@ -127,6 +127,6 @@ impl Page {
     }
 }
 
-fn read(row: &[f64; ROW], count: usize) -> Option<Trocar<'_>> {
+fn read(row: &[f64; ROW], count: usize) -> Option<Trocar<&[f64]>> {
     Trocar::from_numbers(row.get(..count)?).ok()
 }

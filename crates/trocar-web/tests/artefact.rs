@@ -35,7 +35,7 @@ fn motion() -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
 }
 
 /// Force and deflection by the library.
-fn host(trocar: &Trocar, motion: &[(f64, f64)]) -> Vec<(f64, f64)> {
+fn host(trocar: &Trocar<&[f64]>, motion: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut state = trocar.rest(motion[0].1);
     let mut all = vec![(state.force(), 0.0)];
     for pair in motion.windows(2) {
@@ -63,7 +63,7 @@ fn compare(file: &Path) -> Result<(), Box<dyn Error>> {
     assert!(models.len() >= KINDS && motion.len() > 1000, "{} models, {} rows", models.len(), motion.len());
     let mut page = Page::start(file)?;
     for (name, model) in &models {
-        let trocar = model.trocar()?;
+        let trocar = model.trocar.borrowed();
         page.load(&trocar)?;
         assert_same(name, &host(&trocar, &motion), &page.drive(&motion)?);
         // Every tunable by itself, and all at once.
@@ -105,7 +105,7 @@ fn what_is_no_model_is_refused_and_changes_nothing() -> Result<(), Box<dyn Error
     assert_eq!(page.call::<u32, u32>("run", 10)?, 0);
     let (models, motion) = (models()?, motion()?);
     let (_, model) = models.iter().find(|(name, _)| name == "ems").ok_or("no EMS model")?;
-    let trocar = model.trocar()?;
+    let trocar = model.trocar.borrowed();
     page.load(&trocar)?;
     assert!(!page.load_row(&[7.0; 20])?, "a row of another form");
     assert!(!page.tune(&[-0.008])?, "a negative half width");
@@ -121,8 +121,8 @@ fn what_is_no_model_is_refused_and_changes_nothing() -> Result<(), Box<dyn Error
 #[test]
 fn turning_a_parameter_keeps_place_and_force() -> Result<(), Box<dyn Error>> {
     let (models, motion) = (models()?, motion()?);
-    let (_, model) = models.iter().find(|(name, _)| name == "ems_travel").ok_or("no model with a profile")?;
-    let trocar = model.trocar()?;
+    let (_, model) = models.iter().find(|(name, _)| name == "ems_profile").ok_or("no model with a profile")?;
+    let trocar = model.trocar.borrowed();
     let mut page = Page::start(&artefact())?;
     page.load(&trocar)?;
     let (force, _) = *page.drive(&motion[..500])?.last().ok_or("no row")?;

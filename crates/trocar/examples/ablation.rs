@@ -11,9 +11,9 @@ use std::path::Path;
 
 use trocar::identify::{Candidate, Identification, IdentifyOptions, Term, identify};
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
-use trocar::replay::replay_along;
+use trocar::replay::replay;
 use trocar::segment::{passes, reversal_threshold};
-use trocar::validate::{Part, RecordingValidation, Validation, validate_along};
+use trocar::validate::{Part, RecordingValidation, Validation, validate};
 
 /// What is fitted, and what is scored.
 struct Data {
@@ -32,7 +32,7 @@ impl Row {
     fn new(data: &Data, what: &str, options: &IdentifyOptions) -> Result<Self, Box<dyn Error>> {
         let found = identify(&data.training, options, &|_, _| {})?;
         let seen = as_scored(&found, &data.validation)?;
-        let scores = validate_along(found.stages.elements(), found.profile(), &seen, found.model.offset);
+        let scores = validate(&found.trocar(), &seen, found.model.offset);
         let row = Self { what: what.to_owned(), found, scores };
         eprintln!("{}", row.text());
         Ok(row)
@@ -53,9 +53,9 @@ impl Row {
 
 /// Without the unmodelled mass and the delay of the positions that the identification found.
 fn as_scored(found: &Identification, recordings: &[Recording]) -> Result<Vec<Recording>, RecordingError> {
-    let mass = found.model.hidden_mass.max(0.0);
+    let mass = found.model.unmodelled_mass.max(0.0);
     let lighter: Result<_, _> = recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect();
-    found.in_step(lighter?)
+    found.without_delay(lighter?)
 }
 
 /// Optional terms of the model, in words.
@@ -67,7 +67,7 @@ fn has(model: &Candidate) -> String {
         Term::Creep => model.creep_velocity > 0.0,
         Term::Relaxation => model.relaxation.arms[0].stiffness > 0.0,
         Term::SecondRelaxation => model.relaxation.arms[1].stiffness > 0.0,
-        Term::HiddenMass => model.hidden_mass != 0.0,
+        Term::UnmodelledMass => model.unmodelled_mass != 0.0,
         Term::Asymmetry => model.insertion != model.withdrawal,
         Term::SecondStage => model.second.is_some(),
     };
@@ -140,7 +140,7 @@ struct Makeup {
 
 fn makeup(row: &Row, recording: &Recording) -> Makeup {
     let offset = row.found.model.offset;
-    let run = replay_along(row.found.stages.elements(), row.found.profile(), recording, offset);
+    let run = replay(&row.found.trocar(), recording, offset);
     let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let from = run.known.first().map_or(0, |known| known.start);
     let mean_square = |values: &mut dyn Iterator<Item = f64>| {

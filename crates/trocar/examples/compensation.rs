@@ -19,17 +19,17 @@ use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
 use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ErrorSource;
-use trocar::model_file::{Model, ModelFile, Origin, OriginKind, SensorInfo};
+use trocar::model_file::{ModelFile, Origin, OriginKind, SensorInfo};
 use trocar::recording::Recording;
 use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, write_document};
-use trocar::validate::validate_along;
-use trocar_model::{Classical, Element, ElementParams, GuardState, PlayGuard, StaticFriction};
+use trocar::validate::validate;
+use trocar_model::{BacklashFilter, BacklashState, Classical, Element, ElementParams, Seal, StaticFriction, Trocar};
 
 /// Seeds of the runs scored.
 const SEEDS: [u64; 5] = [11, 12, 13, 14, 15];
 /// Normal quantile of a band of 95 %.
 const BAND: f64 = 1.96;
-/// Travel behind a reversal that counts as its surroundings, m: the seal has turned over.
+/// Travel after a reversal that counts as its surroundings, m: the seal has snapped through.
 const REVERSAL: f64 = 0.016;
 /// Least travel that makes a reversal, m.
 const TURN: f64 = 0.5e-3;
@@ -37,7 +37,7 @@ const TURN: f64 = 0.5e-3;
 const ONSET: f64 = 60.0;
 const SETTLED: f64 = 75.0;
 /// Play that keeps tremor from turning Coulomb friction over, m.
-const PLAY: f64 = 0.5e-3;
+const BACKLASH: f64 = 0.5e-3;
 /// Friction of the wet seal over that of the dry one.
 const WET: f64 = 0.65;
 
@@ -134,19 +134,20 @@ fn models(seal: &[Element]) -> Result<(ModelFile, ModelFile), Box<dyn Error>> {
     let found =
         identify(&[record(Protocol::Steady)?, record(Protocol::Dynamic)?], &IdentifyOptions::default(), &|_, _| {})?;
     let sensor =
-        Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: config.rod.mass_kg, position_lag_s: 0.0 });
-    let held_back = [record(Protocol::Validation)?, record(Protocol::Surgeon)?];
-    let file = |model: Model, error| ModelFile {
+        Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: config.rod.mass_kg, position_delay_s: 0.0 });
+    let held_out = [record(Protocol::Validation)?, record(Protocol::Surgeon)?];
+    let file = |seal: Seal, error| ModelFile {
         sensor,
         force_error: Some(error),
-        ..ModelFile::new(model, Origin::new(OriginKind::Identified))
+        ..ModelFile::new(seal, Origin::new(OriginKind::Identified))
     };
-    let elements = found.stages.elements();
-    let error = validate_along(elements, None, &held_back, found.model.offset).force_error(ErrorSource::Validation);
+    let error =
+        validate(&Trocar::of_seal(found.stages), &held_out, found.model.offset).force_error(ErrorSource::Validation);
     let sliding = found.element().params().insertion;
     let coulomb = Classical::Static(StaticFriction::new(sliding)?);
-    let coarse = validate_along(&coulomb, None, &held_back, found.model.offset).force_error(ErrorSource::Validation);
-    Ok((file(Model::Ems(elements.to_vec()), error), file(Model::Classical(coulomb), coarse)))
+    let coarse =
+        validate(&Trocar::of_seal(coulomb), &held_out, found.model.offset).force_error(ErrorSource::Validation);
+    Ok((file(found.stages.into(), error), file(coulomb.into(), coarse)))
 }
 
 fn surgery(kind: TissueKind) -> BenchConfig {
@@ -180,8 +181,8 @@ impl Sum {
     }
 }
 
-/// Samples within [`REVERSAL`] behind a turn of at least [`TURN`].
-fn behind_reversals(position: &[f64]) -> Vec<bool> {
+/// Samples within [`REVERSAL`] after a turn of at least [`TURN`].
+fn after_reversals(position: &[f64]) -> Vec<bool> {
     let (mut turned, mut direction, mut extreme) = (f64::NAN, 0.0, position[0]);
     let mut marks = Vec::with_capacity(position.len());
     for &x in position {
@@ -195,37 +196,37 @@ fn behind_reversals(position: &[f64]) -> Vec<bool> {
     marks
 }
 
-/// Squares by method, part of the run (dry, changing, wet) and whether behind a reversal; covered samples by part.
+/// Squares by method, part of the run (dry, changing, wet) and whether after a reversal; covered samples by part.
 #[derive(Default)]
 struct Scores {
     errors: [[[Sum; 2]; 3]; 5],
     covered: [Sum; 3],
 }
 
-const METHODS: [&str; 5] = ["none", "Coulomb", "Coulomb behind a play of 0.5 mm", "EMS", "EMS and adaptation"];
+const METHODS: [&str; 5] = ["none", "Coulomb", "Coulomb after a backlash of 0.5 mm", "EMS", "EMS and adaptation"];
 
 /// Every method along one run.
 fn score(record: &BenchRun, [ems, coulomb]: [&ModelFile; 2], scores: &mut Scores) -> Result<(), Box<dyn Error>> {
     let fixed = CompensateOptions { adaptation: false, ..CompensateOptions::default() };
     let adapting = CompensateOptions::default();
     let mut sign = Compensator::new(coulomb, &fixed)?;
-    let mut behind_play = Compensator::new(coulomb, &fixed)?;
+    let mut after_backlash = Compensator::new(coulomb, &fixed)?;
     let mut element = Compensator::new(ems, &fixed)?;
     let mut observer = Compensator::new(ems, &adapting)?;
-    let (guard, mut play) = (PlayGuard::new(PLAY)?, GuardState::default());
+    let (filter, mut backlash) = (BacklashFilter::new(BACKLASH)?, BacklashState::default());
     let offset = ems.sensor.map_or(0.0, |sensor| sensor.offset_n);
-    let behind = behind_reversals(&record.truth.position);
+    let behind = after_reversals(&record.truth.position);
     let mut filtered = record.position[0];
     for k in 0..record.time.len() {
         let (x, y) = (record.position[k], record.force[k]);
         let duration = if k == 0 { 0.0 } else { record.time[k] - record.time[k - 1] };
-        filtered += guard.displacement(&mut play, x);
+        filtered += filter.displacement(&mut backlash, x);
         let truth = record.truth.tissue_force[k];
         let said = observer.step(x, y, duration);
         let errors = [
             y - offset - truth,
             sign.step(x, y, duration).tissue_force - truth,
-            behind_play.step(filtered, y, duration).tissue_force - truth,
+            after_backlash.step(filtered, y, duration).tissue_force - truth,
             element.step(x, y, duration).tissue_force - truth,
             said.tissue_force - truth,
         ];

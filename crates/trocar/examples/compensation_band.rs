@@ -86,17 +86,17 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// The model with the error that its identification and `held_back` show.
+/// The model with the error that its identification and `held_out` show.
 fn model_of(
     found: &Identification,
     options: &IdentifyOptions,
     recordings: &[Recording],
-    held_back: &[Recording],
+    held_out: &[Recording],
     moving_mass: MovingMass,
 ) -> ModelFile {
-    let validation = validated(found, held_back);
+    let validation = validated(found, held_out);
     let validation = validation.as_ref();
-    Outcome { identification: found, options, recordings, held_back, validation, moving_mass }.model_file()
+    Outcome { identification: found, options, recordings, held_out, validation, moving_mass }.model_file()
 }
 
 /// Coverage on recordings without tissue.
@@ -108,12 +108,12 @@ fn recorded(folder: &Path) -> Result<(), Failure> {
     let options = IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
     let (strokes, hand) = (file("validation.csv")?, file("surgeon.csv")?);
     let half = hand.len() / 2;
-    let held_back = [lighter(strokes.clone())?, lighter(hand.part(0..half, "first half")?)?];
+    let held_out = [lighter(strokes.clone())?, lighter(hand.part(0..half, "first half")?)?];
     let second = hand.part(half..hand.len(), "second half")?;
     let found = identify(&training, &options, &|_, _| {})?;
     for (name, number) in MODELS.iter().zip([1, 2]) {
-        let held_back = &held_back[..number];
-        let model = model_of(&found, &options, &training, held_back, mass);
+        let held_out = &held_out[..number];
+        let model = model_of(&found, &options, &training, held_out, mass);
         println!("{name}: {:?}", model.force_error);
         for (motion, recording) in MOTIONS.iter().zip([&strokes, &second]) {
             for adaptation in [false, true] {
@@ -167,7 +167,7 @@ fn one(seed: u64) -> Result<Counts, Failure> {
     let found = identify(&training, &options, &|_, _| {})?;
     let strokes = record(Protocol::Validation, 3)?;
     let hand = record(Protocol::Surgeon, 4)?;
-    let model = |held_back: &[Recording]| model_of(&found, &options, &training, held_back, mass);
+    let model = |held_out: &[Recording]| model_of(&found, &options, &training, held_out, mass);
     let models = [model(std::slice::from_ref(&strokes)), model(&[strokes.clone(), hand])];
     let mut counts = Counts::default();
     for (k, protocol) in [Protocol::Steady, Protocol::Surgeon].into_iter().enumerate() {

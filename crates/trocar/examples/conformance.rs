@@ -14,12 +14,11 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand::distr::{Distribution, Uniform};
 use rand_chacha::ChaCha8Rng;
-use trocar::model_file::{Model, ModelFile, Origin, OriginKind};
-use trocar::travel::TravelProfile;
+use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar_model::{
     Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, Relaxation, RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction,
-    StribeckCurve,
+    MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate,
+    Stages, StaticFriction, StribeckCurve, Trocar,
 };
 
 /// Rows of the motion.
@@ -45,12 +44,14 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
         stribeck_exponent: 1.3,
         viscous_damping: 6.0,
     };
-    let mut made = vec![
-        ("ems", Model::Ems(vec![Element::new(plausible)?])),
-        ("ems_stribeck", Model::Ems(vec![stribeck(plausible, [12.0, 0.0, 0.0])?])),
-        ("ems_folded", Model::Ems(vec![folded(plausible)?])),
-        ("ems_slow", Model::Ems(vec![slow(plausible)?])),
-        ("ems_stages", Model::Ems(vec![Element::new(plausible)?, stribeck(plausible, [4.0, 30.0, 200.0])?])),
+    let both =
+        Stages::new(&[Element::new(plausible)?, stribeck(plausible, [4.0, 30.0, 200.0])?]).ok_or("two elements")?;
+    let mut made: Vec<(&str, Seal)> = vec![
+        ("ems", (Element::new(plausible)?).into()),
+        ("ems_stribeck", (stribeck(plausible, [12.0, 0.0, 0.0])?).into()),
+        ("ems_folded", (folded(plausible)?).into()),
+        ("ems_slow", (slow(plausible)?).into()),
+        ("ems_stages", both.into()),
     ];
     let bank: Vec<SlipElement> =
         (1..=5).map(|k| SlipElement { stiffness: 400.0 / f64::from(k), limit_force: 0.2 * f64::from(k) }).collect();
@@ -79,18 +80,19 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
         ("gms", Classical::Gms(gms(sliding, SlipRate::Limited)?)),
         ("gms_free", Classical::Gms(gms(sliding, SlipRate::Free)?)),
     ];
-    made.extend(classical.map(|(name, model)| (name, Model::Classical(model))));
+    made.extend(classical.map(|(name, model)| (name, model.into())));
     let mut files: Vec<_> = made.into_iter().map(|(name, model)| (name, ModelFile::new(model, origin()))).collect();
-    let mut along = ModelFile::new(vec![stribeck(plausible, [3.0, 0.0, 0.0])?], origin());
-    let level = vec![0.8, 1.1, 1.2, 0.95, 0.95, 1.0];
-    along.travel = Some(TravelProfile::new(0.05, 0.15, vec![0.1, -0.05, 0.0, 0.02, -0.1, 0.03], mean_one(level))?);
-    files.push(("ems_travel", along));
+    let seal = stribeck(plausible, [3.0, 0.0, 0.0])?;
+    let mut along = ModelFile::new(seal, origin());
+    let (offset, gain) = (vec![0.1, -0.05, 0.0, 0.02, -0.1, 0.03], vec![0.8, 1.1, 1.2, 0.95, 0.95, 1.0]);
+    along.trocar = Trocar::new(seal, Some(PositionProfile::new(0.05, 0.15, offset, mean_one(gain))?));
+    files.push(("ems_profile", along));
     Ok(files)
 }
 
-fn mean_one(level: Vec<f64>) -> Vec<f64> {
-    let mean = level.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum::<f64>() / (level.len() - 1) as f64;
-    level.iter().map(|value| value / mean).collect()
+fn mean_one(gain: Vec<f64>) -> Vec<f64> {
+    let mean = gain.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum::<f64>() / (gain.len() - 1) as f64;
+    gain.iter().map(|value| value / mean).collect()
 }
 
 fn origin() -> Origin {

@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [model, motion] = &arguments[..] else { return Err("expected MODEL.json MOTION.csv".into()) };
     let file = ModelFile::read(Path::new(model))?;
-    let trocar = file.trocar()?;
+    let trocar = file.trocar.borrowed();
     let text = std::fs::read_to_string(motion)?;
     let mut rows = text.lines().skip(1).map(|line| -> Result<(f64, f64), Box<dyn Error>> {
         let (time, position) = line.split_once(',').ok_or("expected time_s,position_m")?;

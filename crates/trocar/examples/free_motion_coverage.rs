@@ -58,7 +58,7 @@ fn bench(seed: u64) -> Result<Found, Box<dyn std::error::Error + Send + Sync>> {
     config.protocol.surgeon.duration_s = DURATION;
     let recording = run(&config, Protocol::Surgeon, &[Element::new(seal)?], seed)?.to_recording("surgeon")?;
     let recording = recording.without_moving_mass(config.rod.mass_kg, config.rod.gravity_m_s2)?;
-    let without = vec![Term::SecondStage, Term::SecondRelaxation, Term::HiddenMass];
+    let without = vec![Term::SecondStage, Term::SecondRelaxation, Term::UnmodelledMass];
     let options = IdentifyOptions { bootstrap: 0, seed, without, ..IdentifyOptions::default() };
     let found = identify(&[recording], &options, &|_, _| {})?;
     let truths = truths(&seal);
@@ -70,21 +70,21 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let all = (1..=benches).into_par_iter().map(bench).collect::<Result<Vec<Found>, _>>();
     let all = all.map_err(|error| error.to_string())?;
     println!(
-        "| parameter | found | pinned | interval holds the truth | median error |\n| --- | --- | --- | --- | --- |"
+        "| parameter | found | determined | interval holds the truth | median error |\n| --- | --- | --- | --- | --- |"
     );
     for (k, name) in NAMES.iter().enumerate() {
         let found: Vec<(f64, &Estimate)> =
             all.iter().filter_map(|bench| Some((bench[k].0, bench[k].1.as_ref()?))).collect();
-        let pinned: Vec<&(f64, &Estimate)> = found.iter().filter(|(_, e)| e.pinned).collect();
-        let covered = pinned.iter().filter(|(truth, e)| e.covers(*truth)).count();
-        let mut errors: Vec<f64> = pinned.iter().map(|(truth, e)| (e.value / truth - 1.0).abs()).collect();
+        let determined: Vec<&(f64, &Estimate)> = found.iter().filter(|(_, e)| e.determined).collect();
+        let covered = determined.iter().filter(|(truth, e)| e.covers(*truth)).count();
+        let mut errors: Vec<f64> = determined.iter().map(|(truth, e)| (e.value / truth - 1.0).abs()).collect();
         errors.sort_by(f64::total_cmp);
         let median = errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN);
         println!(
             "| `{name}` | {} of {benches} | {} | {covered} of {} | {:.2} % |",
             found.len(),
-            pinned.len(),
-            pinned.len(),
+            determined.len(),
+            determined.len(),
             1e2 * median
         );
     }

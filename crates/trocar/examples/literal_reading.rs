@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(write_document(Path::new(&folder), &document)?)
 }
 
-/// Runs both readings along positions at 1 kHz, from a seal bent as after a withdrawal.
+/// Runs both readings along positions at 1 kHz, from A seal deformed as after a withdrawal.
 fn compare(params: ElementParams, position: &[f64]) -> Result<Comparison, Box<dyn std::error::Error>> {
     let (element, literal) = (Element::new(params)?, PaperLiteral::new(params)?);
     let start = -params.deformation.half_width();

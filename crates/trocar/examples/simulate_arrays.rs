@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [model, time, position] = arguments.as_slice() else { return Err("give MODEL TIME POSITION".into()) };
     let (time, position) = (numbers(time)?, numbers(position)?);
     let file = ModelFile::read(Path::new(model))?;
-    let trocar = file.trocar()?;
+    let trocar = file.trocar.borrowed();
     for line in stdin().lines() {
         line?;
         let clock = Instant::now();

@@ -9,33 +9,17 @@ use std::time::Instant;
 
 use trocar::recording::{Choice, ReadOptions, read};
 
-use trocar::simulate::{Drive, Positions, fields, simulate};
+use trocar::simulate::{Positions, SimulateOptions, fields, simulate};
 use trocar::table::TableWriter;
-use trocar_model::{Deformation, Element, ElementParams, Mode, Parallel};
+use trocar_model::{Classical, Element, ElementParams, SlidingFriction, StaticFriction, Trocar};
 
 const ROWS: u32 = 2_000_000;
 
-/// Costs nothing, so that only reading and printing remain. The force repeats the digits of a real one.
-struct Nothing(f64);
-
-impl Drive for Nothing {
-    fn step(&mut self, displacement: f64, _duration: f64) -> f64 {
-        self.0 = (self.0 + displacement * 997.0).rem_euclid(3.0);
-        self.0
-    }
-
-    fn force(&self) -> f64 {
-        self.0
-    }
-
-    fn deformation(&self) -> Option<Deformation> {
-        Some(Deformation { deflection: self.0 * 1e-3, mode: Mode::Deforming })
-    }
-}
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = motion();
-    let element = Element::new(ElementParams::plausible_10_5_mm()?)?;
+    let trocar = Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm()?)?);
+    // The least work a model can make, so that reading and printing remain.
+    let coulomb = Trocar::of_seal(Classical::Static(StaticFriction::new(SlidingFriction::coulomb(3.0, 5.0))?));
     let parse = rate(|| {
         let mut positions = Positions::from_text("made", text.as_bytes(), &Choice::default())?;
         while let Some(step) = positions.advance()? {
@@ -49,20 +33,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         steps.push(step);
     }
     let model = rate(|| {
-        let mut states = [element.rest_state(0.0)];
-        let elements = [element];
-        let mut drive = Parallel::new(&elements, &mut states).ok_or("one state per element")?;
+        let mut state = trocar.rest(steps[0].position);
         for step in &steps[1..] {
-            black_box(drive.step(step.displacement, step.duration));
+            black_box(trocar.step_to(&mut state, step.position, step.duration));
         }
         Ok(())
     })?;
-    let text_only = rate(|| replay(&text, &mut Nothing(0.0)))?;
-    let all = rate(|| {
-        let mut states = [element.rest_state(0.0)];
-        let elements = [element];
-        replay(&text, &mut Parallel::new(&elements, &mut states).ok_or("one state per element")?)
-    })?;
+    let text_only = rate(|| replay(&text, &coulomb))?;
+    let all = rate(|| replay(&text, &trocar))?;
     println!("parsing alone           {parse:6.2} million rows/s");
     println!("model alone             {model:6.2} million rows/s");
     println!("parsing and printing    {text_only:6.2} million rows/s");
@@ -87,9 +65,10 @@ fn whole_recording(text: &str) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn replay(text: &str, drive: &mut impl Drive) -> Result<(), Box<dyn std::error::Error>> {
-    let mut output = TableWriter::create("/dev/null", &fields(drive))?;
-    simulate(Positions::from_text("made", text.as_bytes(), &Choice::default())?, drive, &mut output, |_, _| ())?;
+fn replay(text: &str, trocar: &Trocar) -> Result<(), Box<dyn std::error::Error>> {
+    let mut output = TableWriter::create("/dev/null", &fields(trocar.seal()))?;
+    let motion = Positions::from_text("made", text.as_bytes(), &Choice::default())?;
+    simulate(motion, trocar, &SimulateOptions::default(), &mut output, |_, _| ())?;
     Ok(())
 }
 

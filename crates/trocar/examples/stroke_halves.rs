@@ -10,10 +10,10 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use trocar::identify::{IdentifyOptions, identify};
+use trocar::profile::strokes;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::segment::{passes, reversal_threshold};
-use trocar::travel::strokes;
-use trocar::validate::{AgainstStrokes, validate_along};
+use trocar::validate::{AgainstStrokes, validate};
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -30,8 +30,8 @@ fn half(recording: &Recording, rest: usize) -> Result<Recording, AnyError> {
 fn scored(recording: &Recording, rest: usize) -> Result<AgainstStrokes, AnyError> {
     let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
     let found = identify(&[half(recording, rest)?], &options, &|_, _| {})?;
-    let held_back = found.in_step(vec![half(recording, 1 - rest)?])?;
-    let scores = validate_along(found.stages.elements(), found.profile(), &held_back, found.model.offset);
+    let held_out = found.without_delay(vec![half(recording, 1 - rest)?])?;
+    let scores = validate(&found.trocar(), &held_out, found.model.offset);
     scores.recordings[0].strokes.ok_or_else(|| "no strokes that repeat each other".into())
 }
 

@@ -10,7 +10,7 @@
 //! gives is set against a simulation of the very element.
 
 use serde::Serialize;
-use trocar_model::{Branch, Element, Folding, Mode, SlidingFriction, State};
+use trocar_model::{Branch, Element, Folding, Mode, SlidingFriction, Stages, State};
 
 mod cycles;
 mod energy;
@@ -81,16 +81,16 @@ pub struct BranchPassage {
     /// Where dF_e/dz <= 0, from the start of the motion on. (15) speaks of one such interval, but its proof asks only
     /// that F_e rises outside all of them.
     pub softening: Vec<Interval>,
-    /// Highest force in the sense of the motion before the seal turns over, N; `None` when the branch rises throughout.
+    /// Highest force in the sense of the motion before the seal snaps through, N; `None` when the branch rises throughout.
     pub hump_force_n: Option<f64>,
     /// Lowest force after it, N.
     pub dip_force_n: Option<f64>,
     /// F_s, N.
     pub static_force_n: f64,
-    /// Whether the seal turns over before the instrument slides: the hump stays below F_s.
-    pub turns_over_first: bool,
-    /// Speed above which the seal turns over although the hump exceeds F_s: (F_hump - F_c)/β, m/s; infinite without β.
-    /// `None` when it turns over at any speed.
+    /// Whether the seal snaps through before the instrument slides: the hump stays below F_s.
+    pub snaps_through_first: bool,
+    /// Speed above which the seal snaps through although the hump exceeds F_s: (F_hump - F_c)/β, m/s; infinite without β.
+    /// `None` when it snaps through at any speed.
     pub critical_speed_m_s: Option<f64>,
     /// Speeds at which the deflection has two resting places; which one is taken depends on the past.
     pub bistable: Option<SpeedRange>,
@@ -171,12 +171,12 @@ pub struct Analysis {
     pub holds: bool,
 }
 
-/// Analyses the `elements` of one seal; `seed` is for the random motions.
-pub fn analyze(elements: &[Element], seed: u64) -> Analysis {
-    let each: Vec<ElementAnalysis> = elements.iter().map(analyze_element).collect();
-    let cycle_work = CycleWork::of(elements);
-    let random_cycles = RandomCycles::search(elements, cycles::CYCLES, seed);
-    let step_error = StepError::of(elements);
+/// Analyses one seal; `seed` is for the random motions.
+pub fn analyze(stages: &Stages, seed: u64) -> Analysis {
+    let each: Vec<ElementAnalysis> = stages.elements().iter().map(analyze_element).collect();
+    let cycle_work = CycleWork::of(stages);
+    let random_cycles = RandomCycles::search(stages, cycles::CYCLES, seed);
+    let step_error = StepError::of(stages);
     let whole = cycle_work.holds && random_cycles.holds && step_error.holds;
     let propositions = |e: &ElementAnalysis| e.reaches_sliding.holds && e.steady_state.holds && e.stability.holds;
     let holds = whole && each.iter().all(propositions);
@@ -216,9 +216,9 @@ impl BranchPassage {
         };
         let hump = softening.iter().map(|i| force(along(i).0)).reduce(f64::max);
         let dip = softening.iter().map(|i| force(along(i).1)).reduce(f64::min);
-        let turns_over_first = hump.is_none_or(|hump| hump < friction.static_force);
+        let snaps_through_first = hump.is_none_or(|hump| hump < friction.static_force);
         let excess = |force: f64| (force - friction.coulomb_force).max(0.0) / friction.viscous_damping;
-        let critical = hump.filter(|_| !turns_over_first).map(excess);
+        let critical = hump.filter(|_| !snaps_through_first).map(excess);
         let bistable = critical.zip(dip).map(|(to_m_s, dip)| SpeedRange { from_m_s: excess(dip), to_m_s });
         let travel = longest_travel_to_sliding(element, sense);
         let holds = travel.is_some();
@@ -228,7 +228,7 @@ impl BranchPassage {
             hump_force_n: hump,
             dip_force_n: dip,
             static_force_n: friction.static_force,
-            turns_over_first,
+            snaps_through_first,
             critical_speed_m_s: critical,
             bistable,
             longest_travel_to_sliding_m: travel,
@@ -248,13 +248,13 @@ impl BranchPassage {
             intervals => format!("; (15) holds with one interval around the {intervals} on which the branch softens"),
         };
         match (self.hump_force_n, self.critical_speed_m_s) {
-            (None, _) => "the branch rises throughout; the seal bends until the instrument slides".to_owned(),
+            (None, _) => "the branch rises throughout; the seal deforms until the instrument slides".to_owned(),
             (Some(hump), None) => format!(
-                "the seal turns over at {hump:.3} N, below F_s = {:.3} N, then slides{many}",
+                "the seal snaps through at {hump:.3} N, below F_s = {:.3} N, then slides{many}",
                 self.static_force_n
             ),
             (Some(hump), Some(speed)) => format!(
-                "the hump of {hump:.3} N exceeds F_s = {:.3} N: the instrument slides before the seal turns over, which \
+                "the hump of {hump:.3} N exceeds F_s = {:.3} N: the instrument slides before the seal snaps through, which \
                  happens above {:.1} mm/s only; the deflection then has two resting places{many}",
                 self.static_force_n,
                 1e3 * speed
@@ -371,7 +371,7 @@ fn settled(element: &Element, velocity: f64) -> State {
 fn is_exact(element: &Element) -> bool {
     let params = element.params();
     let unique = element.folded() == (Folding::Unique, Folding::Unique);
-    let humps = Sense::BOTH.into_iter().all(|sense| BranchPassage::of(element, sense).turns_over_first);
+    let humps = Sense::BOTH.into_iter().all(|sense| BranchPassage::of(element, sense).snaps_through_first);
     let slow = params.creep_velocity > 0.0 || !params.relaxation.is_none();
     unique
         && humps
@@ -413,21 +413,21 @@ mod tests {
 
     #[test]
     fn everything_holds_for_the_plausible_seal() {
-        let found = analyze(&[Element::new(plausible()).unwrap()], 1);
+        let found = analyze(&Element::new(plausible()).unwrap().into(), 1);
         assert!(found.holds, "{found:#?}");
         let insertion = &found.elements[0].reaches_sliding.branches[0];
         assert!(insertion.softening[0].from_m < -2.2e-3 && insertion.softening.last().unwrap().to_m < 2e-3);
         assert!((insertion.hump_force_n.unwrap() - 1.15).abs() < 0.01, "{insertion:?}");
         assert!((insertion.dip_force_n.unwrap() - 0.64).abs() < 0.01, "{insertion:?}");
         let travel = insertion.longest_travel_to_sliding_m.unwrap();
-        assert!((0.016..0.017).contains(&travel), "one full turn-over of 2c = 16 mm, got {travel}");
+        assert!((0.016..0.017).contains(&travel), "one full snap-through of 2c = 16 mm, got {travel}");
     }
 
     /// Worked out elsewhere: at 15 mm/s the force swings between 2.22 and 3.00 N and the steady 2.64 N is never reached;
     /// at 60 mm/s it is.
     #[test]
     fn strong_stribeck_friction_sticks_and_slips() {
-        let found = analyze(&[stribeck()], 1);
+        let found = analyze(&stribeck().into(), 1);
         let stability = &found.elements[0].stability;
         assert!(!stability.holds && !stability.unique_slip_speed && !found.holds);
         let range = stability.stick_slip[0].unstable;
@@ -440,7 +440,7 @@ mod tests {
         assert!(found.elements[0].steady_state.holds);
     }
 
-    /// A hump above F_s: the seal turns over above (F_hump - F_c)/β only.
+    /// A hump above F_s: the seal snaps through above (F_hump - F_c)/β only.
     #[test]
     fn a_hump_above_the_static_force_is_passed_at_speed_only() {
         let plausible = plausible();
@@ -472,8 +472,8 @@ mod tests {
             relaxation: Relaxation::NONE,
         })
         .unwrap();
-        let passage = &analyze(&[element], 1).elements[0].reaches_sliding.branches[0];
-        assert!(!passage.turns_over_first, "{passage:?}");
+        let passage = &analyze(&element.into(), 1).elements[0].reaches_sliding.branches[0];
+        assert!(!passage.snaps_through_first, "{passage:?}");
         let critical = passage.critical_speed_m_s.unwrap();
         let rests_at = |speed: f64| settled(&element, speed).deflection();
         assert!(rests_at(0.9 * critical) < 0.0, "in front of the hump below the critical speed");

@@ -467,7 +467,7 @@ pub enum OutputError {
         /// What the operating system said.
         source: std::io::Error,
     },
-    /// The ending asks for a format that this build lacks.
+    /// The extension asks for a format that this build lacks.
     #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}, or let the name end in .csv", path.display())]
     NoFeature {
         /// Where the output was to go.

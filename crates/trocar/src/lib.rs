@@ -13,6 +13,7 @@ pub mod inspect;
 pub mod many;
 pub mod model_file;
 pub mod output;
+pub mod profile;
 pub mod recording;
 pub mod replay;
 pub mod report;
@@ -23,7 +24,6 @@ pub mod summary;
 pub mod survey;
 pub mod sweep;
 pub mod table;
-pub mod travel;
 pub mod validate;
 
 /// Compiles and runs the README's Rust code.

@@ -2,7 +2,7 @@
 //!
 //! [`trocar_model::batch`] does the work; this module chooses at run time among machine codes for the vectors that processors
 //! have (on x86-64: SSE2, AVX2). All give the same bits, and so does any number of threads. [`ensemble`] runs whole trocars, with
-//! their profiles along the way, made from columns of parameters.
+//! their position profiles, made from columns of parameters.
 
 pub mod ensemble;
 
@@ -36,13 +36,19 @@ impl<M: Many, O: Observe> NullaryFnOnce for Run<'_, '_, M, O> {
 }
 
 /// [`Trocar::run`]: one model along arrays of positions (m) and durations (s), on the present thread.
-pub fn along(trocar: &Trocar<'_>, state: &mut TrocarState, positions: &[f64], durations: &[f64], forces: &mut [f64]) {
-    pulp::Arch::new().dispatch(Along { trocar, state, positions, durations, forces });
+pub fn along<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    state: &mut TrocarState,
+    positions: &[f64],
+    durations: &[f64],
+    forces: &mut [f64],
+) {
+    pulp::Arch::new().dispatch(Along { trocar: &trocar.borrowed(), state, positions, durations, forces });
 }
 
 /// What is compiled once for each kind of processor.
 struct Along<'r, 'a> {
-    trocar: &'r Trocar<'a>,
+    trocar: &'r Trocar<&'a [f64]>,
     state: &'r mut TrocarState,
     positions: &'r [f64],
     durations: &'r [f64],

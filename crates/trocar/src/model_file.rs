@@ -1,6 +1,6 @@
 //! `model.json`: a seal as a file, with units in its keys and its origin inside.
 //!
-//! A file holds either `elements`, those of the EMS model, with `travel` where their force depends on the position, or
+//! A file holds either `elements`, those of the EMS model, with `position_profile` where their force depends on the position, or
 //! `friction`, one classical model. The form is described by
 //! `schema/model.schema.json` (JSON Schema, draft 2020-12). The schema says which keys and kinds of values a file has;
 //! reading also checks what a schema cannot say, such as continuous branches.
@@ -14,12 +14,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
 use trocar_model::{
-    Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError, Piece, Relaxation,
-    RelaxationArm, Seal, SealDamping, SlidingFriction, Stages, Trocar,
+    Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError, Piece,
+    PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping, SlidingFriction, Stages, Trocar,
 };
 
+use crate::profile::ProfileText;
 use crate::recording::Recording;
-use crate::travel::TravelProfile;
 
 use friction::{DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText};
 
@@ -27,54 +27,19 @@ mod friction;
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Newest version read: with phases in which the error of the model's force is unknown, and that of partial reversals.
-pub const VERSION: u32 = 6;
-/// Version with the error of the model's force.
-const ERROR_VERSION: u32 = 5;
-/// Version with a force that depends on the position, and late positions.
-const TRAVEL_VERSION: u32 = 4;
-/// Version with creep and relaxation of the elements.
-const SLOW_VERSION: u32 = 3;
-/// Version with classical models.
-const CLASSICAL_VERSION: u32 = 2;
-/// First version: EMS elements. Each model is written in the oldest version that can hold it, so that older programs
-/// read it.
-const ELEMENTS_VERSION: u32 = 1;
+/// Version written. Files of versions 1 to 6 are read, too: they are the same but for the names of three keys.
+pub const VERSION: u32 = 7;
 
 /// Largest difference between a joint and the ends of its pieces, as a part of the half width.
 const INTERVAL_TOLERANCE: f64 = 1e-9;
 
-/// What turns the motion into the force.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(clippy::large_enum_variant)] // one a file
-pub enum Model {
-    /// EMS elements in parallel, at least one.
-    Ems(Vec<Element>),
-    /// One classical friction model.
-    Classical(Classical),
-}
-
-impl From<Vec<Element>> for Model {
-    fn from(elements: Vec<Element>) -> Self {
-        Self::Ems(elements)
-    }
-}
-
-impl From<Classical> for Model {
-    fn from(model: Classical) -> Self {
-        Self::Classical(model)
-    }
-}
-
-/// A seal with its origin.
+/// A trocar with its origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
-    /// The model.
-    pub model: Model,
+    /// The model, as every program runs it; a position profile for EMS elements only.
+    pub trocar: Trocar<Vec<f64>>,
     /// What made the model.
     pub origin: Origin,
-    /// How the force of the EMS elements depends on the position; none for a classical model.
-    pub travel: Option<TravelProfile>,
     /// The sensor of the recordings behind the model; not part of the seal's force.
     pub sensor: Option<SensorInfo>,
     /// Intervals of identified parameters by name with unit, such as `coulomb_force_n`; may be empty.
@@ -215,8 +180,8 @@ pub struct SensorInfo {
     /// Mass between sensor and seal, kg, ≥ 0.
     pub moving_mass_kg: f64,
     /// Time by which the positions were read later than the forces, s, ≥ 0.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub position_lag_s: f64,
+    #[serde(default, skip_serializing_if = "is_zero", alias = "position_lag_s")]
+    pub position_delay_s: f64,
 }
 
 /// An estimate with its 95 % interval, in the unit of the parameter's name.
@@ -259,7 +224,7 @@ pub enum ModelFileError {
         found: u64,
     },
     /// A version that never existed.
-    #[error("the key \"version\" must be {ELEMENTS_VERSION} to {VERSION}, got {found}")]
+    #[error("the key \"version\" must be 1 to {VERSION}, got {found}")]
     WrongVersion {
         /// What was found.
         found: String,
@@ -314,34 +279,24 @@ impl ModelFileError {
 }
 
 impl ModelFile {
-    /// A model, EMS elements or a classical one, without sensor and intervals.
-    pub fn new(model: impl Into<Model>, origin: Origin) -> Self {
-        Self { model: model.into(), origin, travel: None, sensor: None, intervals: BTreeMap::new(), force_error: None }
+    /// A model without profile, sensor and intervals.
+    pub fn new(seal: impl Into<Seal>, origin: Origin) -> Self {
+        let trocar = Trocar::new(seal, None);
+        Self { trocar, origin, sensor: None, intervals: BTreeMap::new(), force_error: None }
     }
 
     /// The EMS elements.
     ///
     /// # Errors
     /// [`ModelFileError::NotEms`] for a classical model.
-    pub fn elements(&self) -> Result<&[Element], ModelFileError> {
-        match &self.model {
-            Model::Ems(elements) => Ok(elements),
-            Model::Classical(model) => Err(ModelFileError::NotEms { kind: model.kind() }),
-        }
+    pub fn stages(&self) -> Result<&Stages, ModelFileError> {
+        let seal = self.trocar.seal();
+        seal.stages().ok_or_else(|| ModelFileError::NotEms { kind: seal.kind() })
     }
 
-    /// The model as every program runs it, with its profile along the way.
-    ///
-    /// # Errors
-    /// [`ModelFileError::Value`] for more than [`MAX_STAGES`] elements.
-    pub fn trocar(&self) -> Result<Trocar<'_>, ModelFileError> {
-        let seal = match &self.model {
-            Model::Ems(elements) => Seal::Ems(Stages::new(elements).ok_or_else(|| {
-                impossible("elements", &format!("at most {MAX_STAGES} can be run here, got {}", elements.len()))
-            })?),
-            Model::Classical(model) => Seal::Classical(*model),
-        };
-        Ok(Trocar::new(seal, self.travel.as_ref().map(TravelProfile::view)))
+    /// The sensor's reading without any force of the seal, N; 0 where no sensor is known.
+    pub fn offset(&self) -> f64 {
+        self.sensor.map_or(0.0, |sensor| sensor.offset_n)
     }
 
     /// The plausible one-stage 10.5 mm trocar, marked as plausible.
@@ -352,7 +307,7 @@ impl ModelFile {
         let element = Element::new(ElementParams::plausible_10_5_mm()?)?;
         let mut origin = Origin::new(OriginKind::Plausible);
         origin.note = Some("made-up one-stage 10.5 mm trocar; no trocar was measured".to_owned());
-        Ok(Self::new(vec![element], origin))
+        Ok(Self::new(element, origin))
     }
 
     /// Reads the file at `path`.
@@ -393,34 +348,27 @@ impl ModelFile {
 
     /// The text of a model file: the same model gives the same text, and reading it gives the same model.
     pub fn to_json(&self) -> String {
-        match &self.model {
-            Model::Ems(elements) => {
-                let elements = elements.iter().map(|element| ElementText::from(element.params())).collect();
+        match self.trocar.seal() {
+            Seal::Ems(stages) => {
+                let elements = stages.elements().iter().map(|element| ElementText::from(element.params())).collect();
                 self.text(Some(elements), None::<StaticText>)
             }
-            Model::Classical(Classical::Static(model)) => self.text(None, Some(StaticText::from(model))),
-            Model::Classical(Classical::Dahl(model)) => self.text(None, Some(DahlText::from(model))),
-            Model::Classical(Classical::LuGre(model)) => self.text(None, Some(LuGreText::from(model))),
-            Model::Classical(Classical::Leuven(model)) => self.text(None, Some(LeuvenText::from(model))),
-            Model::Classical(Classical::MaxwellSlip(model)) => self.text(None, Some(MaxwellSlipText::from(model))),
-            Model::Classical(Classical::Gms(model)) => self.text(None, Some(GmsText::from(model))),
+            Seal::Classical(Classical::Static(model)) => self.text(None, Some(StaticText::from(model))),
+            Seal::Classical(Classical::Dahl(model)) => self.text(None, Some(DahlText::from(model))),
+            Seal::Classical(Classical::LuGre(model)) => self.text(None, Some(LuGreText::from(model))),
+            Seal::Classical(Classical::Leuven(model)) => self.text(None, Some(LeuvenText::from(model))),
+            Seal::Classical(Classical::MaxwellSlip(model)) => self.text(None, Some(MaxwellSlipText::from(model))),
+            Seal::Classical(Classical::Gms(model)) => self.text(None, Some(GmsText::from(model))),
         }
     }
 
     fn text<F: Serialize>(&self, elements: Option<Vec<ElementText>>, friction: Option<F>) -> String {
-        let version = match &elements {
-            _ if self.force_error.is_some() => VERSION,
-            _ if self.travel.is_some() || self.sensor.is_some_and(|s| s.position_lag_s != 0.0) => TRAVEL_VERSION,
-            None => CLASSICAL_VERSION,
-            Some(elements) if elements.iter().any(ElementText::is_slow) => SLOW_VERSION,
-            Some(_) => ELEMENTS_VERSION,
-        };
         let document = Document {
             format: FORMAT.to_owned(),
-            version,
+            version: VERSION,
             origin: self.origin.clone(),
             sensor: self.sensor,
-            travel: self.travel.clone(),
+            position_profile: self.trocar.profile().map(ProfileText::from),
             elements,
             friction,
             intervals: self.intervals.clone(),
@@ -447,7 +395,7 @@ fn check_header(header: &Value) -> Result<(), ModelFileError> {
     let version = header.get("version");
     match version.and_then(Value::as_u64) {
         Some(found) if found > u64::from(VERSION) => Err(ModelFileError::Newer { found }),
-        Some(found) if found >= u64::from(ELEMENTS_VERSION) => Ok(()),
+        Some(found) if found >= 1 => Ok(()),
         _ => Err(ModelFileError::WrongVersion { found: shown(version) }),
     }
 }
@@ -476,8 +424,8 @@ struct Document<F> {
     origin: Origin,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sensor: Option<SensorInfo>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    travel: Option<TravelProfile>,
+    #[serde(default, skip_serializing_if = "Option::is_none", alias = "travel")]
+    position_profile: Option<ProfileText>,
     #[serde(skip_serializing_if = "Option::is_none")]
     elements: Option<Vec<ElementText>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -558,18 +506,10 @@ struct SlidingText {
 
 impl<F: FrictionText> Document<F> {
     fn into_file(self) -> Result<ModelFile, ModelFileError> {
-        self.check_newest()?;
-        let model = match (self.elements, self.friction) {
-            (Some(elements), None) if self.version < SLOW_VERSION && elements.iter().any(ElementText::is_slow) => {
-                let what = format!("creep and relaxation need version {SLOW_VERSION}, got version {}", self.version);
-                return Err(impossible("elements", &what));
-            }
-            (Some(elements), None) => Model::Ems(read_elements(&elements)?),
-            (None, Some(_)) if self.version < CLASSICAL_VERSION => {
-                let what = format!("needs version {CLASSICAL_VERSION}, got version {}", self.version);
-                return Err(impossible("friction", &what));
-            }
-            (None, Some(friction)) => Model::Classical(friction.model().map_err(parameter("friction"))?),
+        self.check_values()?;
+        let seal = match (self.elements, self.friction) {
+            (Some(elements), None) => Seal::Ems(read_elements(&elements)?),
+            (None, Some(friction)) => Seal::Classical(friction.model().map_err(parameter("friction"))?),
             (Some(_), Some(_)) => return Err(impossible("friction", "a model holds elements or friction, got both")),
             (None, None) => return Err(impossible("elements", "a model holds elements or friction, got neither")),
         };
@@ -585,28 +525,20 @@ impl<F: FrictionText> Document<F> {
         for (name, interval) in &self.intervals {
             check_interval(name, interval)?;
         }
-        let Self { origin, travel, sensor, intervals, force_error, .. } = self;
-        Ok(ModelFile { model, origin, travel, sensor, intervals, force_error })
+        let Self { origin, position_profile, sensor, intervals, force_error, .. } = self;
+        let profile = position_profile.map(PositionProfile::try_from).transpose();
+        let profile = profile.map_err(|error| impossible("position_profile", &error.to_string()))?;
+        Ok(ModelFile { trocar: Trocar::new(seal, profile), origin, sensor, intervals, force_error })
     }
 
-    /// What only the newest version holds.
-    fn check_newest(&self) -> Result<(), ModelFileError> {
-        let lag = self.sensor.map_or(0.0, |sensor| sensor.position_lag_s);
+    /// What no other type checks.
+    fn check_values(&self) -> Result<(), ModelFileError> {
+        let lag = self.sensor.map_or(0.0, |sensor| sensor.position_delay_s);
         if lag < 0.0 {
-            return Err(impossible("sensor.position_lag_s", &format!("must not be negative, got {lag} s")));
+            return Err(impossible("sensor.position_delay_s", &format!("must not be negative, got {lag} s")));
         }
-        if self.travel.is_some() && self.friction.is_some() {
-            return Err(impossible("travel", "is for elements, got a classical model"));
-        }
-        let used = [
-            ("travel", self.travel.is_some(), TRAVEL_VERSION),
-            ("sensor.position_lag_s", lag != 0.0, TRAVEL_VERSION),
-            ("force_error", self.force_error.is_some(), ERROR_VERSION),
-        ];
-        for (place, is_used, least) in used {
-            if is_used && self.version < least {
-                return Err(impossible(place, &format!("needs version {least}, got version {}", self.version)));
-            }
+        if self.position_profile.is_some() && self.friction.is_some() {
+            return Err(impossible("position_profile", "is for elements, got a classical model"));
         }
         let errors = self.force_error.iter().flat_map(ForceError::phases).flatten();
         if let Some(found) = errors.into_iter().find(|value| *value < 0.0) {
@@ -616,11 +548,12 @@ impl<F: FrictionText> Document<F> {
     }
 }
 
-fn read_elements(elements: &[ElementText]) -> Result<Vec<Element>, ModelFileError> {
-    if elements.is_empty() {
-        return Err(impossible("elements", "a model needs at least one element"));
-    }
-    elements.iter().enumerate().map(|(i, element)| element.element(&format!("elements[{i}]"))).collect()
+fn read_elements(elements: &[ElementText]) -> Result<Stages, ModelFileError> {
+    let one = |(i, element): (usize, &ElementText)| element.element(&format!("elements[{i}]"));
+    let read: Vec<Element> = elements.iter().enumerate().map(one).collect::<Result<_, _>>()?;
+    let count = read.len();
+    Stages::new(&read)
+        .ok_or_else(|| impossible("elements", &format!("a model has 1 to {MAX_STAGES} elements, got {count}")))
 }
 
 fn impossible(place: &str, what: &str) -> ModelFileError {
@@ -678,11 +611,6 @@ impl From<&RelaxationArm> for ArmText {
 }
 
 impl ElementText {
-    /// Whether it holds what only the newest version knows.
-    fn is_slow(&self) -> bool {
-        self.creep_velocity_m_s != 0.0 || self.friction_lag_s != 0.0 || !self.relaxation.is_empty()
-    }
-
     fn relaxation(&self, place: &str) -> Result<Relaxation, ModelFileError> {
         if self.relaxation.len() > MAX_ARMS {
             let what = format!("a seal has at most {MAX_ARMS} relaxing arms, got {}", self.relaxation.len());

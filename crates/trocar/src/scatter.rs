@@ -11,7 +11,7 @@
 //!
 //! # The same place
 //!
-//! While the seal slides, the place is the position. Behind a reversal the force depends on the travel since, and
+//! While the seal slides, the place is the position. After a reversal the force depends on the travel since, and
 //! strokes turn at somewhat different positions; short of the next reversal the instrument slows down, and the place is
 //! the distance left. Over which lengths the reversals count is chosen so that the squares are least, among a few parts
 //! of the range; lengths of zero mean that the position alone is as repeatable. Within these lengths of a start or an end
@@ -19,7 +19,7 @@
 //!
 //! # What a model can reach
 //!
-//! A model that knows the mean of endless repeats scores s on a held-back stroke. One that has learnt the mean from n
+//! A model that knows the mean of endless repeats scores s on a held-out stroke. One that has learnt the mean from n
 //! repeats scores s·√(1 + 1/n) at best: for n = 5 that is 1.095·s.
 
 use serde::Serialize;
@@ -80,8 +80,8 @@ pub struct StrokeScatter {
     pub samples: usize,
     /// By direction, insertion first; a direction without repeats is missing.
     pub by_direction: Vec<DirectionScatter>,
-    /// Longest travel behind a reversal over which repeats are compared at equal travel, m.
-    pub behind_reversals_m: f64,
+    /// Longest travel after a reversal over which repeats are compared at equal travel, m.
+    pub after_reversals_m: f64,
     /// Longest distance short of a reversal over which repeats are compared at equal distance, m.
     pub before_reversals_m: f64,
     /// e²/(1 + 1/m) of every sample of the recording, N²; NaN where nothing repeats.
@@ -121,7 +121,7 @@ impl StrokeScatter {
             degrees_of_freedom: number - groups.len(),
             samples: squares.iter().filter(|s| s.is_finite()).count(),
             by_direction: by_direction(&groups, &compared),
-            behind_reversals_m: longest(|c| c.lengths[0]),
+            after_reversals_m: longest(|c| c.lengths[0]),
             before_reversals_m: longest(|c| c.lengths[1]),
             squares,
         })

@@ -38,7 +38,7 @@ pub struct Pass {
     pub end: usize,
     /// Sense of the motion.
     pub direction: Direction,
-    /// Whether the pass begins at a reversal that the recording shows (not at its start or behind a gap).
+    /// Whether the pass begins at a reversal that the recording shows (not at its start or after a gap).
     pub starts_at_reversal: bool,
     /// Number of the motion it belongs to: a gap or a reset of the encoder cuts a pass, not the motion.
     pub motion: usize,
@@ -282,9 +282,9 @@ pub fn travel(recording: &Recording, pass: &Pass, i: usize) -> f64 {
     pass.direction.sign() * (recording.position[i] - recording.position[pass.start])
 }
 
-/// The part of each stretch that lies `needed(|v|)` metres or more behind the start of its pass; what has none is left
+/// The part of each stretch that lies `needed(|v|)` metres or more after the start of its pass; what has none is left
 /// out.
-pub fn behind_start(
+pub fn after_start(
     recording: &Recording,
     passes: &[Pass],
     stretches: &[Stretch],

@@ -1,14 +1,14 @@
-//! Replays a model along a recorded motion, row by row and in constant memory.
+//! Simulates a trocar along a recorded motion, row by row and in constant memory.
 //!
 //! The motion is any file that [`crate::recording`] understands with time and position; of a force column only the
-//! first reading counts, and only for a drive that starts from it. Every row gives one row
-//! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model without a deformation of
-//! its own. The force is the seal's alone, positive on insertion.
+//! first reading counts. Every row gives one row `time_s,position_m,force_n,deflection_m,mode`, or
+//! `time_s,position_m,force_n` for a model without a deflection. The force is the trocar's, without the sensor's offset,
+//! positive on insertion.
 
 use std::io::Read;
 use std::path::Path;
 
-use trocar_model::{Deformation, Friction, GuardState, Mode, Parallel, PlayGuard};
+use trocar_model::{BacklashFilter, BacklashState, Deformation, Mode, Seal, Trocar, TrocarState};
 
 use crate::error::{OutputError, RecordingError};
 use crate::recording::block::Row;
@@ -20,120 +20,66 @@ use crate::table::{Cell, Field, Kind, TableWriter};
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
 
-/// What turns motion into force, with everything it remembers inside.
-pub trait Drive {
-    /// Told once, before the first step: the force reading (N) of the first row, where the motion has one.
-    fn start(&mut self, _reading: Option<f64>) {}
-    /// The same with the position (m) of the first row, for a drive whose force depends on it.
-    fn start_at(&mut self, _position: f64, reading: Option<f64>) {
-        self.start(reading);
-    }
-    /// Advances by `displacement` (m) within `duration` (s, positive); returns the force (N) at the end.
-    fn step(&mut self, displacement: f64, duration: f64) -> f64;
-    /// The same for a step that ends at `position`, m.
-    fn step_to(&mut self, _position: f64, displacement: f64, duration: f64) -> f64 {
-        self.step(displacement, duration)
-    }
-    /// Force after the last step, N.
-    fn force(&self) -> f64;
-    /// Deformation of the seal after the last step; `None` throughout for a model that knows none.
-    fn deformation(&self) -> Option<Deformation>;
+/// How a simulation begins, and what goes between the positions and the model.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SimulateOptions {
+    /// Deflection of the seal at rest at the first row, m. `None`: from the first force reading where the motion has one,
+    /// else undeformed.
+    pub initial_deflection: Option<f64>,
+    /// Sensor offset in that reading, N.
+    pub offset: f64,
+    /// Keeps the flicker of a resting encoder out of the force. The positions written stay those of the motion.
+    pub filter: Option<BacklashFilter>,
 }
 
-/// A friction model and its state under one motion.
+/// How a simulation began.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Single<M: Friction> {
-    model: M,
-    /// Sensor offset in the first reading, N.
-    offset: f64,
-    state: M::State,
+pub struct Beginning {
+    /// The first force reading, N, where the motion has one and the state comes from it.
+    pub reading: Option<f64>,
+    /// At rest at the first row.
+    pub state: TrocarState,
 }
 
-impl<M: Friction> Single<M> {
-    /// Starts at rest with the first force reading less the sensor's offset `offset`, N, or without force where the
-    /// motion has none.
-    pub fn new(model: M, offset: f64) -> Self {
-        let state = model.rest_at_force(0.0);
-        Self { model, offset, state }
-    }
+/// A trocar under way along a motion.
+struct Run<'a> {
+    trocar: &'a Trocar<&'a [f64]>,
+    state: TrocarState,
+    /// With its state and the position from the first row on, m.
+    filter: Option<(BacklashFilter, BacklashState, f64)>,
 }
 
-/// Writes the force alone: what a friction model calls a deflection is no deflection of a seal.
-impl<M: Friction> Drive for Single<M> {
-    fn start(&mut self, reading: Option<f64>) {
-        self.state = self.model.rest_at_force(reading.map_or(0.0, |reading| reading - self.offset));
+impl<'a> Run<'a> {
+    fn begin(
+        trocar: &'a Trocar<&'a [f64]>,
+        options: &SimulateOptions,
+        first: &Step,
+    ) -> Result<(Self, Beginning), SimulateError> {
+        let (state, reading) = match (options.initial_deflection, first.reading) {
+            (Some(deflection), _) => (trocar.rest_at_deflection(first.position, deflection), None),
+            (None, Some(reading)) => {
+                (Some(trocar.rest_at_force(first.position, reading - options.offset)), Some(reading))
+            }
+            (None, None) => (Some(trocar.rest(first.position)), None),
+        };
+        let state = state.ok_or_else(|| SimulateError::NoDeflection { kind: trocar.seal().kind() })?;
+        let filter = options.filter.map(|filter| {
+            let mut state = BacklashState::default();
+            filter.displacement(&mut state, 0.0);
+            (filter, state, 0.0)
+        });
+        Ok((Self { trocar, state, filter }, Beginning { reading, state }))
     }
 
-    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
-        self.model.step(&mut self.state, displacement, duration)
-    }
-
-    fn force(&self) -> f64 {
-        M::force(&self.state)
-    }
-
-    fn deformation(&self) -> Option<Deformation> {
-        None
-    }
-}
-
-/// Several elements count as one seal: the deflection is their mean, and the seal slides once all of them do.
-impl Drive for Parallel<'_> {
-    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
-        Parallel::step(self, displacement, duration)
-    }
-
-    fn force(&self) -> f64 {
-        Parallel::force(self)
-    }
-
-    fn deformation(&self) -> Option<Deformation> {
-        Some(Deformation::of(self.states()))
-    }
-}
-
-/// A drive behind a play guard: flicker of a resting position no longer reaches it.
-///
-/// The positions written stay those of the motion; only what the drive is moved by goes through the guard.
-#[derive(Debug)]
-pub struct Guarded<'a, D> {
-    drive: &'a mut D,
-    guard: PlayGuard,
-    state: GuardState,
-    /// Position from the first row on, m.
-    travelled: f64,
-}
-
-impl<'a, D: Drive> Guarded<'a, D> {
-    /// Puts `guard` in front of `drive`.
-    pub fn new(drive: &'a mut D, guard: PlayGuard) -> Self {
-        let mut state = GuardState::default();
-        guard.displacement(&mut state, 0.0);
-        Self { drive, guard, state, travelled: 0.0 }
-    }
-}
-
-impl<D: Drive> Drive for Guarded<'_, D> {
-    fn start(&mut self, reading: Option<f64>) {
-        self.drive.start(reading);
-    }
-
-    fn start_at(&mut self, position: f64, reading: Option<f64>) {
-        self.drive.start_at(position, reading);
-    }
-
-    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
-        self.travelled += displacement;
-        let displacement = self.guard.displacement(&mut self.state, self.travelled);
-        self.drive.step(displacement, duration)
-    }
-
-    fn force(&self) -> f64 {
-        self.drive.force()
-    }
-
-    fn deformation(&self) -> Option<Deformation> {
-        self.drive.deformation()
+    fn step(&mut self, to: &Step) {
+        match &mut self.filter {
+            None => self.trocar.step_to(&mut self.state, to.position, to.duration),
+            Some((filter, state, travelled)) => {
+                *travelled += to.displacement;
+                let displacement = filter.displacement(state, *travelled);
+                self.trocar.step(&mut self.state, displacement, to.duration)
+            }
+        };
     }
 }
 
@@ -147,6 +93,12 @@ pub enum SimulateError {
     /// The result cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// An initial deflection for a model that has none.
+    #[error("an initial deflection is for EMS elements; a {kind} model has no deflection")]
+    NoDeflection {
+        /// Kind of the model.
+        kind: &'static str,
+    },
 }
 
 /// What a replay covered.
@@ -158,35 +110,37 @@ pub struct Simulated {
     pub lowest: f64,
     /// Highest position, m; negative infinite without any row.
     pub highest: f64,
+    /// How it began; `None` without any row.
+    pub beginning: Option<Beginning>,
 }
 
-/// Replays `drive` along the file `motion` and writes `output`; `-` is standard input or output.
+/// Simulates `trocar` along the file `motion` and writes `output`; `-` is standard input or output.
 ///
-/// `choice` says what to take from the motion. The first row is where the drive stands: it carries the drive's present force.
-/// `progress` is told now and then which part of the motion has been read, 0 to 1 (0 for a stream), and how many rows. Returns
-/// the number of rows and the range of the positions.
+/// `choice` says what to take from the motion. The first row is where the instrument stands: it carries the force at rest there.
+/// `progress` gets now and then which part of the motion has been read, 0 to 1 (0 for a stream), and how many rows.
 ///
 /// # Errors
 /// [`SimulateError::Motion`] names the line of the first row that cannot be replayed: no number, not finite, time going
 /// back, position changing within no time, more than two metres of stroke. [`SimulateError::Output`] when the result
-/// cannot be written. Neither leaves an output file.
-pub fn simulate_file(
+/// cannot be written. No error leaves an output file.
+pub fn simulate_file<K: AsRef<[f64]>>(
     motion: &Path,
     choice: &Choice,
-    drive: &mut impl Drive,
+    trocar: &Trocar<K>,
+    options: &SimulateOptions,
     output: &Path,
     progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
-    let mut result = TableWriter::create(output, &fields(drive))?;
-    let simulated = simulate(Positions::open(motion, choice)?, drive, &mut result, progress)?;
+    let mut result = TableWriter::create(output, &fields(trocar.seal()))?;
+    let simulated = simulate(Positions::open(motion, choice)?, trocar, options, &mut result, progress)?;
     result.commit()?;
     Ok(simulated)
 }
 
-/// The columns of a replay: time, position and force, and the deformation where `drive` knows one.
-pub fn fields(drive: &impl Drive) -> Vec<Field> {
+/// The columns of a simulation: time, position and force, and the deformation where the model has one.
+pub fn fields(seal: &Seal) -> Vec<Field> {
     let mut fields: Vec<Field> = ["time_s", "position_m", "force_n"].map(Field::number).into();
-    if drive.deformation().is_some() {
+    if seal.stages().is_some() {
         fields.extend([Field::number("deflection_m"), Field::new("mode", Kind::Text)]);
     }
     fields
@@ -196,26 +150,29 @@ pub fn fields(drive: &impl Drive) -> Vec<Field> {
 ///
 /// # Errors
 /// As for [`simulate_file`].
-pub fn simulate(
+pub fn simulate<K: AsRef<[f64]>>(
     mut rows: Positions,
-    drive: &mut impl Drive,
+    trocar: &Trocar<K>,
+    options: &SimulateOptions,
     output: &mut TableWriter,
     mut progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
+    let trocar = trocar.borrowed();
     let mut count = 0;
+    let mut under_way: Option<(Run, Beginning)> = None;
     while let Some(step) = rows.advance()? {
-        if count == 0 {
-            drive.start_at(step.position, step.reading);
-        }
-        let force = match step.duration > 0.0 {
-            true => drive.step_to(step.position, step.displacement, step.duration),
-            false => drive.force(),
+        let run = match &mut under_way {
+            Some((run, _)) => run,
+            None => &mut under_way.insert(Run::begin(&trocar, options, &step)?).0,
         };
-        let numbers = [step.time, step.position, force].map(Cell::Number);
-        match drive.deformation() {
+        if step.duration > 0.0 {
+            run.step(&step);
+        }
+        let numbers = [step.time, step.position, run.state.force()].map(Cell::Number);
+        match run.state.deformation() {
             Some(Deformation { deflection, mode }) => {
                 let [time, position, force] = numbers;
-                output.row(&[time, position, force, Cell::Number(deflection), Cell::Word(word(mode))])?;
+                output.row(&[time, position, force, Cell::Number(deflection), Cell::Text(word(mode))])?;
             }
             None => output.row(&numbers)?,
         }
@@ -224,7 +181,8 @@ pub fn simulate(
             progress(rows.rows.part(), count);
         }
     }
-    Ok(Simulated { rows: count, lowest: rows.lowest, highest: rows.highest })
+    let beginning = under_way.map(|(_, beginning)| beginning);
+    Ok(Simulated { rows: count, lowest: rows.lowest, highest: rows.highest, beginning })
 }
 
 fn word(mode: Mode) -> &'static str {

@@ -8,12 +8,12 @@ use serde::Serialize;
 
 use crate::identify::{
     DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions,
-    Parameter, Phase, PositionLag, SteadyFit, StickSlip, Warning,
+    Parameter, Phase, PositionDelay, SteadyFit, StickSlip, Warning,
 };
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, SensorInfo};
+use crate::profile::ProfileFit;
 use crate::recording::{Quality, Recording};
-use crate::travel::TravelFit;
-use crate::validate::{Validation, validate_along};
+use crate::validate::{Validation, validate};
 
 /// Value of the key `program`.
 pub(crate) const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
@@ -38,7 +38,7 @@ impl MovingMass {
         SensorInfo {
             offset_n: offset + self.mass * self.gravity,
             moving_mass_kg: self.mass + hidden.max(0.0),
-            position_lag_s: 0.0,
+            position_delay_s: 0.0,
         }
     }
 }
@@ -53,7 +53,7 @@ pub struct Outcome<'a> {
     /// The recordings it was identified from, the moving mass taken out.
     pub recordings: &'a [Recording],
     /// The recordings it was validated on, the moving mass taken out.
-    pub held_back: &'a [Recording],
+    pub held_out: &'a [Recording],
     /// The validation on them; `None` without any.
     pub validation: Option<&'a Validation>,
     /// What was taken out.
@@ -114,7 +114,7 @@ pub struct Summary<'a> {
     pub seed: u64,
     /// Resamples of the bootstrap.
     pub bootstrap: usize,
-    /// Whether data were lost or parameters are not pinned (exit code 3).
+    /// Whether data were lost or parameters are not determined (exit code 3).
     pub doubtful: bool,
     /// Parameters of the model by name with unit.
     pub parameters: BTreeMap<&'a str, &'a Estimate>,
@@ -133,12 +133,12 @@ pub struct Summary<'a> {
     /// Holds and partial reversals in the recordings.
     pub free_motion: FreeMotion,
     /// The delay of the positions that was taken out; `None` when none shows.
-    pub position_lag: Option<PositionLag>,
+    pub position_delay: Option<PositionDelay>,
     /// How the force depends on the position, beside the element; `None` when it does not, or no strokes repeat.
-    pub travel: Option<&'a TravelFit>,
-    /// Why strokes that repeat gave no `travel`.
-    pub travel_missing: Option<&'a str>,
-    /// Validation on the recordings held back; `None` without any.
+    pub position_profile: Option<&'a ProfileFit>,
+    /// Why strokes that repeat gave no `position_profile`.
+    pub no_position_profile: Option<&'a str>,
+    /// Validation on the recordings held out; `None` without any.
     pub validation: Option<&'a Validation>,
     /// Steady-state step with its data.
     pub steady: &'a SteadyFit,
@@ -156,12 +156,11 @@ pub struct Summary<'a> {
     pub warnings: Vec<Warning>,
 }
 
-/// The validation of `found` on `held_back`, positions and undeclared mass treated as in the identification; `None` without
+/// The validation of `found` on `held_out`, positions and unmodelled mass treated as in the identification; `None` without
 /// recordings.
-pub fn validated(found: &Identification, held_back: &[Recording]) -> Option<Validation> {
-    let (elements, offset) = (found.stages.elements(), found.model.offset);
-    let validate = || validate_along(elements, found.profile(), held_back, offset);
-    (!held_back.is_empty()).then(|| validate().beside_identification(found.residual_rms, held_back))
+pub fn validated(found: &Identification, held_out: &[Recording]) -> Option<Validation> {
+    let validate = || validate(&found.trocar(), held_out, found.model.offset);
+    (!held_out.is_empty()).then(|| validate().beside_identification(found.residual_rms, held_out))
 }
 
 impl<'a> Outcome<'a> {
@@ -182,9 +181,9 @@ impl<'a> Outcome<'a> {
             phases: &found.phases,
             stick_slip: found.stick_slip.as_ref(),
             free_motion: found.free_motion,
-            position_lag: found.position_lag,
-            travel: found.travel.as_ref(),
-            travel_missing: found.travel_missing.as_deref(),
+            position_delay: found.position_delay,
+            position_profile: found.position_profile.as_ref(),
+            no_position_profile: found.no_position_profile.as_deref(),
             validation: self.validation,
             steady: &found.steady,
             deformation: deformation.ok().map(deformation_summary),
@@ -208,9 +207,9 @@ impl<'a> Outcome<'a> {
         })
     }
 
-    /// Whether data were lost or parameters are not pinned, in identification or validation.
+    /// Whether data were lost or parameters are not determined, in identification or validation.
     pub fn is_doubtful(&self) -> bool {
-        let lost = self.held_back.iter().any(|recording| !recording.quality.warnings.is_empty());
+        let lost = self.held_out.iter().any(|recording| !recording.quality.warnings.is_empty());
         let unknown = self.validation.is_some_and(Validation::is_doubtful);
         self.identification.is_doubtful() || lost || unknown
     }
@@ -220,11 +219,11 @@ impl<'a> Outcome<'a> {
         let found = self.identification;
         let mut origin = Origin::identified(self.options.seed, self.recordings);
         origin.note = found.deformation_note();
-        let mut model = ModelFile::new(found.stages.elements().to_vec(), origin);
-        let sensor = self.moving_mass.sensor(found.model.offset, found.model.hidden_mass);
-        let position_lag_s = found.position_lag.map_or(0.0, |lag| lag.lag_s);
-        model.sensor = Some(SensorInfo { position_lag_s, ..sensor });
-        model.travel = found.profile().cloned();
+        let mut model = ModelFile::new(found.stages, origin);
+        model.trocar = found.trocar().stored_as(<[f64]>::to_vec);
+        let sensor = self.moving_mass.sensor(found.model.offset, found.model.unmodelled_mass);
+        let position_delay_s = found.position_delay.map_or(0.0, |lag| lag.delay_s);
+        model.sensor = Some(SensorInfo { position_delay_s, ..sensor });
         model.intervals = intervals(&found.parameters);
         model.force_error = Some(self.force_error());
         model
@@ -233,13 +232,12 @@ impl<'a> Outcome<'a> {
     /// On the recordings held out and on those identified from, by phase the worse of the two.
     fn force_error(&self) -> ForceError {
         let found = self.identification;
-        let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.hidden_mass, 0.0).ok();
-        let recordings: Vec<Recording> = match found.model.hidden_mass {
+        let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0).ok();
+        let recordings: Vec<Recording> = match found.model.unmodelled_mass {
             0.0 => self.recordings.to_vec(),
             _ => self.recordings.iter().filter_map(without_hidden).collect(),
         };
-        let own = validate_along(found.stages.elements(), found.profile(), &recordings, found.model.offset)
-            .force_error(ErrorSource::Identification);
+        let own = validate(&found.trocar(), &recordings, found.model.offset).force_error(ErrorSource::Identification);
         let validated = self.validation.map(|validation| validation.force_error(ErrorSource::Validation));
         validated.map_or(own, |validated| own.worse(&validated, ErrorSource::Validation))
     }
@@ -255,7 +253,7 @@ impl<'a> Outcome<'a> {
                 quality: &recording.quality,
             })
         };
-        of("identification", self.recordings).chain(of("validation", self.held_back)).collect()
+        of("identification", self.recordings).chain(of("validation", self.held_out)).collect()
     }
 }
 

@@ -94,7 +94,7 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
         );
     } else {
         found.push(format!(
-            "the longest stroke is {:.1} mm: a seal that needs more travel to turn over stays unresolved",
+            "the longest stroke is {:.1} mm: a seal that needs more travel to snap through stays unresolved",
             1e3 * stroke
         ));
     }

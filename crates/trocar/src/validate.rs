@@ -10,13 +10,14 @@
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+use trocar_model::Trocar;
 
 use crate::model_file::{ErrorSource, ForceError};
+use crate::profile::Departure;
 use crate::recording::{Recording, local_velocity, range};
-use crate::replay::{Replay, Replayable, replay_along};
+use crate::replay::{Replay, replay};
 use crate::scatter::StrokeScatter;
 use crate::segment::{passes, reversal_threshold};
-use crate::travel::{Departure, TravelProfile};
 
 /// Speed below which the instrument counts as held, m/s.
 const HOLD_SPEED: f64 = 1e-3;
@@ -403,29 +404,14 @@ impl Sums {
     }
 }
 
-/// Replays EMS elements or a classical model over `recordings`, whose readings hold the sensor offset `offset`, N.
-pub fn validate<M: Replayable + ?Sized>(model: &M, recordings: &[Recording], offset: f64) -> Validation {
-    validate_along(model, None, recordings, offset)
-}
-
-/// The same for a model whose force depends on the position.
-pub fn validate_along<M: Replayable + ?Sized>(
-    model: &M,
-    travel: Option<&TravelProfile>,
-    recordings: &[Recording],
-    offset: f64,
-) -> Validation {
-    Validation::of(recordings.iter().map(|r| validate_one(model, travel, r, offset)).collect())
+/// Replays `trocar` over `recordings`, whose readings hold the sensor offset `offset`, N.
+pub fn validate<K: AsRef<[f64]>>(trocar: &Trocar<K>, recordings: &[Recording], offset: f64) -> Validation {
+    Validation::of(recordings.iter().map(|recording| validate_one(trocar, recording, offset)).collect())
 }
 
 /// Validates one recording, or one piece of it; [`Scored::plus`] puts pieces together.
-pub fn validate_one<M: Replayable + ?Sized>(
-    model: &M,
-    travel: Option<&TravelProfile>,
-    recording: &Recording,
-    offset: f64,
-) -> Scored {
-    let run = replay_along(model, travel, recording, offset);
+pub fn validate_one<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Scored {
+    let run = replay(trocar, recording, offset);
     let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let mut warnings = Vec::new();
     let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
@@ -458,7 +444,7 @@ pub fn validate_one<M: Replayable + ?Sized>(
         warnings,
     };
     let (lowest, highest) = range(&recording.position);
-    let departure = travel.and_then(|profile| profile.departure(lowest, highest));
+    let departure = trocar.profile().and_then(|profile| Departure::of(profile, lowest, highest));
     Scored { result, sums, pieces: 1, known: !run.known.is_empty(), departure }
 }
 

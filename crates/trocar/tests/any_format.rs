@@ -153,7 +153,7 @@ fn what_cannot_be_chosen_is_explained() {
     }
 }
 
-/// `bags/make.py`: position at `t` seconds behind the start, m.
+/// `bags/make.py`: position at `t` seconds after the start, m.
 fn position(t: f64) -> f64 {
     0.12 + 0.05 * (PI * t).sin()
 }
@@ -203,7 +203,7 @@ fn names_alone_choose_the_insertion_joint_and_the_wrench() {
     ] {
         assert!(notes.contains(essential), "'{essential}' not in {notes}");
     }
-    // Times count from the log's first, which lies LATENCY behind the first stamp.
+    // Times count from the log's first, which lies LATENCY after the first stamp.
     for k in 0..found.len() {
         assert!((found.position[k] - position(found.time[k] + 3e-4)).abs() < 1e-12, "row {k}");
         assert!((found.force[k] - (20.0 * found.position[k] - 2.0)).abs() < STRAIGHT, "row {k}: {}", found.force[k]);

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use trocar::recording::{Choice, Pieces, ReadOptions, Recording, read};
 use trocar::simulate::Positions;
 use trocar::validate::{Validation, validate, validate_one};
-use trocar_model::{Classical, SlidingFriction, StaticFriction};
+use trocar_model::{Classical, SlidingFriction, StaticFriction, Trocar};
 
 /// Rows that make several of the reader's chunks.
 const MANY: usize = 400_000;
@@ -162,15 +162,15 @@ fn the_beginning_of_a_longer_recording_is_thinned_alike() {
     assert!(shorter.iter().filter(|row| !longer.contains(row)).count() == 0, "{} {}", shorter.len(), longer.len());
 }
 
-fn coulomb() -> Classical {
-    Classical::Static(StaticFriction::new(SlidingFriction::coulomb(1.5, 0.0)).unwrap())
+fn coulomb() -> Trocar {
+    Trocar::of_seal(Classical::Static(StaticFriction::new(SlidingFriction::coulomb(1.5, 0.0)).unwrap()))
 }
 
 fn by_pieces(path: &std::path::Path, samples: usize) -> Validation {
     let mut pieces = Pieces::open(path, &options(None), samples).unwrap();
     let mut all: Option<trocar::validate::Scored> = None;
     while let Some(piece) = pieces.next_piece().unwrap() {
-        let one = validate_one(&coulomb(), None, &piece, 0.1);
+        let one = validate_one(&coulomb(), &piece, 0.1);
         all = Some(match all.take() {
             Some(before) => before.plus(one),
             None => one,

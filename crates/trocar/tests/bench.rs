@@ -12,7 +12,7 @@ fn plausible() -> Element {
     Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()
 }
 
-/// A seal of `coulomb_force` N that bends linearly over 2 mm.
+/// A seal of `coulomb_force` N that deforms linearly over 2 mm.
 fn linear_seal(coulomb_force: f64, viscous_damping: f64) -> Element {
     let friction = SlidingFriction::coulomb(coulomb_force, viscous_damping);
     Element::new(ElementParams {
@@ -660,7 +660,7 @@ fn protocols_have_names() {
 #[test]
 fn random_seals_are_plausible_and_differ() {
     let ranges = PlausibleSeals::default();
-    let mut turning_over = 0;
+    let mut snapping_through = 0;
     for seed in 0..300 {
         let params = random_plausible_seal(seed);
         assert_eq!(params, random_plausible_seal(seed));
@@ -670,7 +670,7 @@ fn random_seals_are_plausible_and_differ() {
         assert!((2e-3..=9e-3).contains(&c));
         let mean_force = 0.5 * (params.insertion.coulomb_force + params.withdrawal.coulomb_force);
         assert!((0.5..=6.0).contains(&mean_force));
-        turning_over += u32::from(force.softening_interval().is_some());
+        snapping_through += u32::from(force.softening_interval().is_some());
         for i in 1..1000 {
             let z = c * (f64::from(i) / 500.0 - 1.0);
             assert!(force.half_gap(z) >= 0.0);
@@ -678,7 +678,7 @@ fn random_seals_are_plausible_and_differ() {
             assert!(force.falling().force(z) > -params.withdrawal.static_force);
         }
     }
-    assert!((75..=225).contains(&turning_over), "{turning_over} of 300 turn over");
+    assert!((75..=225).contains(&snapping_through), "{snapping_through} of 300 snap through");
     assert_ne!(random_plausible_seal(1), random_plausible_seal(2));
     let symmetric = PlausibleSeals { friction_asymmetry: 0.0, ..ranges };
     let params = random_seal(&symmetric, 7);

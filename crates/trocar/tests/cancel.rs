@@ -14,7 +14,7 @@ const ENDS: Duration = Duration::from_secs(5);
 fn recordings() -> Vec<Recording> {
     let seal = ModelFile::plausible_10_5_mm().unwrap();
     let record = |protocol: Protocol| {
-        let run = run(&BenchConfig::default(), protocol, seal.elements().unwrap(), 1).unwrap();
+        let run = run(&BenchConfig::default(), protocol, seal.stages().unwrap().elements(), 1).unwrap();
         run.to_recording(protocol.name()).unwrap().without_moving_mass(0.04, 0.0).unwrap()
     };
     [Protocol::Steady, Protocol::Dynamic].map(record).to_vec()

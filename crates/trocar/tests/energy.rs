@@ -6,7 +6,7 @@ mod common;
 use common::general_elements;
 use proptest::prelude::*;
 use trocar::analyze::RandomCycles;
-use trocar_model::{DeformationForce, Element, Relaxation, RelaxationArm};
+use trocar_model::{DeformationForce, Element, Relaxation, RelaxationArm, Stages};
 
 /// Cycles tried on each seal.
 const CYCLES: u32 = 20;
@@ -33,13 +33,13 @@ proptest! {
 
     #[test]
     fn no_cycle_gives_work(element in elements(), seed: u64) {
-        let found = RandomCycles::search(&[element], CYCLES, seed);
+        let found = RandomCycles::search(&element.into(), CYCLES, seed);
         prop_assert!(found.holds, "{found:#?}");
     }
 
     #[test]
     fn no_cycle_gives_work_with_several_elements(elements in prop::collection::vec(elements(), 2..4), seed: u64) {
-        let found = RandomCycles::search(&elements, CYCLES / 2, seed);
+        let found = RandomCycles::search(&Stages::new(&elements).unwrap(), CYCLES / 2, seed);
         prop_assert!(found.holds, "{found:#?}");
     }
 }

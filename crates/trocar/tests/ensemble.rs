@@ -6,8 +6,7 @@ use std::time::Duration;
 use trocar::cancel::{Cancel, Stopped};
 use trocar::many::ensemble::{Ensemble, Motion, Refusal, Start, Tuned, forces, squared_errors};
 use trocar::model_file::ModelFile;
-use trocar::travel::TravelProfile;
-use trocar_model::{ParamError, Trocar};
+use trocar_model::{ParamError, PositionProfile, Trocar};
 
 /// Models of every kind, and the motion with holds, jumps and repeated rows, that all programs are compared on.
 fn conformance() -> (Vec<ModelFile>, Vec<f64>, Vec<f64>) {
@@ -30,12 +29,12 @@ impl Ensemble for Files<'_> {
         self.0.len()
     }
 
-    fn trocar(&self, index: usize) -> Result<Trocar<'_>, ParamError> {
-        Ok(self.0[index].trocar().unwrap())
+    fn trocar(&self, index: usize) -> Result<Trocar<&[f64]>, ParamError> {
+        Ok(self.0[index].trocar.borrowed())
     }
 }
 
-fn alone(trocar: &Trocar<'_>, start: Start, time: &[f64], position: &[f64]) -> Vec<f64> {
+fn alone(trocar: &Trocar<&[f64]>, start: Start, time: &[f64], position: &[f64]) -> Vec<f64> {
     let mut state = start.state(trocar, position[0]).unwrap();
     let mut before = time[0];
     let step = |(&t, &x): (&f64, &f64)| {
@@ -62,17 +61,18 @@ fn run(ensemble: &impl Ensemble, start: Start, motion: &Motion) -> Vec<f64> {
 #[test]
 fn models_of_all_kinds_go_together() {
     let (models, time, position) = conformance();
-    // Blocks of models without, with equal and with different profiles along the way.
+    // Blocks of models without, with equal and with different position profiles.
     let mut moved = models.clone();
     for (k, model) in moved.iter_mut().enumerate() {
-        let levels = vec![0.9 - 0.01 * k as f64, 1.0, 1.1 + 0.01 * k as f64];
-        model.travel = Some(TravelProfile::new(-0.02, 0.05, vec![0.0, 0.1, -0.1], levels).unwrap());
+        let gains = vec![0.9 - 0.01 * k as f64, 1.0, 1.1 + 0.01 * k as f64];
+        let profile = PositionProfile::new(-0.02, 0.05, vec![0.0, 0.1, -0.1], gains).unwrap();
+        model.trocar = Trocar::new(*model.trocar.seal(), Some(profile));
     }
     let files: Vec<&ModelFile> = (0..120).map(|k| if k % 3 == 0 { &moved[k % 14] } else { &models[k % 14] }).collect();
     let motion = Motion::new(&time, &position);
     for start in [Start::Undeformed, Start::Force(-1.0)] {
         let expected: Vec<f64> =
-            files.iter().flat_map(|file| alone(&file.trocar().unwrap(), start, &time, &position)).collect();
+            files.iter().flat_map(|file| alone(&file.trocar.borrowed(), start, &time, &position)).collect();
         assert_same(&run(&Files(files.clone()), start, &motion), &expected, &format!("{start:?}"));
     }
 }
@@ -83,7 +83,7 @@ fn turned_parameters_are_those_of_each() {
     let motion = Motion::new(&time, &position);
     let factors: Vec<f64> = (0..50).map(|k| 0.8 + 0.01 * f64::from(k)).collect();
     for (number, file) in models.iter().enumerate() {
-        let base = file.trocar().unwrap();
+        let base = file.trocar.borrowed();
         let first = base.seal().tunables().next().unwrap();
         let values: Vec<f64> = factors.iter().map(|factor| factor * first.value).collect();
         let seal = |value: &f64| base.with_seal(base.seal().tuned(&[*value]).unwrap());
@@ -106,7 +106,7 @@ fn turned_parameters_are_those_of_each() {
 fn a_motion_that_cannot_be_followed_is_held() {
     let (time, position) = ([0.0, 1.0, 1.0, 2.0, f64::NAN, 4.0, 5.0], [0.0, 0.01, 0.02, f64::NAN, 0.01, 0.03, 0.0]);
     let model = ModelFile::plausible_10_5_mm().unwrap();
-    let trocar = model.trocar().unwrap();
+    let trocar = model.trocar.borrowed();
     let expected = alone(&trocar, Start::Undeformed, &time, &position);
     let found = run(&Tuned::new(trocar, Vec::new()).unwrap(), Start::Undeformed, &Motion::new(&time, &position));
     assert_same(&found, &expected, "held");
@@ -119,13 +119,13 @@ fn the_first_that_cannot_be_run_is_told() {
     let motion = Motion::new(&time, &position);
     let plausible = ModelFile::plausible_10_5_mm().unwrap();
     let widths: Vec<f64> = (0..200).map(|k| if k == 77 || k == 150 { -1e-3 } else { 5e-3 }).collect();
-    let tuned = Tuned::new(plausible.trocar().unwrap(), vec![(0, &widths)]).unwrap();
-    assert!(Tuned::new(plausible.trocar().unwrap(), vec![(99, &widths)]).is_none());
+    let tuned = Tuned::new(plausible.trocar.borrowed(), vec![(0, &widths)]).unwrap();
+    assert!(Tuned::new(plausible.trocar.borrowed(), vec![(99, &widths)]).is_none());
     let mut out = vec![0.0; 200];
     let refusal = squared_errors(&tuned, Start::Undeformed, &motion, &time, &mut out).unwrap_err();
     assert!(matches!(refusal, Refusal::Parameter { index: 77, .. }));
     assert_eq!(refusal.to_string(), "model 77: half_width must be positive, got -0.001 m");
-    let classical = models.iter().position(|model| model.elements().is_err()).unwrap();
+    let classical = models.iter().position(|model| model.stages().is_err()).unwrap();
     let files = Files(models.iter().collect());
     let mut out = vec![0.0; files.count() * motion.samples()];
     let refusal = forces(&files, Start::Deflection(1e-3), &motion, &mut out).unwrap_err();
@@ -138,7 +138,7 @@ fn work_that_is_called_off_ends() {
     let time: Vec<f64> = (0..100_000).map(|k| f64::from(k) * 1e-3).collect();
     let position: Vec<f64> = time.iter().map(|t| 0.02 * t.sin()).collect();
     let widths = vec![5e-3; 100_000];
-    let tuned = Tuned::new(model.trocar().unwrap(), vec![(0, &widths)]).unwrap();
+    let tuned = Tuned::new(model.trocar.borrowed(), vec![(0, &widths)]).unwrap();
     let (motion, cancel, mut sums) = (Motion::new(&time, &position), Cancel::default(), vec![0.0; widths.len()]);
     let outcome = std::thread::scope(|scope| {
         let flag = cancel.clone();

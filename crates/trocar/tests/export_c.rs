@@ -16,7 +16,7 @@ use trocar::export::c::{CError, check_prefix, from_file, write};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar_model::{
     Classical, Dahl, DahlParams, DeformationForce, Element, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    Relaxation, RelaxationArm, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    Relaxation, RelaxationArm, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve,
 };
 
 /// Largest difference from the library, as a part of the force or of 1 N, whichever is greater: the last digit that counts.
@@ -124,16 +124,19 @@ fn elements() -> impl Strategy<Value = Element> {
     prop_oneof![1 => common::seals().prop_map(|seal| seal.element()), 3 => general]
 }
 
-/// One to four random elements each, every third with a profile along the way; and a hump above the sliding force, with
+/// One to four random elements each, every third with a position profile; and a hump above the sliding force, with
 /// and without anything that decides the slip speed.
 fn random_models() -> Vec<(String, ModelFile)> {
     let mut runner = TestRunner::deterministic();
     let mut draw = || prop::collection::vec(elements(), 1..=4).new_tree(&mut runner).unwrap().current();
-    let profile = ModelFile::read(&repository().join("conformance/models/ems_travel.json")).unwrap().travel;
-    let file = |elements: Vec<Element>| ModelFile::new(elements, Origin::new(OriginKind::HandMade));
+    let along = ModelFile::read(&repository().join("conformance/models/ems_profile.json")).unwrap().trocar;
+    let file =
+        |elements: Vec<Element>| ModelFile::new(Stages::new(&elements).unwrap(), Origin::new(OriginKind::HandMade));
     let random = (0..RANDOM_MODELS).map(|k| {
         let mut model = file(draw());
-        model.travel = profile.clone().filter(|_| k % 3 == 0);
+        if k % 3 == 0 {
+            model.trocar = along.with_seal(*model.trocar.seal());
+        }
         (format!("random{k}"), model)
     });
     let humped = [0.0, 5.0].into_iter().enumerate().map(|(k, beta)| {
@@ -293,7 +296,7 @@ fn run_c(program: &Path, start: f64, calls: &[Call], models: usize) -> Vec<Vec<O
 /// Compares one model with the library; returns the largest difference as in [`TOLERANCE`] and the steps that are not
 /// the same to the last bit.
 fn compare(name: &str, model: &ModelFile, start: f64, calls: &[Call], outcomes: &[Outcome]) -> (f64, usize) {
-    let trocar = model.trocar().unwrap();
+    let trocar = model.trocar.borrowed();
     let mut state = trocar.rest(start);
     let (mut largest, mut unequal) = (0.0_f64, 0);
     let mut see = |force: f64, outcome: &Outcome, k: usize| {
@@ -393,7 +396,7 @@ fn only_what_a_model_needs_is_written() {
         assert!(!plain.contains(part), "{part}");
     }
     assert!(!text("maxwell_slip").contains("decay") && !text("ems_stribeck").contains("log1p"));
-    assert!(text("ems_slow").contains("find_root") && text("ems_travel").contains("p_knots"));
+    assert!(text("ems_slow").contains("find_root") && text("ems_profile").contains("p_knots"));
     for (name, _) in conformance_models() {
         let text = text(&name);
         assert!(!text.contains('@') && !text.contains("trocar_"), "{name}");
@@ -464,7 +467,7 @@ fn sizes_and_speed() {
 
 /// Nanoseconds of one step of the library, the least of a hundred runs.
 fn library_speed(model: &ModelFile, start: f64, calls: &[Call]) -> f64 {
-    let trocar = model.trocar().unwrap();
+    let trocar = model.trocar.borrowed();
     let run = || {
         let begin = std::time::Instant::now();
         let mut state = trocar.rest(start);

@@ -44,7 +44,7 @@ fn texts(table: &Table, name: &str) -> Vec<String> {
 fn numbers(table: &Table, name: &str) -> Vec<f64> {
     match table.column(name) {
         Some(Column::Number(cells)) => cells.clone(),
-        Some(Column::Whole(cells)) => cells.iter().map(|cell| cell.map_or(f64::NAN, |cell| cell as f64)).collect(),
+        Some(Column::Integer(cells)) => cells.iter().map(|cell| cell.map_or(f64::NAN, |cell| cell as f64)).collect(),
         other => panic!("{name}: {other:?}"),
     }
 }
@@ -67,8 +67,8 @@ fn write(path: &Path, from: &Table, range: std::ops::Range<usize>, names: &[&str
     let fields: Vec<Field> = names.iter().map(|n| Field::new(*n, from.column(n).unwrap().kind())).collect();
     let cut = |name: &&str| match from.column(name).unwrap() {
         Column::Number(cells) => Column::Number(cells[range.clone()].to_vec()),
-        Column::Whole(cells) => Column::Whole(cells[range.clone()].to_vec()),
-        Column::Truth(cells) => Column::Truth(cells[range.clone()].to_vec()),
+        Column::Integer(cells) => Column::Integer(cells[range.clone()].to_vec()),
+        Column::Boolean(cells) => Column::Boolean(cells[range.clone()].to_vec()),
         Column::Text(cells) => Column::Text(cells[range.clone()].to_vec()),
     };
     let mut writer = TableWriter::create(path, &fields).unwrap();
@@ -244,7 +244,7 @@ fn recordings_that_cross_folders() {
 fn what_has_no_name_is_not_joined() {
     let place = TempDir::new().unwrap();
     let mut all = rows();
-    let Column::Whole(cells) = &mut all.columns[0] else { panic!("numbers of recordings") };
+    let Column::Integer(cells) = &mut all.columns[0] else { panic!("numbers of recordings") };
     cells[..1500].fill(None);
     write(&place.path().join("a/x.parquet"), &all, 0..1029, &ALL);
     write(&place.path().join("a/y.parquet"), &all, 1029..1500, &ALL);
@@ -387,15 +387,15 @@ fn interrupted_and_elsewhere_the_table_is_the_same() {
 #[test]
 fn numbers_and_words_tell_recordings_apart() {
     let place = TempDir::new().unwrap();
-    let kinds = [Kind::Number, Kind::Text, Kind::Whole];
+    let kinds = [Kind::Number, Kind::Text, Kind::Integer];
     for (k, kind) in kinds.into_iter().enumerate() {
         let mut all = rows();
-        let Column::Whole(cells) = &all.columns[0] else { panic!("numbers of recordings") };
+        let Column::Integer(cells) = &all.columns[0] else { panic!("numbers of recordings") };
         let values: Vec<i64> = cells.iter().flatten().copied().collect();
         all.columns[0] = match kind {
             Kind::Number => Column::Number(values.iter().map(|value| *value as f64 + 0.5).collect()),
             Kind::Text => Column::Text(values.iter().map(|value| Some(format!("trial {value}").into())).collect()),
-            _ => Column::Whole(values.into_iter().map(Some).collect()),
+            _ => Column::Integer(values.into_iter().map(Some).collect()),
         };
         shards(&place.path().join(k.to_string()), &all, [0, 1, 2, 3, 4], |_| ALL.to_vec());
     }

@@ -5,7 +5,7 @@ use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Term, identify};
 use trocar::recording::Recording;
 use trocar::validate::validate;
-use trocar_model::{DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction};
+use trocar_model::{DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction, Trocar};
 
 /// Noise of the bench's force sensor, N rms.
 const NOISE: f64 = 0.025;
@@ -32,7 +32,7 @@ fn found(recordings: &[Recording]) -> Identification {
 
 /// Error, N, on motion that the fit has not seen.
 fn error_elsewhere(found: &Identification, seal: &[ElementParams]) -> f64 {
-    validate(found.stages.elements(), &[surgeon(seal, 30.0, 99)], found.model.offset).rms_n
+    validate(&Trocar::of_seal(found.stages), &[surgeon(seal, 30.0, 99)], found.model.offset).rms_n
 }
 
 fn kept(found: &Identification, term: Term) -> bool {
@@ -45,10 +45,10 @@ fn seals(half_width: f64) -> PlausibleSeals {
     PlausibleSeals { half_width: (half_width, half_width), ..friction }
 }
 
-/// Within `part` of the truth, and pinned.
+/// Within `part` of the truth, and determined.
 fn assert_near(found: &Identification, name: &str, truth: f64, part: f64) {
     let estimate = found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter"));
-    assert!(estimate.pinned, "{name}: {estimate:?}");
+    assert!(estimate.determined, "{name}: {estimate:?}");
     assert!((estimate.value / truth - 1.0).abs() < part, "{name}: {estimate:?} found, {truth} true");
 }
 

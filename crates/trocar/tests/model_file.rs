@@ -3,14 +3,13 @@
 use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
 use trocar::model_file::{
-    ErrorSource, ForceError, Interval, Model, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo,
+    ErrorSource, ForceError, Interval, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo,
 };
-use trocar::travel::TravelProfile;
 use trocar_model::Classical;
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS,
-    MaxwellSlip, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate, StaticFriction,
-    StribeckCurve,
+    MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate,
+    Stages, StaticFriction, StribeckCurve, Trocar,
 };
 
 fn schema() -> jsonschema::Validator {
@@ -25,6 +24,10 @@ fn value(text: &str) -> Value {
     serde_json::from_str(text).unwrap()
 }
 
+fn stages<const N: usize>(elements: [ElementParams; N]) -> Stages {
+    Stages::new(&elements.map(|params| Element::new(params).unwrap())).unwrap()
+}
+
 /// A model with everything a file can hold.
 fn complete() -> ModelFile {
     let mut damped = random_plausible_seal(3);
@@ -36,8 +39,8 @@ fn complete() -> ModelFile {
     origin.seed = Some(u64::MAX);
     origin.note = Some("a \"quoted\" note, µ and \n".to_owned());
     origin.recordings = vec![RecordingInfo { name: "steady.csv".to_owned(), sha256: "0123456789abcdef".repeat(4) }];
-    let mut model = ModelFile::new(elements.map(|e| Element::new(e).unwrap()).to_vec(), origin);
-    model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_lag_s: 0.0 });
+    let mut model = ModelFile::new(stages(elements), origin);
+    model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.0 });
     for (name, high) in [("coulomb_force_n", Some(3.1)), ("stribeck_velocity_m_s", None)] {
         let interval = Interval { value: 3.0, ci95: [Some(2.9), high] };
         model.intervals.insert(name.to_owned(), interval);
@@ -52,41 +55,38 @@ fn slow() -> ModelFile {
     let two = Relaxation { arms: [arm(1e3 / 7.0, 0.3), arm(50.0, 10.0 / 3.0)] };
     let both = ElementParams { creep_velocity: 1e-3 / 7.0, friction_lag: 1.0 / 70.0, relaxation: two, ..plausible };
     let one = ElementParams { relaxation: Relaxation::single(120.0, 0.2), ..plausible };
-    let elements = [both, one, plausible].map(|params| Element::new(params).unwrap());
-    ModelFile { model: Model::Ems(elements.to_vec()), ..complete() }
+    ModelFile { trocar: Trocar::new(stages([both, one, plausible]), None), ..complete() }
 }
 
 /// A model whose force depends on the position, of a bench whose positions come late.
 fn along() -> ModelFile {
     let mut file = complete();
-    file.travel = TravelProfile::new(-0.01, 0.1, vec![0.1, -0.1 / 3.0, 0.1], vec![0.8, 1.2, 0.8]).ok();
-    assert!(file.travel.is_some());
-    file.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_lag_s: 0.05 });
+    let profile = PositionProfile::new(-0.01, 0.1, vec![0.1, -0.1 / 3.0, 0.1], vec![0.8, 1.2, 0.8]).unwrap();
+    file.trocar = Trocar::new(*file.trocar.seal(), Some(profile));
+    file.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.05 });
     file
 }
 
 #[test]
 fn profiles_that_make_no_seal_are_refused() {
-    let version = "travel: needs version 4, got version 3";
     let cases = [
-        ("/version", json!(3), version),
-        ("/travel/level/1", json!(-1.0), "level[1] is -1, expected above 0"),
-        ("/travel/level", json!([1.0, 1.0]), "offset_n has 3 values and level 2"),
-        ("/travel/to_m", json!(-1.0), "no interval"),
-        ("/travel/knots", json!(3), "unknown field `knots`"),
-        ("/sensor/position_lag_s", json!(-0.1), "sensor.position_lag_s: must not be negative, got -0.1 s"),
+        ("/position_profile/gain/1", json!(-1.0), "position_profile: gain 1 is -1, expected a finite number above 0"),
+        ("/position_profile/gain/1", json!(1.6), "position_profile: the mean gain over the range is 1.2"),
+        ("/position_profile/gain", json!([1.0, 1.0]), "3 values of the offset and 2 of the gain"),
+        ("/position_profile/to_m", json!(-1.0), "no interval"),
+        ("/position_profile/knots", json!(3), "unknown field `knots`"),
+        ("/sensor/position_delay_s", json!(-0.1), "sensor.position_delay_s: must not be negative, got -0.1 s"),
     ];
     for (pointer, replacement, expected) in cases {
         let document = broken(&along(), pointer, Some(replacement));
         let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
         assert!(error.contains(expected), "{pointer}: {error}");
     }
-    assert_eq!(value(&along().to_json())["version"], 4, "an older program says that it is too old");
     let mut classical = ModelFile::new(classical_models().pop().unwrap(), Origin::new(OriginKind::HandMade));
-    classical.travel = along().travel;
+    classical.trocar = along().trocar.with_seal(*classical.trocar.seal());
     assert!(!schema().is_valid(&value(&classical.to_json())));
     let error = ModelFile::from_json(&classical.to_json()).unwrap_err().to_string();
-    assert!(error.starts_with("travel: is for elements"), "{error}");
+    assert!(error.starts_with("position_profile: is for elements"), "{error}");
 }
 
 /// A model that says how far off its force is.
@@ -106,7 +106,6 @@ fn with_error() -> ModelFile {
 #[test]
 fn errors_that_are_none_are_refused() {
     let cases = [
-        ("/version", json!(4), "force_error: needs version 5, got version 4"),
         ("/force_error/held_n", json!(-0.1), "force_error: must not be negative, got -0.1 N"),
         ("/force_error/source", json!("guess"), "unknown variant `guess`"),
     ];
@@ -115,7 +114,6 @@ fn errors_that_are_none_are_refused() {
         let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
         assert!(error.contains(expected), "{pointer}: {error}");
     }
-    assert_eq!(value(&with_error().to_json())["version"], 6, "an older program says that it is too old");
     assert!(schema().is_valid(&value(&with_error().to_json())));
     assert_eq!(ModelFile::from_json(&with_error().to_json()).unwrap(), with_error());
 }
@@ -163,7 +161,7 @@ fn classical_models() -> Vec<Classical> {
 
 /// Complete files of all classical models.
 fn classical_files() -> Vec<ModelFile> {
-    let file = |model| ModelFile { model: Model::Classical(model), ..complete() };
+    let file = |model| ModelFile { trocar: Trocar::new(model, None), ..complete() };
     classical_models().into_iter().map(file).collect()
 }
 
@@ -176,28 +174,35 @@ fn every_kind_is_among_the_classical_models_tried() {
     assert!(models.iter().all(|model| Classical::KINDS.contains(&model.kind())));
 }
 
+/// Versions 1 to 6 differ from the present one by the names of three keys.
 #[test]
-fn files_of_elements_stay_readable_for_older_programs() {
-    let text = value(&complete().to_json());
-    assert_eq!(text["version"], 1);
-    assert!(text.get("friction").is_none());
-    for file in classical_files() {
-        let text = value(&file.to_json());
-        assert_eq!(text["version"], 2, "an older program says that it is too old");
-        assert!(text.get("elements").is_none());
+fn files_of_older_versions_are_read() {
+    for version in 1..=6 {
+        for file in [complete(), slow(), with_error()].into_iter().chain(classical_files()) {
+            let text = file.to_json().replacen("\"version\": 7", &format!("\"version\": {version}"), 1);
+            let text = text.replace("\"position_profile\"", "\"travel\"").replace("\"gain\"", "\"level\"");
+            let text = text.replace("\"position_delay_s\"", "\"position_lag_s\"");
+            assert_eq!(ModelFile::from_json(&text).unwrap(), file);
+        }
     }
-    assert_eq!(value(&slow().to_json())["version"], 3, "an older program says that it is too old");
-    let newer = value(&complete().to_json().replacen("\"version\": 1", "\"version\": 2", 1));
-    assert!(schema().is_valid(&newer));
-    assert_eq!(ModelFile::from_json(&newer.to_string()).unwrap(), complete());
+}
+
+#[test]
+fn a_model_of_five_elements_is_refused() {
+    let mut document = value(&complete().to_json());
+    let elements = document["elements"].as_array_mut().unwrap();
+    elements.resize(5, elements[0].clone());
+    assert!(!schema().is_valid(&document));
+    let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
+    assert!(error.starts_with("elements: a model has 1 to 4 elements, got 5"), "{error}");
 }
 
 #[test]
 fn elements_of_a_classical_model_are_refused_with_its_kind() {
     let file = ModelFile::new(classical_models().pop().unwrap(), Origin::new(OriginKind::HandMade));
-    let error = file.elements().unwrap_err().in_file("gms.json".as_ref()).to_string();
+    let error = file.stages().unwrap_err().in_file("gms.json".as_ref()).to_string();
     assert!(error.starts_with("gms.json: holds a gms model, expected EMS elements"), "{error}");
-    assert_eq!(complete().elements().unwrap().len(), 2);
+    assert_eq!(complete().stages().unwrap().elements().len(), 2);
 }
 
 #[test]
@@ -207,7 +212,7 @@ fn written_models_conform_and_come_back_to_the_bit() {
     models.extend(classical_files());
     for seed in 0..200 {
         let element = Element::new(random_plausible_seal(seed)).unwrap();
-        models.push(ModelFile::new(vec![element], Origin::new(OriginKind::Plausible)));
+        models.push(ModelFile::new(element, Origin::new(OriginKind::Plausible)));
     }
     for model in models {
         let text = model.to_json();
@@ -223,7 +228,6 @@ fn slow_parts_that_make_no_seal_are_refused() {
     let good = slow();
     let arm = json!({ "stiffness_n_m": 1.0, "time_s": 1.0 });
     let cases = [
-        ("/version", json!(2), "elements: creep and relaxation need version 3, got version 2"),
         (
             "/elements/0/relaxation",
             json!([arm, arm, arm]),
@@ -249,7 +253,7 @@ fn plausible_model_says_so() {
 fn every_number_says_its_unit() {
     fn walk(key: &str, value: &Value) {
         let units = ["_n", "_m", "_s", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg"];
-        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95", "level"];
+        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95", "gain"];
         match value {
             Value::Object(inner) => inner.iter().for_each(|(key, value)| walk(key, value)),
             Value::Array(inner) => inner.iter().for_each(|value| walk(key, value)),
@@ -290,16 +294,16 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(7)), "written by a newer trocar: model version 7, this one reads 6"),
-        ("/version", Some(json!(0)), "\"version\" must be 1 to 6, got 0"),
-        ("/version", Some(json!("1")), "\"version\" must be 1 to 6, got \"1\""),
-        ("/version", None, "\"version\" must be 1 to 6, got nothing"),
+        ("/version", Some(json!(8)), "written by a newer trocar: model version 8, this one reads 7"),
+        ("/version", Some(json!(0)), "\"version\" must be 1 to 7, got 0"),
+        ("/version", Some(json!("1")), "\"version\" must be 1 to 7, got \"1\""),
+        ("/version", None, "\"version\" must be 1 to 7, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),
         ("/origin/recordings/0/sha256", Some(json!("abc")), "origin.recordings[0].sha256: must be 64"),
         ("/elements", None, "a model holds elements or friction, got neither"),
-        ("/elements", Some(json!([])), "at least one element"),
+        ("/elements", Some(json!([])), "a model has 1 to 4 elements, got 0"),
         ("/elements", Some(json!({})), "expected a sequence"),
         ("/elements/0/stiffness", Some(json!(3)), "unknown field `stiffness`, expected one of"),
         ("/elements/1/insertion/coulomb_force_n", None, "missing field `coulomb_force_n`"),
@@ -335,7 +339,7 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
 
 /// The last file of a kind: that of most elements.
 fn file_of(kind: &str) -> ModelFile {
-    let of_kind = |file: &ModelFile| matches!(&file.model, Model::Classical(model) if model.kind() == kind);
+    let of_kind = |file: &ModelFile| file.trocar.seal().kind() == kind;
     classical_files().into_iter().rfind(of_kind).unwrap()
 }
 
@@ -347,7 +351,6 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
     let number = "invalid type: string \"3 N\"";
     let kinds = "friction.kind: must be one of static, dahl, lugre, leuven, maxwell-slip, gms, got";
     let cases = [
-        ("static", "/version", Some(json!(1)), "friction: needs version 2, got version 1".to_owned()),
         ("static", "/elements", Some(elements), "friction: a model holds elements or friction, got both".to_owned()),
         ("static", "/friction", Some(json!(null)), format!("{kinds} nothing")),
         ("static", "/friction", Some(json!([1])), format!("{kinds} nothing")),
@@ -445,15 +448,15 @@ fn errors_name_line_and_column() {
     for text in ["", "time_s,position_m\n0,0", "[1,2]", "{\"format\":1e999}", "null"] {
         assert!(ModelFile::from_json(text).is_err(), "{text:?}");
     }
-    let twice = good.replacen("\"version\": 1,", "\"version\": 1, \"version\": 1,", 1);
+    let twice = good.replacen("\"version\": 7,", "\"version\": 7, \"version\": 7,", 1);
     assert!(ModelFile::from_json(&twice).is_err());
 }
 
 #[test]
 fn a_newer_file_is_recognised_whatever_else_it_holds() {
-    let text = "{\"format\": \"trocar-model\", \"version\": 7, \"seals\": {}}";
+    let text = "{\"format\": \"trocar-model\", \"version\": 8, \"seals\": {}}";
     let error = ModelFile::from_json(text).unwrap_err();
-    assert!(matches!(error, ModelFileError::Newer { found: 7 }), "{error}");
+    assert!(matches!(error, ModelFileError::Newer { found: 8 }), "{error}");
     assert!(error.to_string().contains("hint: update"));
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
 use trocar::recording::{ReadOptions, Recording, read};
-use trocar::validate::validate_along;
+use trocar::validate::validate;
 
 /// The folder of the recordings beside the project; `None`, with a message, where there is none.
 fn shared(name: &str) -> Option<PathBuf> {
@@ -75,8 +75,8 @@ fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
     let found = found(&training, IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() });
     // As README prints them.
     for (name, printed) in [("validation.csv", 0.039), ("surgeon.csv", 0.100)] {
-        let held_out = found.in_step(vec![recording(&folder, name, 0.04)]).expect("the same delay");
-        let score = validate_along(found.stages.elements(), found.profile(), &held_out, found.model.offset);
+        let held_out = found.without_delay(vec![recording(&folder, name, 0.04)]).expect("the same delay");
+        let score = validate(&found.trocar(), &held_out, found.model.offset);
         assert!((score.rms_n - printed).abs() < 6e-4, "{name}: {} N, README prints {printed}", score.rms_n);
     }
 }

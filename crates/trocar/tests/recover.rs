@@ -89,7 +89,7 @@ fn the_branches_are_recovered_between_their_ends() {
 fn the_rod_nobody_declared_is_found() {
     let truth = seal(1);
     let found = found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], 1), 1);
-    let mass = found.parameter("hidden_mass_kg").expect("its inertia is in the readings");
+    let mass = found.parameter("unmodelled_mass_kg").expect("its inertia is in the readings");
     let declared = BenchConfig::default().rod.mass_kg;
     assert!((mass.value / declared - 1.0).abs() < 0.15, "{} kg instead of {declared} kg", mass.value);
 }
@@ -105,7 +105,7 @@ fn one_speed_leaves_the_viscous_part_open() {
     let found = found(&[one], 2);
     for name in ["viscous_damping_n_s_m", "coulomb_force_n"] {
         let estimate = found.parameter(name).expect("listed all the same");
-        assert!(!estimate.pinned && estimate.half_width().is_infinite(), "{name}: {estimate:?}");
+        assert!(!estimate.determined && estimate.half_width().is_infinite(), "{name}: {estimate:?}");
     }
     assert!(found.is_doubtful());
 }
@@ -120,7 +120,7 @@ fn one_direction_leaves_offset_and_deformation_open() {
     let found = found(&[one], 4);
     assert!(found.deformation.is_err());
     for name in ["offset_n", "coulomb_force_n", "half_width_m"] {
-        assert!(!found.parameter(name).expect("listed all the same").pinned, "{name}");
+        assert!(!found.parameter(name).expect("listed all the same").determined, "{name}");
     }
 }
 

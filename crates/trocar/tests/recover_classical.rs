@@ -20,8 +20,8 @@ const BENCHES: u64 = 24;
 /// Coverage demanded over all parameters of a model together. Of 24 benches with one to ten parameters that share their
 /// noise, 0.95 comes out within this band in nearly all tests.
 const BAND: std::ops::RangeInclusive<f64> = 0.90..=1.0;
-/// Part of the numbers that must be pinned, and the largest median error: intervals without end cover everything.
-const LEAST_PINNED: f64 = 0.9;
+/// Part of the numbers that must be determined, and the largest median error: intervals without end cover everything.
+const LEAST_DETERMINED: f64 = 0.9;
 const WORST_MEDIAN: f64 = 0.15;
 /// Standard deviation of a reading, N, and of the friction's level from pass to pass.
 const NOISE: f64 = 0.015;
@@ -240,7 +240,7 @@ fn fitted(kind: Kind, truth: &Truth, draw: &mut Draw) -> Entry {
     compare(&training, &validation, &options, &|_, _| {}).expect("there is steady sliding").entries.remove(0)
 }
 
-/// Covered, pinned, and relative error of each number.
+/// Covered, determined, and relative error of each number.
 fn outcome(kind: Kind, seed: u64) -> (Vec<(String, bool, bool, f64)>, f64) {
     let mut draw = Draw::new(seed);
     let truth = truth(kind, &mut draw);
@@ -249,7 +249,7 @@ fn outcome(kind: Kind, seed: u64) -> (Vec<(String, bool, bool, f64)>, f64) {
     let numbers = truth.numbers.iter().map(|(name, value)| {
         let parameter = entry.estimates.iter().find(|p| p.name == *name);
         let estimate = &parameter.unwrap_or_else(|| panic!("{kind}: {name} is a parameter")).estimate;
-        (name.clone(), estimate.covers(*value), estimate.pinned, (estimate.value / value - 1.0).abs())
+        (name.clone(), estimate.covers(*value), estimate.determined, (estimate.value / value - 1.0).abs())
     });
     (numbers.collect(), entry.scores.validate_rms_n)
 }
@@ -262,24 +262,27 @@ fn recovered(kind: Kind) {
         let mut errors: Vec<f64> = own.iter().map(|n| n.3).collect();
         errors.sort_by(f64::total_cmp);
         let inside = own.iter().filter(|n| n.1).count();
-        let pinned = own.iter().filter(|n| n.2).count();
+        let determined = own.iter().filter(|n| n.2).count();
         let median = errors[errors.len() / 2];
         println!(
-            "{kind:16} {:24} covered {inside:3}, pinned {pinned:3} of {BENCHES}; error {:.2} % (median)",
+            "{kind:16} {:24} covered {inside:3}, determined {determined:3} of {BENCHES}; error {:.2} % (median)",
             own[0].0,
             1e2 * median
         );
         assert!(median < WORST_MEDIAN, "{kind}: {} is off by {median} in the median", own[0].0);
-        // What is not pinned covers by definition: it does not count.
+        // What is not determined covers by definition: it does not count.
         covered += own.iter().filter(|n| n.1 && n.2).count();
-        all += pinned;
+        all += determined;
     }
     let mut rms: Vec<f64> = outcomes.iter().map(|(_, rms)| *rms).collect();
     rms.sort_by(f64::total_cmp);
     let coverage = covered as f64 / all as f64;
-    let pinned = all as f64 / (BENCHES as usize * outcomes[0].0.len()) as f64;
-    assert!(pinned > LEAST_PINNED, "{kind}: only {pinned} of the numbers are pinned");
-    println!("{kind:16} coverage {coverage:.3} of {all} pinned; validation {:.4} N rms (median)", rms[rms.len() / 2]);
+    let determined = all as f64 / (BENCHES as usize * outcomes[0].0.len()) as f64;
+    assert!(determined > LEAST_DETERMINED, "{kind}: only {determined} of the numbers are determined");
+    println!(
+        "{kind:16} coverage {coverage:.3} of {all} determined; validation {:.4} N rms (median)",
+        rms[rms.len() / 2]
+    );
     assert!(BAND.contains(&coverage), "{kind}: coverage {coverage}");
 }
 

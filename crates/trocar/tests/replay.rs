@@ -6,7 +6,7 @@ use trocar::validate::validate;
 use trocar_model::Classical;
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve, Trocar,
 };
 
 /// Forces of starts that no longer matter, N: twice what the replay asks for, since it tries some starts of all.
@@ -75,7 +75,7 @@ fn strokes(first: f64) -> Recording {
 #[test]
 fn known_forces_do_not_depend_on_the_start() {
     for model in models() {
-        let runs = [-9.0, 0.3, 9.0].map(|first| replay(&model, &strokes(first), 0.0));
+        let runs = [-9.0, 0.3, 9.0].map(|first| replay(&Trocar::of_seal(model), &strokes(first), 0.0));
         let [known] = &runs[0].known[..] else { panic!("{} never forgets", model.kind()) };
         assert!(known.start < 6000 && known.end == 8000, "{} {known:?}", model.kind());
         for run in &runs {
@@ -92,16 +92,16 @@ fn a_bank_forgets_once_its_longest_element_has_run_from_limit_to_limit() {
     let model = Classical::MaxwellSlip(MaxwellSlip::new(&bank(), 3.0).unwrap());
     // From -4 mm to +4 mm in steps of 30 µm; 1 mN is 4 µm of the last element, less than a step.
     let steps = std::iter::repeat_n((30e-6, 1e-3), 400);
-    assert_eq!(forgotten_after(&model, steps), Some((8e-3_f64 / 30e-6) as usize));
+    assert_eq!(forgotten_after(&model.into(), steps), Some((8e-3_f64 / 30e-6) as usize));
     let short = std::iter::repeat_n((30e-6, 1e-3), 260);
-    assert_eq!(forgotten_after(&model, short), None, "the motion is too short");
+    assert_eq!(forgotten_after(&model.into(), short), None, "the motion is too short");
 }
 
 #[test]
 fn static_friction_forgets_with_the_first_motion() {
     let model = Classical::Static(StaticFriction::new(SLIDING).unwrap());
     let steps = [(0.0, 1e-3), (0.0, 1e-3), (1e-6, 1e-3), (0.0, 1e-3)];
-    assert_eq!(forgotten_after(&model, steps.into_iter()), Some(2));
+    assert_eq!(forgotten_after(&model.into(), steps.into_iter()), Some(2));
 }
 
 /// At σ_1·|v| = g the force of a LuGre model is g + σ_2·v whatever its state: agreement there tells nothing.
@@ -113,9 +113,9 @@ fn a_force_that_hides_the_state_does_not_count_as_forgotten() {
         speed = SLIDING.level(speed) / 40.0;
     }
     let hiding = std::iter::repeat_n((speed * 1e-4, 1e-4), 20);
-    assert_eq!(forgotten_after(&model, hiding.clone()), Some(0), "all that this motion shows");
+    assert_eq!(forgotten_after(&model.into(), hiding.clone()), Some(0), "all that this motion shows");
     let slower = std::iter::repeat_n((0.01 * 1e-3, 1e-3), 2000);
-    let after = forgotten_after(&model, hiding.chain(slower)).unwrap();
+    let after = forgotten_after(&model.into(), hiding.chain(slower)).unwrap();
     assert!(after > 100, "{after}");
     let mut low = model.rest_at_force(-9.0);
     let mut high = model.rest_at_force(9.0);
@@ -131,7 +131,7 @@ fn a_force_that_hides_the_state_does_not_count_as_forgotten() {
 fn classical_models_are_scored_by_motion_and_hold_only() {
     let recording = strokes(0.0);
     for model in models() {
-        let found = validate(&model, std::slice::from_ref(&recording), 0.0);
+        let found = validate(&Trocar::of_seal(model), std::slice::from_ref(&recording), 0.0);
         let part = &found.recordings[0];
         let moving = part.by_phase.moving.unwrap();
         assert_eq!((part.by_phase.deformation.samples, part.by_phase.sliding.samples), (0, 0));
@@ -139,7 +139,7 @@ fn classical_models_are_scored_by_motion_and_hold_only() {
         assert!(moving.share_of_squares > 0.5 && !found.is_doubtful(), "{}: {part:?}", model.kind());
     }
     let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
-    let found = serde_json::to_value(validate([element].as_slice(), &[recording], 0.0)).unwrap();
+    let found = serde_json::to_value(validate(&Trocar::of_seal(element), &[recording], 0.0)).unwrap();
     let phases = found["recordings"][0]["by_phase"].as_object().unwrap();
     assert_eq!(phases.keys().collect::<Vec<_>>(), ["deformation", "hold", "sliding"], "as ever");
 }
@@ -151,7 +151,7 @@ fn models_that_never_forget_are_scored_throughout_and_say_so() {
     let long = SlipElement { stiffness: 10.0, limit_force: 1.0 };
     let spring = Classical::MaxwellSlip(MaxwellSlip::new(&[long], 0.0).unwrap());
     for model in [spring, leuven(&bank())] {
-        let found = validate(&model, &[strokes(0.0)], 0.0);
+        let found = validate(&Trocar::of_seal(model), &[strokes(0.0)], 0.0);
         assert!(found.is_doubtful(), "{}", model.kind());
         assert_eq!((found.recordings[0].samples, found.recordings[0].samples_before_known), (8000, 0));
         assert!(found.recordings[0].warnings[0].contains("forget its start"), "{:?}", found.recordings[0].warnings);

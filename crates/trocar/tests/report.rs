@@ -13,10 +13,10 @@ use trocar::report::{
 
 const HOSTILE: &str = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)>&$a$\u{7}.csv";
 
-/// Half the way the seal bends, in millimetres.
+/// Half the way the seal deforms, in millimetres.
 const HALF_WIDTH: f64 = 8.0;
 
-/// A made-up seal: it bends with the rod up to `HALF_WIDTH` and then lets it slide. Millimetres, seconds, newtons.
+/// A made-up seal: it deforms with the rod up to `HALF_WIDTH` and then lets it slide. Millimetres, seconds, newtons.
 struct Demo {
     time: Vec<f64>,
     force: Vec<f64>,
@@ -24,7 +24,7 @@ struct Demo {
     deflection: Vec<f64>,
 }
 
-/// Force of the seal bent by `z` mm in the direction of `sign`, with the hump of the reversal.
+/// Force of the seal deformed by `z` mm in the direction of `sign`, with the hump of the reversal.
 fn deformation_force(z: f64, sign: f64) -> f64 {
     let u = z * sign / HALF_WIDTH;
     let hump = 0.55 * (-((u + 0.25) / 0.22).powi(2)).exp() - 0.35 * (-((u - 0.3) / 0.2).powi(2)).exp();
@@ -77,7 +77,7 @@ fn velocity_step() -> Figure {
         .mark(Mark::x(0.4, "sliding"))
         .aspect(0.5);
     Figure::new("velocity-step", 3, "Force upon a reversal of the velocity")
-        .caption("Two transients, T1 and T2, follow the reversal at t = 0: the seal turns over between them.")
+        .caption("Two transients, T1 and T2, follow the reversal at t = 0: the seal snaps through between them.")
         .panel(panel)
 }
 
@@ -252,7 +252,10 @@ fn document() -> Document {
             Tile::new("Validation RMS", "0.051 N", "sensor noise 0.025 N"),
             Tile::new("Fit", "97.1 %", ""),
         ],
-        warnings: vec!["The Stribeck velocity is not pinned: the slowest pass is at 15 mm/s.".into(), HOSTILE.into()],
+        warnings: vec![
+            "The Stribeck velocity is not determined: the slowest pass is at 15 mm/s.".into(),
+            HOSTILE.into(),
+        ],
         sections: vec![
             Section::new("Parameters").paragraph("Estimates with their 95 % intervals.").table(parameters()),
             Section::new("Data").table(quality).figure(velocity_step()),
@@ -421,7 +424,7 @@ fn what_the_data_do_not_pin_is_said_and_numbers_follow_their_interval() {
     let (folder, _guard) = written("table");
     let page = page(&folder);
     let row = between(&page, "<th scope=\"row\">Stribeck velocity</th>", "</tr>").next().expect("the row");
-    assert!(row.contains("not pinned by the data") && !row.contains("inf"));
+    assert!(row.contains("not determined by the data") && !row.contains("inf"));
     let row = between(&page, "<th scope=\"row\">Coulomb force</th>", "</tr>").next().expect("the row");
     assert!(row.contains(">2.103<") && row.contains("[2.089, 2.118]"), "{row}");
 }

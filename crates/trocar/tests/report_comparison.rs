@@ -8,6 +8,7 @@ use trocar::compare::{Choice, CompareOptions, Comparison, Outcome, compare, spli
 use trocar::identify::IdentifyOptions;
 use trocar::identify::classical::Kind;
 use trocar::recording::Recording;
+use trocar::replay::forces;
 use trocar::report::comparison::document;
 use trocar::report::{Cell, Document, Family, Figure, Panel, Role, Section, Series, Table, write_document};
 use trocar::summary::MovingMass;
@@ -46,8 +47,8 @@ fn compared(models: Vec<Choice>, training: &[Recording], validation: &[Recording
     compare(training, validation, &options, &|_, _| {}).unwrap()
 }
 
-fn report(comparison: &Comparison, held_back: bool) -> Document {
-    let outcome = Outcome { comparison, seed: 1, held_back, moving_mass: MovingMass::default() };
+fn report(comparison: &Comparison, held_out: bool) -> Document {
+    let outcome = Outcome { comparison, seed: 1, held_out, moving_mass: MovingMass::default() };
     document(&outcome, "Models of a seal")
 }
 
@@ -146,7 +147,7 @@ fn the_reversal_shows_sliding_before_it_and_the_jump_of_the_static_models() {
         assert!(level(series, -5.0, -1.0) < -2.0, "{} slides out before it turns", series.name);
         assert!(level(series, end - 2.0, end) > 2.0, "{} slides in at the end", series.name);
     }
-    // Two millimetres behind the reversal the seal is still bent the other way; static friction knows no deflection.
+    // Two millimetres after the reversal the seal is still deformed the other way; static friction knows no deflection.
     assert!(level(measured, 1.0, 2.5) < 0.0 && level(ems, 1.0, 2.5) < 0.0);
     assert!(level(coulomb, 1.0, 2.5) > 2.0);
 }
@@ -156,7 +157,7 @@ fn what_is_drawn_is_what_the_models_compute() {
     let document = report(&COMPARISON, false);
     let ems = COMPARISON.entries.iter().find(|entry| entry.name == "ems").unwrap();
     let recording = &COMPARISON.validation[0];
-    let force = ems.model.forces(recording, ems.offset);
+    let force = forces(&ems.trocar, recording, ems.offset);
     let line = named(&figure(&document, "one-cycle").panels[4], "EMS");
     let nearest = |x: f64, y: f64| {
         let distance = |(p, f): (&f64, &f64)| (1e3 * p - x).abs().max((f - y).abs());
@@ -212,7 +213,7 @@ fn parameters_of_small_banks_are_listed_with_symbols() {
 }
 
 #[test]
-fn held_back_parts_and_a_missing_cycle_are_said_in_words() {
+fn held_out_parts_and_a_missing_cycle_are_said_in_words() {
     let (training, mut validation) = split(&[record(Protocol::Steady, 7)]).unwrap();
     let models = vec![Choice::Ems, Choice::Classical(Kind::Coulomb)];
     // A stroke and nothing else: no cycle to show.

@@ -32,7 +32,7 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| {
     let training = vec![record(Protocol::Steady), record(Protocol::Dynamic)];
     let validation = vec![record(Protocol::Validation)];
     let identification = identified(&training);
-    let scores = validate(identification.stages.elements(), &validation, identification.model.offset);
+    let scores = validate(&identification.trocar(), &validation, identification.model.offset);
     Bench { truth, training, validation, scores, identification }
 });
 
@@ -349,7 +349,7 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
     };
     let training = vec![raw(Protocol::Steady), raw(Protocol::Dynamic)];
     let mut identification = BENCH.identification.clone();
-    identification.model.hidden_mass = config.rod.mass_kg;
+    identification.model.unmodelled_mass = config.rod.mass_kg;
     let forgotten = document(&plain_input(&identification, &training));
     let declared = document(&plain_input(&BENCH.identification, &BENCH.training));
     for id in ["velocity-step", "cross-validation"] {

@@ -13,7 +13,7 @@ const HOSTILE: &str = "</script><script>alert(1)</script>";
 
 /// The plausible seal with a stretch of two samples.
 fn model() -> LiveModel {
-    let trocar = Trocar::new(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap(), None);
+    let trocar = Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap());
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row).unwrap();
     let knob = |tunable: trocar_model::Tunable| Knob {
@@ -57,9 +57,9 @@ fn the_page_holds_the_module_and_the_row_to_the_bit() {
     let model = model();
     let page = page(&document([model.clone()])).unwrap();
     let live = &page[page.find("<div id=\"live\"").unwrap()..];
-    let packed = STANDARD.decode(between(live, "<script type=\"application/gzip\">", "</script>")).unwrap();
+    let compressed = STANDARD.decode(between(live, "<script type=\"application/gzip\">", "</script>")).unwrap();
     let mut module = Vec::new();
-    GzDecoder::new(&packed[..]).read_to_end(&mut module).unwrap();
+    GzDecoder::new(&compressed[..]).read_to_end(&mut module).unwrap();
     let artefact = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/assets/model.wasm");
     assert_eq!(module, std::fs::read(artefact).unwrap());
     let json: serde_json::Value =

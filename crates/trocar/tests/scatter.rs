@@ -12,7 +12,7 @@ const NOISE: f64 = 0.1;
 const TOLERANCE: f64 = 0.03;
 const STEPS: usize = 1000;
 
-/// Ten strokes of 40 mm whose ends vary by `ends` (m), with a force that has bumps (N) along the way, turns over within half
+/// Ten strokes of 40 mm whose ends vary by `ends` (m), with a force that has bumps (N) over the position, snaps through within half
 /// a millimetre of travel, and drifts by `drift` N a stroke.
 fn recording(ends: f64, bumps: f64, drift: f64, speeds: &[f64]) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -53,7 +53,7 @@ fn noise_is_found_whatever_the_profile() {
 #[test]
 fn strokes_that_turn_at_other_places_are_compared_by_travel() {
     let scatter = StrokeScatter::of(&recording(2e-3, 0.0, 0.0, &[0.02])).expect("repeats");
-    assert!(scatter.behind_reversals_m > 0.5e-3, "{} m", scatter.behind_reversals_m);
+    assert!(scatter.after_reversals_m > 0.5e-3, "{} m", scatter.after_reversals_m);
     is_near(scatter.scatter_n, NOISE);
     assert!(scatter.over(|i| scatter.covers(i)).is_some());
     assert_eq!(scatter.over(|_| false), None);

@@ -14,8 +14,8 @@ const ROWS: usize = 70_000;
 fn fields() -> Vec<Field> {
     vec![
         Field::number("force_n"),
-        Field::new("count", Kind::Whole),
-        Field::new("is_good", Kind::Truth),
+        Field::new("count", Kind::Integer),
+        Field::new("is_good", Kind::Boolean),
         Field::new("warnings", Kind::Text),
     ]
 }
@@ -25,8 +25,8 @@ fn piece(k: usize) -> Vec<Column> {
     let sometimes = |row: usize| row % 7 != 3;
     vec![
         Column::Number(rows().map(|row| if sometimes(row) { row as f64 / 3.0 } else { f64::NAN }).collect()),
-        Column::Whole(rows().map(|row| sometimes(row).then_some(row as i64 - (1 << 60))).collect()),
-        Column::Truth(rows().map(|row| sometimes(row).then_some(row % 2 == 0)).collect()),
+        Column::Integer(rows().map(|row| sometimes(row).then_some(row as i64 - (1 << 60))).collect()),
+        Column::Boolean(rows().map(|row| sometimes(row).then_some(row % 2 == 0)).collect()),
         Column::Text(rows().map(|row| sometimes(row).then(|| format!("a, \"b\" {row}").into())).collect()),
     ]
 }
@@ -65,8 +65,8 @@ fn parquet_gives_back_every_cell_and_the_same_bytes_each_time() {
 fn cells(column: &Column) -> Vec<String> {
     match column {
         Column::Number(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
-        Column::Whole(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
-        Column::Truth(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
+        Column::Integer(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
+        Column::Boolean(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
         Column::Text(cells) => cells.iter().map(|cell| format!("{cell:?}")).collect(),
     }
 }
@@ -93,7 +93,7 @@ fn a_table_appears_whole_or_not_at_all() {
         let mut writer = TableWriter::create(folder.path().join(name), &fields()).unwrap();
         writer.write(&piece(0)).unwrap();
         let mut uneven = piece(1);
-        uneven[2] = Column::Truth(Vec::new());
+        uneven[2] = Column::Boolean(Vec::new());
         assert!(writer.write(&uneven).unwrap_err().to_string().contains("fields"));
         drop(writer);
     }

@@ -40,7 +40,7 @@ fn verdicts_follow_from_interval_and_truth() {
     assert_eq!(Verdict::of(&found, [3.2, 3.2], true), Verdict::WrongButDoubtful);
     // A truth that changes on the way: any of its values will do.
     assert_eq!(Verdict::of(&found, [2.0, 2.95], false), Verdict::Right);
-    let open = Estimate::not_pinned(3.0, "N", "one speed");
+    let open = Estimate::undetermined(3.0, "N", "one speed");
     assert_eq!(Verdict::of(&open, [9.0, 9.0], false), Verdict::Undetermined);
 }
 
@@ -67,10 +67,10 @@ fn easy_benches_are_right() {
 
 /// A mass enters through accelerations, whose noise made it a fifth too small where the encoder is no finer than here.
 #[test]
-fn an_undeclared_mass_does_not_depend_on_the_noise_of_the_accelerations() {
-    let outcomes = outcomes(&["scatter_5", "mass_0.3_undeclared"], 4);
+fn an_unmodelled_mass_does_not_depend_on_the_noise_of_the_accelerations() {
+    let outcomes = outcomes(&["scatter_5", "mass_0.3_unmodelled"], 4);
     for outcome in &outcomes {
-        let mass = outcome.judged.iter().find(|j| j.parameter == "hidden_mass_kg").expect("a mass is judged");
+        let mass = outcome.judged.iter().find(|j| j.parameter == "unmodelled_mass_kg").expect("a mass is judged");
         let ratio = mass.value.expect("it is found") / mass.truth[0];
         assert!((0.94..1.06).contains(&ratio), "{} {}: {ratio} of the mass", outcome.kind, outcome.seed);
     }
@@ -90,7 +90,7 @@ fn a_delay_is_told_from_a_contact_that_creeps() {
 
 #[test]
 fn what_sampling_or_rounding_hide_is_doubtful_and_named() {
-    for (kind, subject) in [("coarse_sampling_100_hz", "hidden_mass_kg"), ("coarse_force_0.5_n", "")] {
+    for (kind, subject) in [("coarse_sampling_100_hz", "unmodelled_mass_kg"), ("coarse_force_0.5_n", "")] {
         for outcome in outcomes(&[kind], 2) {
             let named = |doubt: &String| match subject {
                 "" => doubt.contains("steps of 0.5 N"),

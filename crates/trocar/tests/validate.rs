@@ -32,22 +32,22 @@ static FOUND: LazyLock<Found> = LazyLock::new(|| {
     Found { identification, options, recordings }
 });
 
-/// What the identification leaves behind, validated on `held_back`.
-fn with_outcome<T>(held_back: &[Recording], of: impl FnOnce(&Outcome) -> T) -> T {
+/// What the identification leaves behind, validated on `held_out`.
+fn with_outcome<T>(held_out: &[Recording], of: impl FnOnce(&Outcome) -> T) -> T {
     let Found { identification, options, recordings } = &*FOUND;
-    let validation = validated(identification, held_back);
+    let validation = validated(identification, held_out);
     of(&Outcome {
         identification,
         options,
         recordings,
-        held_back,
+        held_out,
         validation: validation.as_ref(),
         moving_mass: MovingMass { mass: BenchConfig::default().rod.mass_kg, gravity: 0.0 },
     })
 }
 
-fn error(held_back: &[Recording]) -> ForceError {
-    with_outcome(held_back, |outcome| outcome.model_file().force_error.unwrap())
+fn error(held_out: &[Recording]) -> ForceError {
+    with_outcome(held_out, |outcome| outcome.model_file().force_error.unwrap())
 }
 
 /// Full strokes show neither rests nor partial reversals; a hand's motion shows both.
@@ -67,12 +67,12 @@ fn phases_that_no_recording_shows_are_unknown() {
 #[test]
 fn the_worse_of_identification_and_validation_counts() {
     let own = error(&[]);
-    for held_back in
+    for held_out in
         [record(Protocol::Validation, 1.0, 3), record(Protocol::Surgeon, 1.0, 3), record(Protocol::Step, 1.0, 3)]
     {
-        let both = error(std::slice::from_ref(&held_back));
+        let both = error(std::slice::from_ref(&held_out));
         for (worse, alone) in [(both.deforming_n, own.deforming_n), (both.sliding_n, own.sliding_n)] {
-            assert!(worse >= alone, "{}: {both:?}, {own:?}", held_back.name);
+            assert!(worse >= alone, "{}: {both:?}, {own:?}", held_out.name);
         }
     }
     let wet = error(&[record(Protocol::Validation, 0.8, 3)]);
@@ -101,8 +101,8 @@ fn by_phase_the_larger_error_is_the_worse() {
 #[test]
 fn a_validation_that_agrees_is_not_doubtful() {
     for protocol in [Protocol::Validation, Protocol::Step, Protocol::Surgeon] {
-        let held_back = [record(protocol, 1.0, 4)];
-        with_outcome(&held_back, |outcome| {
+        let held_out = [record(protocol, 1.0, 4)];
+        with_outcome(&held_out, |outcome| {
             let times = outcome.validation.unwrap().rms_n / outcome.identification.residual_rms;
             assert!(times < 2.0 && !outcome.is_doubtful(), "{protocol}: {times}, {:?}", outcome.summary().warnings);
         });
@@ -113,8 +113,8 @@ fn a_validation_that_agrees_is_not_doubtful() {
 #[test]
 fn a_validation_that_contradicts_is_doubtful() {
     for friction in [0.8, 0.9] {
-        let held_back = [record(Protocol::Validation, friction, 4)];
-        with_outcome(&held_back, |outcome| {
+        let held_out = [record(Protocol::Validation, friction, 4)];
+        with_outcome(&held_out, |outcome| {
             assert!(!outcome.identification.is_doubtful() && outcome.is_doubtful());
             let summary = outcome.summary();
             assert!(summary.doubtful);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, RandomCycles, Sense, SteadyState, analyze};
 use trocar::model_file::ModelFile;
-use trocar::travel::storage_length;
+use trocar::profile::{is_passive, storage_length};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -31,18 +31,17 @@ pub(crate) struct Args {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let model = ModelFile::read(&args.model)?;
-    let elements = model.elements().map_err(|error| error.in_file(&args.model))?;
-    let analysis = analyze(elements, args.seed);
+    let stages = model.stages().map_err(|error| error.in_file(&args.model))?;
+    let analysis = analyze(stages, args.seed);
     let text = if args.json { serde_json::to_string_pretty(&analysis)? + "\n" } else { text(&analysis) };
     console::print(&text)?;
-    let given_off = model.travel.as_ref().is_some_and(|travel| {
-        let length = elements.iter().map(storage_length).fold(0.0, f64::max);
-        let passive = travel.is_passive(length);
+    let given_off = model.trocar.profile().is_some_and(|profile| {
+        let length = stages.elements().iter().map(storage_length).fold(0.0, f64::max);
+        let passive = is_passive(profile, length);
         let (verdict, limit) = if passive { ("keeps", "at most") } else { ("may not keep", "above") };
-        let steepness = number(travel.steepness() * length);
+        let steepness = number(profile.steepness() * length);
         console.remark(&format!(
-            "profile along the way: {verdict} the model passive (relative slope of the level times storage length: {steepness}, \
-             {limit} 1)"
+            "position profile: {verdict} the model passive (relative slope of the gain times storage length: {steepness}, {limit} 1)"
         ));
         !passive
     });
@@ -203,7 +202,7 @@ mod tests {
     #[test]
     fn work_out_of_nothing_is_doubtful_and_said() {
         let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
-        let mut analysis = analyze(&[element], 1);
+        let mut analysis = analyze(&element.into(), 1);
         assert!(!is_doubtful(&analysis));
         analysis.random_cycles.holds = false;
         assert!(is_doubtful(&analysis));

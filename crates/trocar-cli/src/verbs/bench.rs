@@ -74,11 +74,11 @@ fn read_config(path: &Path) -> anyhow::Result<BenchConfig> {
 fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> {
     let Some(path) = path else {
         console.remark("seal: a plausible, made-up 10.5 mm trocar; give another with --seal");
-        return Ok(ModelFile::plausible_10_5_mm()?.elements()?.to_vec());
+        return Ok(ModelFile::plausible_10_5_mm()?.stages()?.elements().to_vec());
     };
     let model = ModelFile::read(path)?;
-    let elements = model.elements().map_err(|error| error.in_file(path))?;
-    Ok(elements.to_vec())
+    let stages = model.stages().map_err(|error| error.in_file(path))?;
+    Ok(stages.elements().to_vec())
 }
 
 pub(crate) fn write_recording(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
@@ -110,7 +110,7 @@ fn write_truth(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
     write_columns(path, columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections))
 }
 
-/// Writes columns of one length in the format that the ending says.
+/// Writes columns of one length in the format that the extension says.
 fn write_columns<'a>(path: &Path, columns: impl Iterator<Item = (String, &'a Vec<f64>)>) -> anyhow::Result<()> {
     let (names, columns): (Vec<String>, Vec<&Vec<f64>>) = columns.unzip();
     let fields: Vec<Field> = names.into_iter().map(Field::number).collect();

@@ -68,9 +68,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     refuse_twice(&training)?;
     training = training.into_iter().map(|r| without(r, moving_mass, 0.0)).collect::<anyhow::Result<_>>()?;
     let mut validation = training.split_off(args.recordings.len());
-    let held_back = validation.is_empty();
-    if held_back {
-        console.remark("no recordings to score on: the last third of each is held back from the fits and scored on");
+    let held_out = validation.is_empty();
+    if held_out {
+        console.remark("no recordings to score on: the last third of each is held out from the fits and scored on");
         (training, validation) = split(&training)?;
     }
     // Better to learn now than after the work that nothing can be written there.
@@ -86,7 +86,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let progress = Progress::new(console);
     let comparison = compare(&training, &validation, &options, &|stage, part| progress.report(stage, part))?;
     drop(progress);
-    let outcome = Outcome { comparison: &comparison, seed: args.seed, held_back, moving_mass };
+    let outcome = Outcome { comparison: &comparison, seed: args.seed, held_out, moving_mass };
     let json = outcome.summary().to_json();
     if let Some(staged) = staged {
         staged.write("compare.json", json.as_bytes())?;

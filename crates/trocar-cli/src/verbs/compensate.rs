@@ -24,7 +24,7 @@ pub(crate) struct Args {
     model: PathBuf,
     /// Recording: CSV with time, position and force columns, '-' for standard input
     recording: PathBuf,
-    /// Result: CSV, or Parquet, Arrow or packed CSV by its ending (.parquet, .arrow, .csv.gz, .csv.zst); '-' for CSV to
+    /// Result: CSV, or Parquet, Arrow or compressed CSV by its extension (.parquet, .arrow, .csv.gz, .csv.zst); '-' for CSV to
     /// standard output
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -84,15 +84,15 @@ fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
         (args.force_error_n, model.force_error)
     {
         console.remark(
-            "note: the band rests on the recordings identified from, without any held back: it may be too narrow; identify \
+            "note: the band rests on the recordings identified from, without any held out: it may be too narrow; identify \
              again with --validate",
         );
     }
-    if let Some(sensor) = model.sensor.filter(|sensor| sensor.position_lag_s > 0.0) {
+    if let Some(sensor) = model.sensor.filter(|sensor| sensor.position_delay_s > 0.0) {
         console.warn(&format!(
             "the positions of the model's recordings came {:.0} ms late, and the observer does not wait for them: if these are late too, expect \
-             errors behind reversals that the band does not hold",
-            1e3 * sensor.position_lag_s
+             errors after reversals that the band does not hold",
+            1e3 * sensor.position_delay_s
         ));
     }
 }

@@ -21,7 +21,7 @@ use super::identify::{self, Found, Job};
 
 /// Experiments that the model is identified from; the others validate it.
 const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
-const HELD_BACK: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
+const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
 
 /// The whole chain on the virtual bench: record, identify, validate, report
 ///
@@ -44,15 +44,15 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     staged.write("truth.json", truth.to_json().as_bytes())?;
     let record = |protocol| record(console, staged.path(), &config, &truth, protocol, args.seed);
     let recordings = TRAINING.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
-    let held_back = HELD_BACK.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
+    let held_out = HELD_OUT.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
     // On a rig the rod has been weighed; its weight may stay in the offset.
     let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
     let options = IdentifyOptions { seed: args.seed, inertia_removed: true, ..IdentifyOptions::default() };
-    let found = Job { recordings, held_back, moving_mass, options }.run(console)?;
+    let found = Job { recordings, held_out, moving_mass, options }.run(console)?;
     let outcome = found.outcome();
-    identify::write(&staged, &outcome, Some(truth.elements()?), FigureChoice::default())?;
+    identify::write(&staged, &outcome, Some(truth.stages()?.elements()), FigureChoice::default())?;
     staged.commit()?;
-    console::print(&in_brief(&found, truth.elements()?[0].params(), &config))?;
+    console::print(&in_brief(&found, truth.stages()?.first().params(), &config))?;
     console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
     Ok(Done::doubtful_if(outcome.is_doubtful()))
 }
@@ -68,7 +68,7 @@ fn record(
 ) -> anyhow::Result<Recording> {
     let progress = Progress::new(console);
     progress.report(protocol.name(), 0.0);
-    let run = bench::run(config, protocol, seal.elements()?, seed)?;
+    let run = bench::run(config, protocol, seal.stages()?.elements(), seed)?;
     let recordings = folder.join("recordings");
     std::fs::create_dir_all(&recordings)?;
     let path = recordings.join(format!("{protocol}.csv"));

@@ -77,7 +77,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let journal = journal_path(&args.out);
     let dataset = Dataset::open(&args.dataset, args.group_by.as_deref(), &[args.out.clone(), journal.clone()])?;
     if let [first, ..] = dataset.left_out.as_slice() {
-        console.remark(&format!("note: {} left out for their ending, such as {first}", files(dataset.left_out.len())));
+        console
+            .remark(&format!("note: {} left out for their extension, such as {first}", files(dataset.left_out.len())));
     }
     let threads = if args.threads > 0 {
         args.threads.min(most_threads())

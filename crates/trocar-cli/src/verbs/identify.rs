@@ -48,7 +48,7 @@ pub(crate) struct Args {
     /// minor_loops, second_stage
     #[arg(long)]
     no_free_motion: bool,
-    /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation, second_relaxation, hidden_mass,
+    /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation, second_relaxation, unmodelled_mass,
     /// asymmetry, second_stage
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = term)]
     without: Vec<Term>,
@@ -102,9 +102,9 @@ fn term(text: &str) -> Result<Term, String> {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
-    let held_back = recordings.split_off(args.recordings.len());
+    let held_out = recordings.split_off(args.recordings.len());
     let seen = |held: &&Recording| recordings.iter().any(|r| r.sha256 == held.sha256);
-    let overlap: Vec<&str> = held_back.iter().filter(seen).map(|r| r.name.as_str()).collect();
+    let overlap: Vec<&str> = held_out.iter().filter(seen).map(|r| r.name.as_str()).collect();
     if !overlap.is_empty() {
         console.warn(&format!("{}: validated on what it was identified from: no validation", overlap.join(", ")));
     }
@@ -123,7 +123,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     };
     // Better to learn now than after the work that nothing can be written there.
     let staged = StagedFolder::create(&args.out)?;
-    let job = Job { recordings, held_back, moving_mass, options };
+    let job = Job { recordings, held_out, moving_mass, options };
     let found = job.run(console)?;
     let outcome = found.outcome();
     let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
@@ -139,7 +139,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
 /// Recordings and what to do with them.
 pub(crate) struct Job {
     pub(crate) recordings: Vec<Recording>,
-    pub(crate) held_back: Vec<Recording>,
+    pub(crate) held_out: Vec<Recording>,
     pub(crate) moving_mass: MovingMass,
     pub(crate) options: IdentifyOptions,
 }
@@ -161,11 +161,11 @@ impl Job {
         let progress = Progress::new(console);
         let identification = identify(&self.recordings, &self.options, &|stage, part| progress.report(stage, part))?;
         drop(progress);
-        self.recordings = identification.in_step(self.recordings)?;
-        let hidden = identification.model.hidden_mass;
-        let held_back = std::mem::take(&mut self.held_back).into_iter().map(|r| without(r, taken_out, hidden));
-        self.held_back = identification.in_step(held_back.collect::<anyhow::Result<_>>()?)?;
-        let validation = validated(&identification, &self.held_back);
+        self.recordings = identification.without_delay(self.recordings)?;
+        let hidden = identification.model.unmodelled_mass;
+        let held_out = std::mem::take(&mut self.held_out).into_iter().map(|r| without(r, taken_out, hidden));
+        self.held_out = identification.without_delay(held_out.collect::<anyhow::Result<_>>()?)?;
+        let validation = validated(&identification, &self.held_out);
         let found = Found { job: self, identification, validation };
         found.say_warnings(console);
         Ok(found)
@@ -221,7 +221,7 @@ pub(crate) fn write(
     let input = IdentificationReport {
         identification: outcome.identification,
         training: outcome.recordings,
-        validation: outcome.validation.map(|v| (outcome.held_back, v)),
+        validation: outcome.validation.map(|v| (outcome.held_out, v)),
         truth,
         seed: outcome.options.seed,
         bootstrap: outcome.options.bootstrap,
@@ -241,7 +241,7 @@ impl Found {
             identification: &self.identification,
             options: &self.job.options,
             recordings: &self.job.recordings,
-            held_back: &self.job.held_back,
+            held_out: &self.job.held_out,
             validation: self.validation.as_ref(),
             moving_mass: self.job.moving_mass,
         }
@@ -305,12 +305,12 @@ impl Found {
 
 /// Delay of the positions and position profile, where strokes repeat.
 fn along_in_words(found: &Identification) -> String {
-    let lag = found.position_lag.map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.lag_s));
-    let along = match (&found.travel, &found.travel_missing) {
+    let lag = found.position_delay.map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
+    let along = match (&found.position_profile, &found.no_position_profile) {
         (Some(fit), _) => Some(format!(
             "the force depends on the position: {} N rms on held-out strokes with a profile of {} knots, {} N without\n",
             number(fit.held_out_rms_n),
-            fit.profile.levels().len(),
+            fit.profile.gains().len(),
             number(fit.constant_held_out_rms_n)
         )),
         (None, Some(why)) => Some(format!("no position profile: {why}\n")),
@@ -342,7 +342,7 @@ pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
         ("falling_join_m", "join a, withdrawal", 1e3, "mm"),
         ("seal_damping_n_s_m", "seal damping σ", 1.0, "N s/m"),
         ("offset_n", "sensor offset F_0", 1.0, "N"),
-        ("hidden_mass_kg", "unmodelled mass", 1e3, "g"),
+        ("unmodelled_mass_kg", "unmodelled mass", 1e3, "g"),
         ("yield_stiffness_n_m", "yield stiffness κ", 1e-3, "N/mm"),
         ("creep_velocity_m_s", "creep velocity v_c", 1e3, "mm/s"),
         ("friction_lag_s", "lag of the Stribeck curve T", 1e3, "ms"),

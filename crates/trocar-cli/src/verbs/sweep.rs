@@ -82,7 +82,7 @@ fn parameters(model: &Path) -> anyhow::Result<String> {
         Some("plausible") => ModelFile::plausible_10_5_mm()?,
         _ => ModelFile::read(model)?,
     };
-    let seal = *file.trocar().map_err(|error| error.in_file(model))?.seal();
+    let seal = *file.trocar.seal();
     let line = |own: trocar_model::Tunable| {
         let place = own.element.map_or(String::new(), |element| format!("@{}", element + 1));
         format!("{:36} {:>12}  {}\n", format!("{}{place}", own.name), number(own.value), own.description)

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::model_file::{Model, ModelFile, SensorInfo};
+use trocar::model_file::{ModelFile, SensorInfo};
 use trocar::summary::MovingMass;
 use trocar::validate::{Part, Phases, Scored, Validation, validate_one};
 
@@ -40,7 +40,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let model = ModelFile::read(&args.model)?;
-    let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_lag_s: 0.0 });
+    let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_delay_s: 0.0 });
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
     console.remark(&format!(
@@ -56,11 +56,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
             lost |= !piece.quality.warnings.is_empty();
             // The weight of the mass is part of the offset.
             let piece =
-                without(piece, MovingMass { mass, gravity: 0.0 }, 0.0)?.with_position_lag(sensor.position_lag_s)?;
-            let one = match &model.model {
-                Model::Ems(elements) => validate_one(elements.as_slice(), model.travel.as_ref(), &piece, offset),
-                Model::Classical(classical) => validate_one(classical, None, &piece, offset),
-            };
+                without(piece, MovingMass { mass, gravity: 0.0 }, 0.0)?.with_position_delay(sensor.position_delay_s)?;
+            let one = validate_one(&model.trocar, &piece, offset);
             all = Some(match all.take() {
                 Some(before) => before.plus(one),
                 None => one,

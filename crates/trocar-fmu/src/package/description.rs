@@ -184,7 +184,7 @@ fn units(lines: &mut Lines) {
 fn mode_type(lines: &mut Lines, version: Version) {
     let items = |lines: &mut Lines| {
         for (name, value, is) in [
-            ("Deforming", "1", "the seal bends with the instrument"),
+            ("Deforming", "1", "the seal deforms with the instrument"),
             ("Sliding", "2", "the instrument slides through the seal"),
         ] {
             lines.put(&format!("<Item{}/>", attributes(&[("name", name), ("value", value), ("description", is)])));
@@ -267,7 +267,7 @@ mod tests {
     fn every_unit_is_defined() {
         let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
         for input in Input::ALL {
-            for variable in variables(&Trocar::new(element, None), input) {
+            for variable in variables(&Trocar::of_seal(element), input) {
                 let is_defined = UNITS.iter().any(|(name, _)| *name == variable.unit);
                 assert!(is_defined || variable.role == Role::Mode, "{variable:?}");
             }

@@ -42,7 +42,7 @@ pub struct Contents<'a> {
     /// Name of the model, for people.
     pub name: &'a str,
     /// The model.
-    pub trocar: Trocar<'a>,
+    pub trocar: Trocar<&'a [f64]>,
     /// What drives it.
     pub input: Input,
     /// Version of FMI.

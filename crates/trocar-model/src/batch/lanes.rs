@@ -37,7 +37,7 @@ pub struct Lanes {
     deflection: Lane,
     yield_force: Lane,
     pub(crate) force: Lane,
-    /// v_sl, m/s. In a lane that the scalar step runs: 1 while it slides, 0 while it bends.
+    /// v_sl, m/s. In a lane that the scalar step runs: 1 while it slides, 0 while it deforms.
     pub(crate) slip: Lane,
     /// Some lane has viscous damping, or is beyond an end: the exponential is needed.
     viscous: bool,
@@ -58,7 +58,7 @@ pub(crate) type LaneSet = u32;
 /// What the lanes are about to do in a step.
 #[derive(Clone, Copy)]
 struct Survey {
-    /// Some lane bends and leaves the stretch that it holds.
+    /// Some lane deforms and leaves the stretch that it holds.
     stale: bool,
     some_bend: bool,
     some_slide: bool,
@@ -93,7 +93,7 @@ impl Lanes {
         &self.force
     }
 
-    /// 1 for a model that slides, 0 for one that bends, NaN for one that does not tell.
+    /// 1 for a model that slides, 0 for one that deforms, NaN for one that does not tell.
     #[inline(always)]
     pub fn sliding(&self) -> [f64; LANES] {
         self.slip.map(|slip| if slip.is_nan() { slip } else { f64::from(u8::from(slip != 0.0)) })
@@ -200,7 +200,7 @@ impl Lanes {
         (0..LANES).filter(wanted).fold(0, |set, i| set | 1 << i)
     }
 
-    /// Where the lane goes if it bends.
+    /// Where the lane goes if it deforms.
     #[inline(always)]
     pub(crate) fn target(&self, i: usize, stride: Stride) -> f64 {
         self.deflection[i] + stride.velocity * stride.time

@@ -160,7 +160,7 @@ fn deformation_velocity(params: &ElementParams, elastic: f64, v: f64) -> f64 {
     v - s * 0.5 * (low + high)
 }
 
-/// A seal whose hump (1.3 N) lies above its sliding force (1 N): it may slide before it turns over.
+/// A seal whose hump (1.3 N) lies above its sliding force (1 N): it may slide before it snaps through.
 pub(crate) fn humped(beta: f64) -> ElementParams {
     let branch = |join: f64, middle: f64, left: f64, right: f64| {
         let left = Piece::new(-8e-3, join, &cubic(-1.0, middle, left, 0.0)).unwrap();

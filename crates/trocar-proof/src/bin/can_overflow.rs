@@ -4,7 +4,7 @@ use trocar_model::{ParamError, Trocar, TrocarState};
 use trocar_proof::{run, without_panic};
 
 #[inline(never)]
-fn refuted(trocar: &Trocar<'_>, state: &mut TrocarState, motion: f64, duration: f64) -> f64 {
+fn refuted(trocar: &Trocar<&[f64]>, state: &mut TrocarState, motion: f64, duration: f64) -> f64 {
     without_panic(|| f64::from(trocar.step(state, motion, duration) as u32 + 1))
 }
 

@@ -4,22 +4,22 @@ use trocar_model::{ParamError, Trocar, TrocarState};
 use trocar_proof::{run, without_panic};
 
 #[inline(never)]
-fn step(trocar: &Trocar<'_>, state: &mut TrocarState, displacement: f64, duration: f64) -> f64 {
+fn step(trocar: &Trocar<&[f64]>, state: &mut TrocarState, displacement: f64, duration: f64) -> f64 {
     without_panic(|| trocar.step(state, displacement, duration))
 }
 
 #[inline(never)]
-fn step_to(trocar: &Trocar<'_>, state: &mut TrocarState, position: f64, duration: f64) -> f64 {
+fn step_to(trocar: &Trocar<&[f64]>, state: &mut TrocarState, position: f64, duration: f64) -> f64 {
     without_panic(|| trocar.step_to(state, position, duration))
 }
 
 #[inline(never)]
-fn step_velocity(trocar: &Trocar<'_>, state: &mut TrocarState, velocity: f64, duration: f64) -> f64 {
+fn step_velocity(trocar: &Trocar<&[f64]>, state: &mut TrocarState, velocity: f64, duration: f64) -> f64 {
     without_panic(|| trocar.step_velocity(state, velocity, duration))
 }
 
 #[inline(never)]
-fn rest(trocar: &Trocar<'_>, state: &mut TrocarState, position: f64, value: f64) -> f64 {
+fn rest(trocar: &Trocar<&[f64]>, state: &mut TrocarState, position: f64, value: f64) -> f64 {
     without_panic(|| {
         *state = trocar.rest(position);
         *state = trocar.rest_at_force(position, value + state.force());

@@ -60,7 +60,7 @@ impl Page {
     }
 
     /// Loads a model.
-    pub(crate) fn load(&mut self, trocar: &Trocar) -> Result<(), Box<dyn Error>> {
+    pub(crate) fn load(&mut self, trocar: &Trocar<&[f64]>) -> Result<(), Box<dyn Error>> {
         let mut row = vec![0.0; trocar.count_numbers()];
         trocar.write_numbers(&mut row)?;
         if self.load_row(&row)? { Ok(()) } else { Err("the module reads no model from the row".into()) }

@@ -21,9 +21,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::Element;
+use trocar_model::{Element, Stages};
 
-use super::energy::{Run, widest};
+use super::energy::Run;
 
 /// Cycles tried by `analyze`.
 pub(super) const CYCLES: u32 = 300;
@@ -116,12 +116,12 @@ pub struct RandomCycles {
 }
 
 impl RandomCycles {
-    /// Tries `cycles` (at least one) on the `elements` of one seal.
-    pub fn search(elements: &[Element], cycles: u32, seed: u64) -> Self {
+    /// Tries `cycles` (at least one) on one seal.
+    pub fn search(stages: &Stages, cycles: u32, seed: u64) -> Self {
         let static_force = |e: &Element| e.params().insertion.static_force.max(e.params().withdrawal.static_force);
-        let scale = Scale { half_width: widest(elements), force: elements.iter().map(static_force).sum() };
+        let scale = Scale { half_width: stages.half_width(), force: stages.elements().iter().map(static_force).sum() };
         let seal = |random: &mut ChaCha8Rng| {
-            Run::at(elements, |element| element.params().deformation.half_width() * random.random_range(-1.0..1.0))
+            Run::at(stages, |element| element.params().deformation.half_width() * random.random_range(-1.0..1.0))
         };
         search(seal, scale, cycles, seed)
     }
@@ -138,16 +138,16 @@ impl WorstCycle {
 }
 
 /// What goes through a cycle.
-trait Seal: Clone {
+trait Driven: Clone {
     /// Advances by `displacement` (m) within `duration` (s); returns the force (N) at the end.
     fn step(&mut self, displacement: f64, duration: f64) -> f64;
     /// Force after the last step, N.
     fn force(&self) -> f64;
-    /// What is bent, one entry an element, m.
+    /// Deflection of each element, m.
     fn deflections(&self) -> Vec<f64>;
 }
 
-impl Seal for Run<'_> {
+impl Driven for Run<'_> {
     fn step(&mut self, displacement: f64, duration: f64) -> f64 {
         Run::step(self, displacement, duration)
     }
@@ -169,7 +169,12 @@ struct Scale {
 }
 
 /// Cycle `k` is drawn with `seed` + k alone.
-fn search<S: Seal>(start: impl Fn(&mut ChaCha8Rng) -> S + Sync, scale: Scale, cycles: u32, seed: u64) -> RandomCycles {
+fn search<S: Driven>(
+    start: impl Fn(&mut ChaCha8Rng) -> S + Sync,
+    scale: Scale,
+    cycles: u32,
+    seed: u64,
+) -> RandomCycles {
     let tried: Vec<WorstCycle> = (0..u64::from(cycles.max(1)))
         .into_par_iter()
         .map(|k| {
@@ -184,7 +189,7 @@ fn search<S: Seal>(start: impl Fn(&mut ChaCha8Rng) -> S + Sync, scale: Scale, cy
 }
 
 /// The work of one cycle. Where it seems to give work the steps are made finer before that is believed.
-fn least_work<S: Seal>(seal: &S, motion: &Motion, scale: Scale, seed: u64) -> WorstCycle {
+fn least_work<S: Driven>(seal: &S, motion: &Motion, scale: Scale, seed: u64) -> WorstCycle {
     let mut found = motion.work(seal.clone(), 1, scale, seed);
     for fineness in [FINER, FINER * FINER] {
         if !found.gives_work() {
@@ -213,7 +218,7 @@ impl RandomCycles {
 }
 
 /// A random history: moves within two half widths to either side, and rests.
-fn wander<S: Seal>(seal: &mut S, scale: Scale, random: &mut ChaCha8Rng) {
+fn wander<S: Driven>(seal: &mut S, scale: Scale, random: &mut ChaCha8Rng) {
     let step = scale.half_width / STEPS_OF_WIDTH;
     for _ in 0..HISTORY {
         let steps = (2.0 * STEPS_OF_WIDTH * random.random_range(-1.0..1.0_f64)) as i32;
@@ -310,7 +315,7 @@ impl Motion {
     }
 
     /// Repeats the motion until `seal` repeats itself, and tells the work of the last repetition.
-    fn work<S: Seal>(&self, mut seal: S, fineness: u32, scale: Scale, seed: u64) -> WorstCycle {
+    fn work<S: Driven>(&self, mut seal: S, fineness: u32, scale: Scale, seed: u64) -> WorstCycle {
         let moves = self.moves(fineness);
         let most = (STEPS / moves.len()).clamp(FEWEST_REPETITIONS, MOST_REPETITIONS);
         let mut last = repeat(&mut seal, &moves);
@@ -357,7 +362,7 @@ impl Motion {
 }
 
 /// Runs once through `moves`; the work by the trapezoidal rule.
-fn repeat<S: Seal>(seal: &mut S, moves: &[(f64, f64)]) -> Repetition {
+fn repeat<S: Driven>(seal: &mut S, moves: &[(f64, f64)]) -> Repetition {
     let (mut work, mut traffic, mut before) = (0.0, 0.0, seal.force());
     let forces = moves.iter().map(|&(displacement, duration)| {
         let force = seal.step(displacement, duration);
@@ -405,7 +410,7 @@ mod tests {
         state: M::State,
     }
 
-    impl<M: Friction + Clone> Seal for Bare<M> {
+    impl<M: Friction + Clone> Driven for Bare<M> {
         fn step(&mut self, displacement: f64, duration: f64) -> f64 {
             self.model.step(&mut self.state, displacement, duration)
         }
@@ -426,7 +431,7 @@ mod tests {
         force: f64,
     }
 
-    impl Seal for Ahead {
+    impl Driven for Ahead {
         fn step(&mut self, displacement: f64, duration: f64) -> f64 {
             self.position += displacement;
             self.force = 1000.0 * (self.position - 1e-3 * displacement / duration);
@@ -473,9 +478,9 @@ mod tests {
 
     #[test]
     fn the_worst_cycle_is_the_first_one_of_its_own_seed() {
-        let elements = [Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap(); 2];
-        let found = RandomCycles::search(&elements, 50, 7);
-        let alone = RandomCycles::search(&elements, 1, found.worst_cycle.seed);
+        let stages = Stages::new(&[Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap(); 2]).unwrap();
+        let found = RandomCycles::search(&stages, 50, 7);
+        let alone = RandomCycles::search(&stages, 1, found.worst_cycle.seed);
         assert_eq!(alone.worst_cycle, found.worst_cycle);
         assert!((7..57).contains(&found.worst_cycle.seed));
     }

@@ -1,7 +1,7 @@
 //! Energy over full cycles, and the error of the step.
 
 use serde::Serialize;
-use trocar_model::{Element, State, step_parallel};
+use trocar_model::{Element, Friction, Stages, StagesState, State};
 
 use super::is_exact;
 
@@ -55,59 +55,49 @@ pub struct StepError {
     pub verdict: String,
 }
 
-/// The elements of a seal and their states.
+/// A seal under way.
 #[derive(Clone)]
 pub(super) struct Run<'a> {
-    elements: &'a [Element],
-    states: Vec<State>,
-    force: f64,
+    stages: &'a Stages,
+    state: StagesState,
 }
 
 impl<'a> Run<'a> {
-    fn new(elements: &'a [Element]) -> Self {
-        Self::at(elements, |_| 0.0)
+    fn new(stages: &'a Stages) -> Self {
+        Self::at(stages, |_| 0.0)
     }
 
     /// At rest, every element at a deflection (m) of its own.
-    pub(super) fn at(elements: &'a [Element], deflection: impl FnMut(&Element) -> f64) -> Self {
-        let deflections = elements.iter().map(deflection);
-        let states: Vec<State> = elements.iter().zip(deflections).map(|(e, z)| e.rest_state(z)).collect();
-        let force = states.iter().map(State::force).sum();
-        Self { elements, states, force }
+    pub(super) fn at(stages: &'a Stages, deflection: impl FnMut(&Element) -> f64) -> Self {
+        Self { stages, state: stages.rest_at(deflection) }
     }
 
     pub(super) fn force(&self) -> f64 {
-        self.force
+        Stages::force(&self.state)
     }
 
     pub(super) fn deflections(&self) -> Vec<f64> {
-        self.states.iter().map(State::deflection).collect()
+        self.state.states().iter().map(State::deflection).collect()
     }
 
     pub(super) fn step(&mut self, displacement: f64, duration: f64) -> f64 {
-        self.force = step_parallel(self.elements, &mut self.states, displacement, duration);
-        self.force
+        self.stages.step(&mut self.state, displacement, duration)
     }
 
     /// Work of the displacements, J, by the trapezoidal rule.
     fn work(&mut self, displacements: impl Iterator<Item = f64>) -> f64 {
         let mut work = 0.0;
         for displacement in displacements {
-            let before = self.force;
+            let before = self.force();
             work += 0.5 * (before + self.step(displacement, SAMPLE)) * displacement;
         }
         work
     }
 }
 
-/// The largest half width, m.
-pub(super) fn widest(elements: &[Element]) -> f64 {
-    elements.iter().map(|e| e.params().deformation.half_width()).fold(0.0, f64::max)
-}
-
 impl CycleWork {
-    pub(super) fn of(elements: &[Element]) -> Self {
-        let cycles: Vec<Cycle> = CYCLE_SPEEDS.map(|speed| Cycle::of(elements, speed)).to_vec();
+    pub(super) fn of(stages: &Stages) -> Self {
+        let cycles: Vec<Cycle> = CYCLE_SPEEDS.map(|speed| Cycle::of(stages, speed)).to_vec();
         let holds = cycles.iter().all(|cycle| cycle.work_j > 0.0);
         let verdict =
             if holds { "every full cycle dissipates work" } else { "a full cycle gives work: the seal is not passive" };
@@ -116,22 +106,22 @@ impl CycleWork {
 }
 
 impl Cycle {
-    fn of(elements: &[Element], speed_m_s: f64) -> Self {
-        let stroke_m = 5.0 * widest(elements);
+    fn of(stages: &Stages, speed_m_s: f64) -> Self {
+        let stroke_m = 5.0 * stages.half_width();
         let steps = (stroke_m / (speed_m_s * SAMPLE)).ceil() as usize;
         let pass = |s: f64| std::iter::repeat_n(s * stroke_m / steps as f64, steps);
-        let mut run = Run::new(elements);
+        let mut run = Run::new(stages);
         run.work(pass(1.0).chain(pass(-1.0)));
         let work_j = run.work(pass(1.0).chain(pass(-1.0)));
         let sliding = |e: &Element| e.params().insertion.force(speed_m_s) + e.params().withdrawal.force(speed_m_s);
-        let sliding_work_j = stroke_m * elements.iter().map(sliding).sum::<f64>();
+        let sliding_work_j = stroke_m * stages.elements().iter().map(sliding).sum::<f64>();
         Self { speed_m_s, stroke_m, work_j, sliding_work_j }
     }
 }
 
 impl StepError {
-    pub(super) fn of(elements: &[Element]) -> Self {
-        let (mut coarse, mut fine) = (Run::new(elements), Run::new(elements));
+    pub(super) fn of(stages: &Stages) -> Self {
+        let (mut coarse, mut fine) = (Run::new(stages), Run::new(stages));
         let mut largest = 0.0_f64;
         for displacement in trapezoids() {
             let part = f64::from(FINE_PARTS);
@@ -139,9 +129,9 @@ impl StepError {
             for _ in 0..FINE_PARTS {
                 fine.step(displacement / part, SAMPLE / part);
             }
-            largest = largest.max((force - fine.force).abs());
+            largest = largest.max((force - fine.force()).abs());
         }
-        let bound_n = if elements.iter().all(is_exact) { EXACT_BOUND } else { GENERAL_BOUND };
+        let bound_n = if stages.elements().iter().all(is_exact) { EXACT_BOUND } else { GENERAL_BOUND };
         let holds = largest <= bound_n;
         let verdict = format!(
             "at 1 kHz the force is within {:.3} mN of the converged solution (allowed: {:.1} mN)",

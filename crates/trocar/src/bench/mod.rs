@@ -184,7 +184,7 @@ pub enum BenchError {
 
 /// Runs one protocol with `seal`, the elements of a seal in parallel (none: the rig alone).
 ///
-/// Before the first sample the rig homes by a withdrawal (see `rig.homing_m`), so the seal starts bent backwards.
+/// Before the first sample the rig homes by a withdrawal (see `rig.homing_m`), so the seal starts deformed backwards.
 /// A closed cycle ends where it began only as far as the controller follows.
 ///
 /// # Errors

@@ -47,7 +47,7 @@ pub fn random_plausible_seal(seed: u64) -> ElementParams {
 
 /// A random seal from `ranges`. The same ranges and seed give the same seal.
 ///
-/// Friction is Coulomb and viscous, the seal has no damping. Half of the seals turn over: their branches have a hump
+/// Friction is Coulomb and viscous, the seal has no damping. Half of the seals snap through: their branches have a hump
 /// followed by a stretch of negative stiffness; the other half rise all the way. The hump stays below the force at which
 /// the seal slides, the branches enclose a positive gap, and [`Element::new`] accepts the result. The mean over the two
 /// directions of F_c and β lies in `ranges`.
@@ -101,8 +101,8 @@ struct Shape {
     first_rise: f64,
     /// Slope before the join, F/c.
     slope_before: f64,
-    /// Slope behind the join, F/c.
-    slope_behind: f64,
+    /// Slope after the join, F/c.
+    slope_after: f64,
     /// Slope on reaching +c, in multiples of the mean slope of the second piece.
     last_rise: f64,
     /// Bulge of the two pieces, F.
@@ -111,8 +111,8 @@ struct Shape {
 
 impl Shape {
     fn draw(noise: &mut Noise) -> Self {
-        let turns_over = noise.unit() < 0.5;
-        let (force_at_join, slope_before, slope_behind) = if turns_over {
+        let snaps_through = noise.unit() < 0.5;
+        let (force_at_join, slope_before, slope_after) = if snaps_through {
             (noise.uniform(0.2, 0.5), noise.uniform(-0.1, 0.3), noise.uniform(-0.8, -0.2))
         } else {
             (noise.uniform(-0.1, 0.4), noise.uniform(0.3, 1.0), noise.uniform(0.2, 0.6))
@@ -122,7 +122,7 @@ impl Shape {
             force_at_join,
             first_rise: noise.uniform(1.2, 2.6),
             slope_before,
-            slope_behind,
+            slope_after,
             last_rise: noise.uniform(1.2, 2.5),
             bulges: [noise.uniform(-0.05, 0.05), noise.uniform(-0.05, 0.05)],
         }
@@ -136,7 +136,7 @@ impl Shape {
             force_at_join: change(self.force_at_join),
             first_rise: change(self.first_rise),
             slope_before: change(self.slope_before),
-            slope_behind: change(self.slope_behind),
+            slope_after: change(self.slope_after),
             last_rise: change(self.last_rise),
             bulges: self.bulges.map(&mut change),
         }
@@ -155,7 +155,7 @@ impl Shape {
             bulge: self.bulges[0] * scale,
         };
         let right = Quartic {
-            from: (join, middle, self.slope_behind * slope),
+            from: (join, middle, self.slope_after * slope),
             to: (c, ends.1, self.last_rise * last),
             bulge: self.bulges[1] * scale,
         };

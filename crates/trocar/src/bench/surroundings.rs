@@ -33,7 +33,7 @@ impl Wetting {
         Self { level: between(lubrication.level), viscosity: between(lubrication.viscosity) }
     }
 
-    /// The displacement of the dry seal behind `displacement`, m.
+    /// The displacement of the dry seal that corresponds to `displacement`, m.
     pub(super) fn of_dry(self, displacement: f64) -> f64 {
         displacement / self.level
     }

@@ -61,7 +61,7 @@ impl ReversalMatch {
     /// The outcome in a sentence.
     pub fn sentence(&self) -> String {
         let ems = format!(
-            "the EMS element ({:.3} N rms behind reversals, {} parameters)",
+            "the EMS element ({:.3} N rms after reversals, {} parameters)",
             self.ems_reversal_rms_n, self.ems_parameters
         );
         match (self.elements, self.parameters) {

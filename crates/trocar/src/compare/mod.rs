@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! training recordings -> identify (EMS)  -> classical models, from the same segmentation and start of known state
-//! held-back recordings -> free-run simulation of each -> errors over all, by phase, at reversals
+//! held-out recordings -> free-run simulation of each -> errors over all, by phase, at reversals
 //! ```
-//! What is equal for all: the recordings (an undeclared mass that the identification finds is taken out of them), the
+//! What is equal for all: the recordings (an unmodelled mass that the identification finds is taken out of them), the
 //! sensor offset as one further number, the samples scored (those whose state is known to the EMS element), the start
 //! (at rest with the first reading). The times are measured, and the only numbers here that differ between two runs.
 
@@ -13,16 +13,15 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::{Friction, Stages};
+use trocar_model::Trocar;
 
 use crate::identify::classical::{ClassicalData, ClassicalFit, Kin, Kind};
 use crate::identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
 };
-use crate::model_file::Model;
 use crate::recording::{Recording, RecordingError};
+use crate::replay::forces;
 use crate::validate::Phases;
-use trocar_model::Classical;
 
 pub use claim::{ReversalMatch, reversal_match};
 pub use split::split;
@@ -108,16 +107,6 @@ pub struct CompareOptions {
     pub timing: bool,
 }
 
-/// A fitted model of either kind.
-#[derive(Debug, Clone, Copy)]
-#[allow(clippy::large_enum_variant)] // some dozens in all
-pub enum Compared {
-    /// The EMS element.
-    Ems(Stages),
-    /// A classical model.
-    Classical(Classical),
-}
-
 /// One model: its fit and its scores.
 #[derive(Debug, Clone)]
 pub struct Entry {
@@ -130,7 +119,7 @@ pub struct Entry {
     /// Number of parameters estimated, without the sensor's offset that all have.
     pub parameters: usize,
     /// The model.
-    pub model: Compared,
+    pub trocar: Trocar,
     /// Sensor offset F_0, N.
     pub offset: f64,
     /// The parameters with intervals.
@@ -158,7 +147,7 @@ pub struct Scores {
     pub aic: f64,
     /// Schwarz' criterion, likewise.
     pub bic: f64,
-    /// Root mean square error, N, within the deformation behind each reversal of the validation; NaN without a reversal
+    /// Root mean square error, N, within the deformation after each reversal of the validation; NaN without a reversal
     /// (null in JSON).
     pub reversal_rms_n: f64,
     /// The same for the worst single reversal, N; NaN without one.
@@ -185,7 +174,7 @@ pub struct Comparison {
     /// Number of independent samples that they are worth, from the autocorrelation of the residuals of the EMS element as
     /// identified.
     pub effective_samples: f64,
-    /// Travel, m, behind a reversal that counts for its error.
+    /// Travel, m, after a reversal that counts for its error.
     pub reversal_travel: f64,
 }
 
@@ -238,9 +227,10 @@ pub fn compare(
     let alone = IdentifyOptions { along: false, ..options.identify.clone() };
     let ems = identify(training, &alone, &|stage, part| progress(stage, 0.03 * part))?;
     let ems_s = clock.elapsed().as_secs_f64();
-    let without_hidden_mass = |r: &Recording| r.clone().without_moving_mass(ems.model.hidden_mass, 0.0);
-    let prepared =
-        |recordings: &[Recording]| ems.in_step(recordings.iter().map(without_hidden_mass).collect::<Result<_, _>>()?);
+    let without_unmodelled_mass = |r: &Recording| r.clone().without_moving_mass(ems.model.unmodelled_mass, 0.0);
+    let prepared = |recordings: &[Recording]| {
+        ems.without_delay(recordings.iter().map(without_unmodelled_mass).collect::<Result<_, _>>()?)
+    };
     let (training, validation) = (prepared(training)?, prepared(validation)?);
     let data = ClassicalData::new(&training, &ems, &options.identify);
     let fits = fit_all(&options.models, &data, progress)?;
@@ -257,12 +247,12 @@ pub fn compare(
     }
     let reversal_travel = reversal_travel(&ems, &training);
     let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
-    let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.model, m.offset)).collect();
+    let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.trocar, m.offset)).collect();
     // Of one model whichever are compared, so that the criteria do not depend on the choice.
-    let reference = grounds.raw(&Compared::Ems(ems.stages), ems.model.offset);
+    let reference = grounds.raw(&Trocar::of_seal(ems.stages), ems.model.offset);
     let effective_samples = grounds.effective_samples(&reference);
     let times: Vec<Option<f64>> =
-        models.iter().map(|m| options.timing.then(|| m.model.nanoseconds_per_step(&validation[0]))).collect();
+        models.iter().map(|m| options.timing.then(|| nanoseconds_per_step(&m.trocar, &validation[0]))).collect();
     let entry = |((fitted, raw), ns): ((Fitted, &score::Raw), Option<f64>)| {
         let scores = grounds.scores(raw, fitted.parameters, effective_samples);
         fitted.into_entry(scores, ns, options.timing)
@@ -284,7 +274,7 @@ fn reversal_travel(ems: &Identification, training: &[Recording]) -> f64 {
 struct Fitted {
     choice: Choice,
     parameters: usize,
-    model: Compared,
+    trocar: Trocar,
     offset: f64,
     estimates: Vec<Parameter>,
     warnings: Vec<Warning>,
@@ -296,7 +286,7 @@ impl Fitted {
         Self {
             choice: Choice::Classical(fit.kind),
             parameters: fit.kind.parameters(),
-            model: Compared::Classical(fit.model),
+            trocar: Trocar::of_seal(fit.model),
             offset: fit.offset,
             estimates: fit.parameters,
             warnings: fit.warnings,
@@ -308,7 +298,7 @@ impl Fitted {
         Self {
             choice: Choice::Ems,
             parameters: ems.free_parameters,
-            model: Compared::Ems(ems.stages),
+            trocar: Trocar::of_seal(ems.stages),
             offset: ems.model.offset,
             estimates: ems.parameters.clone(),
             warnings: ems.warnings.clone(),
@@ -320,7 +310,7 @@ impl Fitted {
         Self {
             choice: Choice::EmsOutputError,
             parameters: fit.free_parameters,
-            model: Compared::Ems(fit.stages),
+            trocar: Trocar::of_seal(fit.stages),
             offset: fit.model.offset,
             estimates: fit.parameters,
             warnings: fit.warnings,
@@ -329,16 +319,14 @@ impl Fitted {
     }
 
     fn into_entry(self, scores: Scores, ns_per_sample: Option<f64>, timing: bool) -> Entry {
-        let elements = match &self.model {
-            Compared::Ems(stages) => stages.elements().len(),
-            Compared::Classical(_) => self.choice.elements(),
-        };
+        let stages = self.trocar.seal().stages();
+        let elements = stages.map_or_else(|| self.choice.elements(), |stages| stages.elements().len());
         Entry {
             choice: self.choice,
             name: self.choice.family(),
             elements,
             parameters: self.parameters,
-            model: self.model,
+            trocar: self.trocar,
             offset: self.offset,
             estimates: self.estimates,
             scores,
@@ -350,7 +338,7 @@ impl Fitted {
 }
 
 /// Fits all classical models; those of one family in the order of their size, since each starts from the smaller one,
-/// and GMS behind Maxwell-Slip.
+/// and GMS after Maxwell-Slip.
 fn fit_all(
     models: &[Choice],
     data: &ClassicalData,
@@ -389,59 +377,20 @@ fn fit_all(
     Ok(fits?.into_iter().flatten().collect())
 }
 
-impl From<Compared> for Model {
-    fn from(model: Compared) -> Self {
-        match model {
-            Compared::Ems(stages) => Self::Ems(stages.elements().to_vec()),
-            Compared::Classical(model) => Self::Classical(model),
-        }
-    }
-}
-
 /// Families that are fitted one after another, since one starts from the other.
 fn chain(kind: Kind) -> &'static str {
     kind.special().unwrap_or(kind).family()
 }
 
-impl Compared {
-    /// Force, N, at every sample of `recording`, without the sensor's offset: at rest with the first reading at the
-    /// start and behind every gap, then driven by the positions.
-    pub fn forces(&self, recording: &Recording, offset: f64) -> Vec<f64> {
-        match self {
-            Self::Ems(model) => forces(model, recording, offset),
-            Self::Classical(model) => match model {
-                Classical::Static(model) => forces(model, recording, offset),
-                Classical::Dahl(model) => forces(model, recording, offset),
-                Classical::LuGre(model) => forces(model, recording, offset),
-                Classical::Leuven(model) => forces(model, recording, offset),
-                Classical::MaxwellSlip(model) => forces(model, recording, offset),
-                Classical::Gms(model) => forces(model, recording, offset),
-            },
-        }
-    }
-
-    /// Median time of a step, ns, along a recording.
-    fn nanoseconds_per_step(&self, recording: &Recording) -> f64 {
-        const REPETITIONS: usize = 7;
-        let mut times: Vec<f64> = (0..REPETITIONS)
-            .map(|_| {
-                let clock = Instant::now();
-                std::hint::black_box(self.forces(std::hint::black_box(recording), 0.0));
-                clock.elapsed().as_secs_f64() * 1e9 / recording.len() as f64
-            })
-            .collect();
-        times.sort_by(f64::total_cmp);
-        times[REPETITIONS / 2]
-    }
-}
-
-fn forces<M: Friction>(model: &M, recording: &Recording, offset: f64) -> Vec<f64> {
-    let mut all = Vec::with_capacity(recording.len());
-    let (x, t) = (&recording.position, &recording.time);
-    for range in recording.unbroken() {
-        let mut state = model.rest_at_force(recording.force[range.start] - offset);
-        all.push(M::force(&state));
-        all.extend((range.start + 1..range.end).map(|i| model.step(&mut state, x[i] - x[i - 1], t[i] - t[i - 1])));
-    }
-    all
+/// Median time of a step, ns, along a recording.
+fn nanoseconds_per_step(trocar: &Trocar, recording: &Recording) -> f64 {
+    const REPETITIONS: usize = 7;
+    let once = |_| {
+        let clock = Instant::now();
+        std::hint::black_box(forces(trocar, std::hint::black_box(recording), 0.0));
+        clock.elapsed().as_secs_f64() * 1e9 / recording.len() as f64
+    };
+    let mut times: Vec<f64> = (0..REPETITIONS).map(once).collect();
+    times.sort_by(f64::total_cmp);
+    times[REPETITIONS / 2]
 }

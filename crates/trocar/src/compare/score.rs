@@ -1,12 +1,14 @@
 //! Errors of one model on common grounds.
 
+use trocar_model::Trocar;
+
 use crate::identify::Identification;
 use crate::recording::Recording;
-use crate::replay::replay;
+use crate::replay::{forces, replay};
 use crate::segment::{passes, reversal_threshold, travel};
 use crate::validate::{Phase, Phases, Sums, phases_of};
 
-use super::{Compared, Scores};
+use super::Scores;
 
 /// Fewest scored samples of a reversal.
 const FEWEST: usize = 5;
@@ -17,7 +19,7 @@ const MOST_RESIDUALS: usize = 20_000;
 struct Ground<'a> {
     recording: &'a Recording,
     scored: Vec<usize>,
-    /// Ranges of `scored` behind each reversal.
+    /// Ranges of `scored` after each reversal.
     reversals: Vec<std::ops::Range<usize>>,
     phases: Vec<Phase>,
 }
@@ -36,7 +38,7 @@ pub(super) struct Raw {
 
 impl<'a> Ground<'a> {
     fn new(ems: &Identification, recording: &'a Recording, reversal_travel: f64) -> Self {
-        let run = replay(ems.stages.elements(), recording, ems.model.offset);
+        let run = replay(&Trocar::of_seal(ems.stages), recording, ems.model.offset);
         let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
         let scored = if known.is_empty() { (0..recording.len()).collect() } else { known };
         let reversed = passes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
@@ -50,8 +52,8 @@ impl<'a> Ground<'a> {
         Self { recording, scored, reversals, phases }
     }
 
-    fn errors(&self, model: &Compared, offset: f64) -> Vec<f64> {
-        let forces = model.forces(self.recording, offset);
+    fn errors(&self, model: &Trocar, offset: f64) -> Vec<f64> {
+        let forces = forces(model, self.recording, offset);
         self.scored.iter().map(|i| self.recording.force[*i] - offset - forces[*i]).collect()
     }
 
@@ -75,7 +77,7 @@ impl<'a> Grounds<'a> {
         self.training.iter().map(|g| g.scored.len()).sum()
     }
 
-    pub(super) fn raw(&self, model: &Compared, offset: f64) -> Raw {
+    pub(super) fn raw(&self, model: &Trocar, offset: f64) -> Raw {
         Raw {
             training: self.training.iter().flat_map(|g| g.errors(model, offset)).collect(),
             validation: self.validation.iter().map(|g| g.errors(model, offset)).collect(),

@@ -6,7 +6,7 @@ use crate::segment::{passes, reversal_threshold};
 /// Part of the time that is fitted.
 const FITTED: f64 = 2.0 / 3.0;
 
-/// Divides each recording at the reversal behind two thirds of its time: what is fitted, what is held back.
+/// Divides each recording at the reversal after two thirds of its time: what is fitted, what is held out.
 ///
 /// Both parts keep the hash of the whole recording, which is that of its file.
 ///
@@ -21,12 +21,12 @@ pub fn split(recordings: &[Recording]) -> Result<(Vec<Recording>, Vec<Recording>
             Ok::<_, RecordingError>(Recording { sha256: recording.sha256.clone(), ..part })
         };
         parts.0.push(part(0..at + 1, "fitted part")?);
-        parts.1.push(part(at..recording.len(), "held-back part")?);
+        parts.1.push(part(at..recording.len(), "held-out part")?);
     }
     Ok(parts)
 }
 
-/// First reversal behind two thirds of the time; without one, the sample there.
+/// First reversal after two thirds of the time; without one, the sample there.
 fn place(recording: &Recording) -> usize {
     let wanted = recording.time[0] + FITTED * recording.duration();
     let reversals = passes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);

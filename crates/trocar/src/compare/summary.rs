@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use trocar_model::Trocar;
+
 use crate::identify::{Estimate, Identification, Parameter, Warning};
 use crate::model_file::{ModelFile, Origin};
 use crate::recording::Recording;
@@ -26,7 +28,7 @@ pub struct Outcome<'a> {
     pub seed: u64,
     /// Whether the validation recordings are the last thirds of those fitted ([`split`](super::split)), for want of
     /// others.
-    pub held_back: bool,
+    pub held_out: bool,
     /// What was taken out of the readings.
     pub moving_mass: MovingMass,
 }
@@ -39,17 +41,17 @@ pub struct Summary<'a> {
     /// Seed of everything random.
     pub seed: u64,
     /// Whether the validation is the last third of the recordings fitted.
-    pub held_back: bool,
+    pub held_out: bool,
     /// Samples of the training recordings that are scored.
     pub samples: usize,
     /// Number of independent samples that they are worth.
     pub effective_samples: f64,
-    /// Travel, m, behind a reversal that counts for its error.
+    /// Travel, m, after a reversal that counts for its error.
     pub reversal_travel_m: f64,
     /// Mass that was taken out of the readings.
     pub moving_mass: MovingMass,
     /// Mass, kg, found in the readings and taken out of them too.
-    pub hidden_mass_kg: f64,
+    pub unmodelled_mass_kg: f64,
     /// One entry a model, least validation error first.
     pub models: Vec<ModelSummary<'a>>,
     /// The claim of EMS section II-C for each family of banks that was compared.
@@ -77,7 +79,7 @@ pub struct ModelSummary<'a> {
     pub aic: f64,
     /// Schwarz' criterion, likewise.
     pub bic: f64,
-    /// Root mean square error, N, behind the reversals of the validation.
+    /// Root mean square error, N, after the reversals of the validation.
     pub reversal_rms_n: f64,
     /// The same for the worst single reversal, N.
     pub worst_reversal_n: f64,
@@ -144,7 +146,7 @@ impl<'a> Outcome<'a> {
     /// What leaves an unknown state in the scores: validation recordings on which the seal never slides all round.
     pub fn unknown_states(&self) -> Vec<String> {
         let Identification { stages, model, .. } = &self.comparison.ems;
-        let scores = validate(stages.elements(), &self.comparison.validation, model.offset);
+        let scores = validate(&Trocar::of_seal(*stages), &self.comparison.validation, model.offset);
         let of = |r: &RecordingValidation| r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>();
         scores.recordings.iter().flat_map(of).collect()
     }
@@ -153,11 +155,11 @@ impl<'a> Outcome<'a> {
     pub fn model_files(&self) -> Vec<(String, ModelFile)> {
         let Self { comparison, seed, moving_mass, .. } = *self;
         let file = |entry: &Entry| {
-            let mut model = ModelFile::new(entry.model, Origin::identified(seed, &comparison.training));
+            let mut model = ModelFile::new(*entry.trocar.seal(), Origin::identified(seed, &comparison.training));
             if entry.choice == Choice::Ems {
                 model.origin.note = comparison.ems.deformation_note();
             }
-            model.sensor = Some(moving_mass.sensor(entry.offset, comparison.ems.model.hidden_mass));
+            model.sensor = Some(moving_mass.sensor(entry.offset, comparison.ems.model.unmodelled_mass));
             model.intervals = intervals(&entry.estimates);
             (format!("models/{}.json", entry.choice.file_stem()), model)
         };
@@ -166,18 +168,18 @@ impl<'a> Outcome<'a> {
 
     /// The contents of `compare.json`.
     pub fn summary(&self) -> Summary<'a> {
-        let Self { comparison, seed, held_back, moving_mass } = *self;
+        let Self { comparison, seed, held_out, moving_mass } = *self;
         let claim = |result: ReversalMatch| ClaimSummary { sentence: result.sentence(), result };
         let recordings = |used_for, all: &'a [Recording]| all.iter().map(move |r| recording(r, used_for));
         Summary {
             program: PROGRAM,
             seed,
-            held_back,
+            held_out,
             samples: comparison.samples,
             effective_samples: comparison.effective_samples,
             reversal_travel_m: comparison.reversal_travel,
             moving_mass,
-            hidden_mass_kg: comparison.ems.model.hidden_mass,
+            unmodelled_mass_kg: comparison.ems.model.unmodelled_mass,
             models: comparison.entries.iter().map(|entry| model(entry, &comparison.validation)).collect(),
             reversal_claim: comparison.claims().into_iter().map(claim).collect(),
             recordings: recordings("training", &comparison.training)

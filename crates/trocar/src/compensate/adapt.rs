@@ -32,7 +32,7 @@ pub(super) const CELLS: usize = 512;
 pub(super) const LONGEST_AGE: f64 = 20.0;
 /// Time after the last pair that was learnt from during which λ and ν count as followed, s.
 const EXCITED: f64 = 5.0;
-/// Errors of the model are correlated along the way: as many neighbouring pairs count as one.
+/// Errors of the model are correlated over the position: as many neighbouring pairs count as one.
 const CORRELATED: f64 = 32.0;
 /// Load, over its standard deviation, from which on tissue is touched.
 pub(super) const CONTACT: f64 = 3.0;

@@ -1,8 +1,8 @@
 //! Whether another level of friction explains the readings better than the present one.
 //!
 //! The filter of [`super::adapt`] learns from slides, and a seal that is suddenly oiled may slide all the time while the model
-//! still believes that it bends. So the model also runs at several levels side by side, each with its own state. Whenever a
-//! cell of the way is crossed against the direction of its last crossing, bending or sliding, the levels tell which one would have
+//! still believes that it deforms. So the model also runs at several levels side by side, each with its own state. Whenever a
+//! cell of the way is crossed against the direction of its last crossing, deforming or sliding, the levels tell which one would have
 //! turned as the reading did, and what load it leaves:
 //!
 //! ```text

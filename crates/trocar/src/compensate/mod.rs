@@ -36,7 +36,9 @@
 //! - **Limits**: a tissue force that turns with the motion and is as large both ways is friction by all that a sensor outside
 //!   can tell.
 
-use trocar_model::{Deformation, DeformationForce, Element, Friction, Mode, Seal, SealState, Stages, Travel};
+use trocar_model::{
+    Deformation, DeformationForce, Element, Friction, Mode, PositionProfile, Seal, SealState, Stages, Trocar,
+};
 
 pub use adapt::Drift;
 pub use faults::Fault;
@@ -48,8 +50,8 @@ use faults::Watch;
 use inertia::Inertia;
 
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, ModelFileError};
+use crate::profile::Departure;
 use crate::replay::Turns;
-use crate::travel::{Departure, TravelProfile};
 
 pub mod adapt;
 pub mod bank;
@@ -154,16 +156,19 @@ impl Estimate {
 /// What the observer holds fixed.
 #[derive(Debug, Clone)]
 struct Setup {
-    seal: Seal,
-    travel: Option<TravelProfile>,
+    trocar: Trocar<Vec<f64>>,
     offset: f64,
     error: ForceError,
     adaptation: bool,
 }
 
 impl Setup {
-    fn travel(&self) -> Option<Travel<'_>> {
-        self.travel.as_ref().map(TravelProfile::view)
+    fn seal(&self) -> &Seal {
+        self.trocar.seal()
+    }
+
+    fn profile(&self) -> Option<&PositionProfile<Vec<f64>>> {
+        self.trocar.profile()
     }
 }
 
@@ -198,7 +203,7 @@ impl Compensator {
     /// # Errors
     /// [`CompensateError`]: a model with too many elements or without a stated error, an option out of its range.
     pub fn new(file: &ModelFile, options: &CompensateOptions) -> Result<Self, CompensateError> {
-        Self::with_seal(file, *file.trocar()?.seal(), options)
+        Self::with_seal(file, *file.trocar.seal(), options)
     }
 
     /// The same with `seal`, such as a tuned one, in place of that of `file`.
@@ -225,7 +230,7 @@ impl Compensator {
         let of = |name| if shown { 0.0 } else { relative_std(file, name) };
         let spread = [of("coulomb_force_n"), of("viscous_damping_n_s_m")];
         Ok(Self {
-            setup: Setup { seal, travel: file.travel.clone(), offset, error, adaptation: options.adaptation },
+            setup: Setup { trocar: file.trocar.with_seal(seal), offset, error, adaptation: options.adaptation },
             state: seal.rest_at_force(0.0),
             extremes: None,
             position: None,
@@ -246,20 +251,20 @@ impl Compensator {
 
     /// Starts again as new, with the next sample; allocates nothing.
     pub fn reset(&mut self) {
-        self.state = self.setup.seal.rest_at_force(0.0);
+        self.state = self.setup.seal().rest_at_force(0.0);
         (self.extremes, self.position) = (None, None);
         (self.speed, self.mean_speed, self.time, self.waited) = (0.0, 0.0, 0.0, 0.0);
         (self.turns, self.has_turned) = (Turns::default(), false);
         self.inertia.restart(0.0, 0.0);
         self.adapter.reset();
-        self.bank.reset(&self.setup.seal);
+        self.bank.reset(self.setup.seal());
         self.watch.reset();
         self.last = Estimate::NONE;
     }
 
     /// How far the positions from `lowest` to `highest` (m) leave the range of the model's position profile.
     pub fn departure(&self, lowest: f64, highest: f64) -> Option<Departure> {
-        self.setup.travel.as_ref()?.departure(lowest, highest)
+        Departure::of(self.setup.profile()?, lowest, highest)
     }
 
     /// Where λ and ν stand.
@@ -305,10 +310,10 @@ impl Compensator {
     /// At rest with the first reading; extreme starts beside it tell what that leaves open.
     fn start(&mut self, position: f64, force: f64) {
         let reading = if force.is_finite() { force - self.setup.offset } else { 0.0 };
-        let own = self.setup.travel().map_or(reading, |travel| travel.without(position, reading));
-        self.state = self.setup.seal.rest_at_force(own);
+        let own = self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
+        self.state = self.setup.seal().rest_at_force(own);
         self.follow_minor();
-        self.bank.start(&self.setup.seal, own);
+        self.bank.start(self.setup.seal(), own);
         self.position = Some(position);
         self.waited = 0.0;
         self.inertia.restart(self.time, position);
@@ -325,7 +330,7 @@ impl Compensator {
 
     /// The state is anybody's guess until the seal has slid.
     fn forget(&mut self) {
-        self.extremes = Some(extremes(&self.setup.seal));
+        self.extremes = Some(extremes(self.setup.seal()));
         self.adapter.break_off();
         self.bank.break_off();
     }
@@ -335,16 +340,16 @@ impl Compensator {
         let duration = std::mem::take(&mut self.waited);
         let level = self.adapter.drift().level;
         let own = displacement / level;
-        self.setup.seal.step(&mut self.state, own, duration);
+        self.setup.seal().step(&mut self.state, own, duration);
         if let Some(deformation) = self.state.deformation() {
-            self.has_turned = self.turns.take(deformation, 0.5 * self.setup.seal.deformation_width());
+            self.has_turned = self.turns.take(deformation, self.setup.seal().half_width());
         }
         if let Some(minor) = &mut self.minor {
             minor.seal.step(&mut minor.state, own, duration);
         }
         if let Some(extremes) = &mut self.extremes {
             extremes.iter_mut().for_each(|state| {
-                self.setup.seal.step(state, own, duration);
+                self.setup.seal().step(state, own, duration);
             });
             if spread(extremes, &self.state) * level < FORGOTTEN {
                 self.extremes = None;
@@ -357,16 +362,16 @@ impl Compensator {
         self.inertia.advance(self.time, position);
         self.adapter.pass(duration);
         if self.setup.adaptation {
-            self.bank.advance(&self.setup.seal, displacement, duration);
+            self.bank.advance(self.setup.seal(), displacement, duration);
         }
     }
 
     fn estimate(&mut self, force: f64, fault: Option<Fault>) -> Estimate {
         let Some(position) = self.position else { return Estimate { fault, ..self.last } };
         let Drift { level, viscosity, level_std, viscosity_std } = self.adapter.drift();
-        let along = |seal: f64| self.setup.travel().map_or(seal, |travel| travel.apply(position, seal));
-        let slope = self.setup.travel().map_or(1.0, |travel| travel.level(position));
-        let viscous = level * self.setup.seal.viscous_force(&self.state, self.speed / level);
+        let along = |seal: f64| self.setup.profile().map_or(seal, |profile| profile.apply(position, seal));
+        let slope = self.setup.profile().map_or(1.0, |profile| profile.gain(position));
+        let viscous = level * self.setup.seal().viscous_force(&self.state, self.speed / level);
         let dry = level * Seal::force(&self.state) - viscous;
         let trocar_force = along(dry + viscosity * viscous);
         let own = force - self.setup.offset - self.inertia.force();
@@ -382,7 +387,7 @@ impl Compensator {
         let of_seal = parameters.max(0.0) + spread * spread + minor * minor + doubt;
         let std = (sigma * sigma + slope * slope * of_seal).sqrt();
         if self.setup.adaptation && reading.is_finite() {
-            let seal = self.setup.travel().map_or(reading, |travel| travel.without(position, reading));
+            let seal = self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
             let variance = (sigma / slope).powi(2) + minor * minor;
             self.learn(position, Sliding { reading: seal, dry: own_dry, viscous }, variance);
         }
@@ -428,7 +433,12 @@ impl Compensator {
     fn settled(&mut self) -> Option<bool> {
         let deforms = matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
         let slides = self.extremes.is_none() && self.speed.abs() >= HOLD_SPEED && !deforms;
-        self.adapter.settle(slides, self.speed > 0.0, self.position.unwrap_or(0.0), self.setup.seal.deformation_width())
+        self.adapter.settle(
+            slides,
+            self.speed > 0.0,
+            self.position.unwrap_or(0.0),
+            2.0 * self.setup.seal().half_width(),
+        )
     }
 }
 
@@ -503,9 +513,7 @@ impl ForceError {
 
 /// As far apart as the seal can be.
 fn extremes(seal: &Seal) -> [SealState; 2] {
-    let width = 0.5 * seal.deformation_width();
-    let at = |sign: f64| seal.rest_at_deflection(sign * width);
-    [-1.0, 1.0].map(|sign| at(sign).unwrap_or_else(|| seal.rest_at_force(sign * f64::MAX)))
+    [-1.0, 1.0].map(|part| seal.rest_between(part))
 }
 
 /// Half the range of the forces, N: at most the standard deviation of anything between.

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use super::{Compensator, Drift, Fault};
 use crate::error::RecordingError;
+use crate::profile::Departure;
 use crate::recording::columns::Quantity;
 use crate::recording::rows::Rows;
 use crate::recording::{Choice, Place};
 use crate::simulate::SimulateError;
 use crate::table::{Cell, Field, Kind, TableWriter};
-use crate::travel::Departure;
 
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
@@ -86,7 +86,7 @@ pub fn compensate_file(
         count.take(row.line, position, &estimate);
         let numbers = [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std];
         let [a, b, c, d, e, f] = numbers.map(|number| Cell::Number(if number.is_finite() { number } else { f64::NAN }));
-        result.row(&[a, b, c, d, e, f, Cell::Whole(i64::from(estimate.adapting))])?;
+        result.row(&[a, b, c, d, e, f, Cell::Integer(i64::from(estimate.adapting))])?;
         if options.live {
             result.flush()?;
         }
@@ -115,7 +115,7 @@ fn duration(file: &str, place: Place, before: Option<f64>, time: f64) -> Result<
 /// The columns written.
 fn fields() -> Vec<Field> {
     let numbers = ["time_s", "position_m", "force_n", "trocar_force_n", "tissue_force_n", "tissue_force_std_n"];
-    let adapting = Field::new("adapting", Kind::Whole);
+    let adapting = Field::new("adapting", Kind::Integer);
     numbers.into_iter().map(Field::number).chain([adapting]).collect()
 }
 

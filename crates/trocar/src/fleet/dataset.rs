@@ -51,7 +51,7 @@ pub enum DatasetError {
     /// No recording in it.
     #[error(
         "{}: no recordings, expected files that end in {}\n\nhint: a manifest, a CSV or Parquet file with a column 'path', names files \
-         with other endings",
+         with other extensions",
         path.display(), ENDINGS.join(", ")
     )]
     Empty {
@@ -89,7 +89,7 @@ pub enum DatasetError {
 pub struct Dataset {
     /// Files with recordings, in the order of their names or of the manifest.
     pub sources: Vec<Source>,
-    /// Files of the folder that are left out for their ending.
+    /// Files of the folder that are left out for their extension.
     pub left_out: Vec<String>,
 }
 
@@ -212,9 +212,9 @@ impl Dataset {
     }
 }
 
-fn ends_in(path: &Path, endings: &[&str]) -> bool {
-    let own = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    endings.iter().any(|ending| own.eq_ignore_ascii_case(ending))
+fn ends_in(path: &Path, extensions: &[&str]) -> bool {
+    let own = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension))
 }
 
 fn file_name(path: &Path) -> String {
@@ -378,8 +378,8 @@ fn cells(table: &Table, row: usize) -> Vec<Cell> {
 fn cell(column: &Column, row: usize) -> Cell {
     match column {
         Column::Number(cells) => Cell::number(cells[row]),
-        Column::Whole(cells) => cells[row].map_or(Cell::Empty, Cell::Integer),
-        Column::Truth(cells) => cells[row].map_or(Cell::Empty, Cell::Flag),
+        Column::Integer(cells) => cells[row].map_or(Cell::Empty, Cell::Integer),
+        Column::Boolean(cells) => cells[row].map_or(Cell::Empty, Cell::Boolean),
         Column::Text(cells) => cells[row].as_ref().map_or(Cell::Empty, |text| Cell::text(text.clone())),
     }
 }

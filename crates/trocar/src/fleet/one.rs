@@ -332,7 +332,7 @@ fn parameter(row: &mut Row, name: &str, estimate: &Estimate) {
     row.set(name, Cell::number(estimate.value));
     row.set(&format!("{name}_lower"), Cell::number(low));
     row.set(&format!("{name}_upper"), Cell::number(high));
-    row.set(&format!("{name}_pinned"), Cell::Flag(estimate.pinned));
+    row.set(&format!("{name}_determined"), Cell::Boolean(estimate.determined));
 }
 
 fn result(row: &mut Row, found: &Identification, recording: &Recording, method: &str) {
@@ -355,17 +355,17 @@ fn result(row: &mut Row, found: &Identification, recording: &Recording, method: 
     row.set("reversals", Cell::count(found.free_motion.reversals));
     row.set("partial_reversals", Cell::count(found.free_motion.partial_reversals));
     row.set("held_s", Cell::number(found.free_motion.held_s));
-    if let Some(fit) = &found.travel {
-        row.set("travel_knots", Cell::count(fit.profile.levels().len()));
-        row.set("travel_held_out_rms_n", Cell::number(fit.held_out_rms_n));
-        row.set("travel_constant_held_out_rms_n", Cell::number(fit.constant_held_out_rms_n));
+    if let Some(fit) = &found.position_profile {
+        row.set("position_profile_knots", Cell::count(fit.profile.gains().len()));
+        row.set("position_profile_held_out_rms_n", Cell::number(fit.held_out_rms_n));
+        row.set("position_profile_constant_held_out_rms_n", Cell::number(fit.constant_held_out_rms_n));
     }
 }
 
 fn quality_of_fit(row: &mut Row, found: &Identification) {
     row.set("residual_rms_n", Cell::number(found.residual_rms));
     row.set("free_parameters", Cell::count(found.free_parameters));
-    row.set("position_lag_s", Cell::from(found.position_lag.map(|lag| lag.lag_s)));
+    row.set("position_delay_s", Cell::from(found.position_delay.map(|lag| lag.delay_s)));
     row.set("steady_passes", Cell::count(found.steady.means.len()));
     row.set("pass_scatter_n", Cell::number(found.steady.pass_scatter_n));
     if !found.steady.means.is_empty() {

@@ -97,8 +97,8 @@ fn words(value: Value<'_>) -> Cow<'_, str> {
         Value::Missing => "".into(),
         Value::Text(text) => text.into(),
         Value::Number(value) => value.to_string().into(),
-        Value::Whole(value) => value.to_string().into(),
-        Value::Truth(value) => value.to_string().into(),
+        Value::Integer(value) => value.to_string().into(),
+        Value::Boolean(value) => value.to_string().into(),
     }
 }
 
@@ -206,8 +206,8 @@ fn cell(value: Value<'_>) -> Cell {
     match value {
         Value::Missing => Cell::Empty,
         Value::Number(value) => Cell::number(value),
-        Value::Whole(value) => Cell::Integer(value),
-        Value::Truth(value) => Cell::Flag(value),
+        Value::Integer(value) => Cell::Integer(value),
+        Value::Boolean(value) => Cell::Boolean(value),
         Value::Text(text) => Cell::text(text),
     }
 }
@@ -216,10 +216,10 @@ fn cell(value: Value<'_>) -> Cell {
 fn is_in(value: Value<'_>, cell: &Cell) -> bool {
     match (value, cell) {
         (Value::Missing, Cell::Empty) => true,
-        (Value::Truth(value), Cell::Flag(own)) => value == *own,
+        (Value::Boolean(value), Cell::Boolean(own)) => value == *own,
         (Value::Text(text), Cell::Text(own)) => text == own,
-        (Value::Whole(value), Cell::Integer(own)) => value == *own,
-        (Value::Whole(value), _) => cell.as_number() == Some(value as f64),
+        (Value::Integer(value), Cell::Integer(own)) => value == *own,
+        (Value::Integer(value), _) => cell.as_number() == Some(value as f64),
         (Value::Number(value), _) => cell.as_number() == Some(value),
         _ => false,
     }

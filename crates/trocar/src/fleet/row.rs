@@ -14,7 +14,7 @@ pub enum Cell {
     #[default]
     Empty,
     /// Yes or no.
-    Flag(bool),
+    Boolean(bool),
     /// A whole number.
     Integer(i64),
     /// A number.
@@ -57,7 +57,7 @@ impl Cell {
     pub fn in_words(&self) -> String {
         match self {
             Self::Empty => String::new(),
-            Self::Flag(value) => value.to_string(),
+            Self::Boolean(value) => value.to_string(),
             Self::Integer(value) => value.to_string(),
             Self::Float(value) => value.to_string(),
             Self::Text(text) => text.clone(),
@@ -68,8 +68,8 @@ impl Cell {
     pub fn kind(&self) -> Option<Kind> {
         match self {
             Self::Empty => None,
-            Self::Flag(_) => Some(Kind::Truth),
-            Self::Integer(_) => Some(Kind::Whole),
+            Self::Boolean(_) => Some(Kind::Boolean),
+            Self::Integer(_) => Some(Kind::Integer),
             Self::Float(_) => Some(Kind::Number),
             Self::Text(_) => Some(Kind::Text),
         }
@@ -82,7 +82,7 @@ impl From<Option<f64>> for Cell {
     }
 }
 
-/// Names, without the ends `_lower`, `_upper` and `_pinned`, of all parameters that an element can have.
+/// Names, without the ends `_lower`, `_upper` and `_determined`, of all parameters that an element can have.
 const PARAMETERS: [&str; 25] = [
     "offset_n",
     "coulomb_force_n",
@@ -95,7 +95,7 @@ const PARAMETERS: [&str; 25] = [
     "stribeck_velocity_m_s",
     "half_width_m",
     "seal_damping_n_s_m",
-    "hidden_mass_kg",
+    "unmodelled_mass_kg",
     "yield_stiffness_n_m",
     "creep_velocity_m_s",
     "friction_lag_s",
@@ -125,18 +125,18 @@ const BEFORE: [(&str, Kind); 13] = [
     ("status", Kind::Text),
     ("reason_kind", Kind::Text),
     ("reason", Kind::Text),
-    ("warning_count", Kind::Whole),
+    ("warning_count", Kind::Integer),
     ("warnings", Kind::Text),
-    ("samples", Kind::Whole),
+    ("samples", Kind::Integer),
     ("duration_s", Kind::Number),
 ];
 
-/// What is said of the data and of the fit, behind the parameters.
+/// What is said of the data and of the fit, after the parameters.
 const BEHIND: [(&str, Kind); 36] = [
     ("method", Kind::Text),
     ("residual_rms_n", Kind::Number),
     ("force_rms_n", Kind::Number),
-    ("free_parameters", Kind::Whole),
+    ("free_parameters", Kind::Integer),
     ("deformation_missing", Kind::Text),
     ("pass_scatter_n", Kind::Number),
     ("friction_scatter", Kind::Number),
@@ -144,26 +144,26 @@ const BEHIND: [(&str, Kind); 36] = [
     ("friction_jump_ratio", Kind::Number),
     ("friction_jump_s", Kind::Number),
     ("terms", Kind::Text),
-    ("position_lag_s", Kind::Number),
-    ("travel_knots", Kind::Whole),
-    ("travel_held_out_rms_n", Kind::Number),
-    ("travel_constant_held_out_rms_n", Kind::Number),
+    ("position_delay_s", Kind::Number),
+    ("position_profile_knots", Kind::Integer),
+    ("position_profile_held_out_rms_n", Kind::Number),
+    ("position_profile_constant_held_out_rms_n", Kind::Number),
     ("slowest_steady_m_s", Kind::Number),
     ("fastest_steady_m_s", Kind::Number),
-    ("steady_passes", Kind::Whole),
-    ("traverses", Kind::Whole),
-    ("reversals", Kind::Whole),
-    ("partial_reversals", Kind::Whole),
+    ("steady_passes", Kind::Integer),
+    ("traverses", Kind::Integer),
+    ("reversals", Kind::Integer),
+    ("partial_reversals", Kind::Integer),
     ("held_s", Kind::Number),
     ("stroke_m", Kind::Number),
     ("median_interval_s", Kind::Number),
     ("jitter_s", Kind::Number),
     ("longest_interval_s", Kind::Number),
-    ("gaps", Kind::Whole),
-    ("resets", Kind::Whole),
-    ("saturated_samples", Kind::Whole),
-    ("dropped_rows", Kind::Whole),
-    ("held_rows", Kind::Whole),
+    ("gaps", Kind::Integer),
+    ("resets", Kind::Integer),
+    ("saturated_samples", Kind::Integer),
+    ("dropped_rows", Kind::Integer),
+    ("held_rows", Kind::Integer),
     ("position_resolution_m", Kind::Number),
     ("position_noise_m", Kind::Number),
     ("force_resolution_n", Kind::Number),
@@ -190,7 +190,8 @@ pub fn columns() -> Vec<Field> {
     let mut all: Vec<Field> = BEFORE.iter().map(fixed).collect();
     for name in parameter_names() {
         let end = |(end, kind)| Field::new(format!("{name}{end}"), kind);
-        let ends = [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_pinned", Kind::Truth)];
+        let ends =
+            [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_determined", Kind::Boolean)];
         all.extend(ends.map(end));
     }
     all.extend(BEHIND.iter().map(fixed));

@@ -111,10 +111,10 @@ pub(crate) const KEPT: [&str; 33] = [
     "half_width_m",
     "half_width_m_lower",
     "half_width_m_upper",
-    "coulomb_force_n_pinned",
-    "viscous_damping_n_s_m_pinned",
-    "half_width_m_pinned",
-    "offset_n_pinned",
+    "coulomb_force_n_determined",
+    "viscous_damping_n_s_m_determined",
+    "half_width_m_determined",
+    "offset_n_determined",
     "depth",
     "duration_s",
 ];
@@ -395,7 +395,7 @@ fn common(one: Option<Kind>, other: Option<Kind>) -> Option<Kind> {
     match (one, other) {
         (None, kind) | (kind, None) => kind,
         (Some(one), Some(other)) if one == other => Some(one),
-        (Some(Kind::Whole | Kind::Number), Some(Kind::Whole | Kind::Number)) => Some(Kind::Number),
+        (Some(Kind::Integer | Kind::Number), Some(Kind::Integer | Kind::Number)) => Some(Kind::Number),
         _ => Some(Kind::Text),
     }
 }
@@ -403,8 +403,8 @@ fn common(one: Option<Kind>, other: Option<Kind>) -> Option<Kind> {
 fn push(column: &mut Column, cell: &Cell) {
     match column {
         Column::Number(cells) => cells.push(cell.as_number().unwrap_or(f64::NAN)),
-        Column::Whole(cells) => cells.push(if let Cell::Integer(value) = cell { Some(*value) } else { None }),
-        Column::Truth(cells) => cells.push(if let Cell::Flag(value) = cell { Some(*value) } else { None }),
+        Column::Integer(cells) => cells.push(if let Cell::Integer(value) = cell { Some(*value) } else { None }),
+        Column::Boolean(cells) => cells.push(if let Cell::Boolean(value) = cell { Some(*value) } else { None }),
         Column::Text(cells) => cells.push((*cell != Cell::Empty).then(|| cell.in_words().into())),
     }
 }

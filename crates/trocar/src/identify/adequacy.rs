@@ -6,7 +6,7 @@
 //! - The residual of each phase is compared with sensor noise and the scatter between strokes.
 
 use serde::Serialize;
-use trocar_model::Stages;
+use trocar_model::Trocar;
 
 use super::candidate::Candidate;
 use super::element::Input;
@@ -14,8 +14,7 @@ use super::estimate::t_p_value;
 use super::scale::FrictionScale;
 use super::stick_slip::{StickSlip, Swings};
 use crate::recording::{Recording, local_velocity};
-use crate::replay::replay_along;
-use crate::travel::TravelProfile;
+use crate::replay::replay;
 
 /// Travel in sliding, in half widths, that shows that the force stays where it is.
 const SHOWS_SLIDING: f64 = 0.5;
@@ -86,8 +85,7 @@ pub(super) struct Adequacy {
 /// The model over the recordings.
 pub(super) struct Model<'a> {
     pub(super) candidate: &'a Candidate,
-    pub(super) stages: &'a Stages,
-    pub(super) profile: Option<&'a TravelProfile>,
+    pub(super) trocar: Trocar<&'a [f64]>,
     pub(super) scale: &'a FrictionScale,
     /// Whether c and the branches were fitted.
     pub(super) has_shape: bool,
@@ -139,13 +137,13 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
 fn look(input: &Input, model: &Model, index: usize) -> Seen {
     let (recording, segments) = (&input.recordings[index], &input.segments[index]);
     let candidate = model.candidate;
-    let run = replay_along(model.stages.elements(), model.profile, recording, candidate.offset);
+    let run = replay(&model.trocar, recording, candidate.offset);
     let velocity = local_velocity(recording, (5.0 * recording.quality.median_interval).max(0.02));
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
     let mut seen = Seen::default();
     let acceleration = &input.accelerations[index];
-    let reading = |i: usize| recording.force[i] - candidate.offset - candidate.hidden_mass * acceleration[i];
+    let reading = |i: usize| recording.force[i] - candidate.offset - candidate.unmodelled_mass * acceleration[i];
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
     for pass in &segments.passes {

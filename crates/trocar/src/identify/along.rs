@@ -1,4 +1,4 @@
-//! The position profile beside the element: F_0(x) + level(x)·F ([`crate::travel`]).
+//! The position profile beside the element: F_0(x) + level(x)·F ([`crate::profile`]).
 //!
 //! Fitted where strokes repeat, to the readings of sliding alone: strokes that turn at the same places cannot tell position from
 //! deflection while the seal deforms. Kept where it predicts strokes left out; the element is then fitted once more to readings
@@ -6,14 +6,16 @@
 
 use super::Segments;
 use super::element::{self, ElementFit, Input};
+use trocar_model::Trocar;
+
+use crate::profile::{self, ProfileFit, ProfileSample};
 use crate::recording::Recording;
 use crate::replay::replay;
 use crate::scatter::StrokeScatter;
 use crate::segment::{passes, reversal_threshold};
-use crate::travel::{self, TravelFit, TravelSample};
 
 /// The profile, or why strokes that repeat gave none; `Ok(None)` where none was looked for.
-pub(super) type Profile = Result<Option<TravelFit>, String>;
+pub(super) type Profile = Result<Option<ProfileFit>, String>;
 
 /// The element with its profile, if there is one.
 pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<ElementFit>, Profile) {
@@ -51,26 +53,26 @@ pub(super) fn repeats(recordings: &[Recording]) -> bool {
     recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok_and(|scatter| scatter.rules(recording)))
 }
 
-fn profile(input: &Input, fit: &ElementFit) -> Result<TravelFit, String> {
+fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
     let candidate = &fit.fitted.best.candidate;
     let stages = candidate.stages().map_err(|e| e.to_string())?;
-    let elements = stages.elements();
+    let trocar = Trocar::of_seal(stages);
     let (mut samples, mut strokes) = (Vec::new(), 0);
     for (index, recording) in input.recordings.iter().enumerate() {
-        let run = replay(elements, recording, candidate.offset);
+        let run = replay(&trocar, recording, candidate.offset);
         let acceleration = &input.accelerations[index];
-        let stroke = travel::strokes(recording, &passes(recording, reversal_threshold(recording)));
+        let stroke = profile::strokes(recording, &passes(recording, reversal_threshold(recording)));
         let slides = |i: &usize| run.sliding[*i];
-        samples.extend(run.known.iter().cloned().flatten().filter(slides).map(|i| TravelSample {
+        samples.extend(run.known.iter().cloned().flatten().filter(slides).map(|i| ProfileSample {
             position: recording.position[i],
             seal_force: fit.scale.at(index, recording.time[i] - recording.time[0]) * run.force[i],
-            reading: recording.force[i] - candidate.hidden_mass * acceleration[i],
+            reading: recording.force[i] - candidate.unmodelled_mass * acceleration[i],
             stroke: strokes + stroke[i],
         }));
         strokes += stroke.iter().max().map_or(0, |last| last + 1);
     }
-    let storage = elements.iter().map(travel::storage_length).fold(0.0, f64::max);
-    travel::fit(&samples, storage).map_err(|e| e.to_string())
+    let storage = stages.elements().iter().map(profile::storage_length).fold(0.0, f64::max);
+    profile::fit(&samples, storage).map_err(|e| e.to_string())
 }
 
 impl Segments {

@@ -18,7 +18,7 @@ pub struct Candidate {
     /// Sensor offset F_0, N; not part of the seal.
     pub offset: f64,
     /// Mass between sensor and seal that the readings show beyond the one given, kg.
-    pub hidden_mass: f64,
+    pub unmodelled_mass: f64,
     /// Sliding force in insertion.
     pub insertion: SlidingFriction,
     /// Sliding force in withdrawal.
@@ -111,7 +111,7 @@ const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
 pub(super) struct Layout {
     /// The sensor offset: not where it is known.
     pub(super) offset: bool,
-    pub(super) hidden_mass: bool,
+    pub(super) unmodelled_mass: bool,
     /// F_c and F_s by direction: where the offset is known, for otherwise only their sum shows.
     pub(super) own_levels: bool,
     /// β by direction.
@@ -145,7 +145,7 @@ impl Layout {
     /// The paper's element: (23), c and the branches.
     pub(super) const PAPER: Self = Self {
         offset: true,
-        hidden_mass: false,
+        unmodelled_mass: false,
         own_levels: false,
         own_slopes: false,
         viscous: true,
@@ -195,8 +195,8 @@ impl Layout {
         if self.offset {
             on(&mut candidate.offset, Span::new(force, -free, free));
         }
-        if self.hidden_mass {
-            on(&mut candidate.hidden_mass, Span::new(1e-4, 0.0, free));
+        if self.unmodelled_mass {
+            on(&mut candidate.unmodelled_mass, Span::new(1e-4, 0.0, free));
         }
         let largest = self.largest.max(10.0 * force);
         on(&mut candidate.insertion.coulomb_force, Span::new(force, 10.0 * force, largest));
@@ -273,7 +273,7 @@ impl Layout {
         self.visit(&mut candidate.clone(), |value, Span { step, low, high, expected }| {
             free.push(Free { value: *value, step, low, high, expected, column: Column::Simulated });
         });
-        let linear = [(self.offset, Column::Offset), (self.hidden_mass, Column::Mass)];
+        let linear = [(self.offset, Column::Offset), (self.unmodelled_mass, Column::Mass)];
         let first = linear.into_iter().filter(|(is_free, _)| *is_free);
         free.iter_mut().zip(first).for_each(|(free, (_, column))| free.column = column);
         free
@@ -374,8 +374,8 @@ impl Trial for EmsTrial {
         self.candidate.offset
     }
 
-    fn hidden_mass(&self) -> f64 {
-        self.candidate.hidden_mass
+    fn unmodelled_mass(&self) -> f64 {
+        self.candidate.unmodelled_mass
     }
 
     fn drift(&self) -> &[f64] {

@@ -1,9 +1,11 @@
 //! The result, put together once from what the stages gave.
 
+use trocar_model::Trocar;
+
 use super::adequacy::{self, Adequacy, Group, Model};
 use super::along::Profile;
 use super::candidate::Candidate;
-use super::delay::PositionLag;
+use super::delay::PositionDelay;
 use super::element::{self, ElementFit, Input};
 use super::scale::{FrictionScale, TOO_FAR};
 use super::terms::Term;
@@ -19,17 +21,17 @@ pub(super) fn conclude(
     input: &Input,
     fit: Option<ElementFit>,
     profile: Profile,
-    position_lag: Option<PositionLag>,
+    position_delay: Option<PositionDelay>,
 ) -> Result<Identification, IdentifyError> {
     let Input { recordings, segments, two, options, .. } = input;
     let two_step_parameters = two_steps::parameters(two, options);
-    let (travel, travel_missing) = match profile {
-        Ok(travel) => (travel, None),
+    let (position_profile, no_position_profile) = match profile {
+        Ok(found) => (found, None),
         Err(why) => (None, Some(why)),
     };
     let mut model = fit.as_ref().map_or_else(|| two.candidate.clone(), |f| f.fitted.best.candidate.clone());
-    if let Some(travel) = &travel {
-        model.offset = travel.offset_n;
+    if let Some(fit) = &position_profile {
+        model.offset = fit.offset_n;
     }
     let stages = model.stages()?;
     let scale = fit.as_ref().map_or_else(FrictionScale::default, |f| f.scale.clone());
@@ -38,8 +40,7 @@ pub(super) fn conclude(
         input,
         &Model {
             candidate: &model,
-            stages: &stages,
-            profile: travel.as_ref().map(|t| &t.profile),
+            trocar: Trocar::new(stages, position_profile.as_ref().map(|t| t.profile.stored_as(|knots| knots))),
             scale: &scale,
             has_shape,
         },
@@ -52,9 +53,9 @@ pub(super) fn conclude(
     let warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
     let layout_parameters = fit.as_ref().map_or(3, |f| {
         let layout = f.fitted.best.layout;
-        f.fitted.best.free_numbers() - usize::from(layout.offset) - usize::from(layout.hidden_mass)
+        f.fitted.best.free_numbers() - usize::from(layout.offset) - usize::from(layout.unmodelled_mass)
     });
-    let of_profile = travel.as_ref().map_or(0, |t| t.profile.free_parameters());
+    let of_profile = position_profile.as_ref().map_or(0, |t| t.free_parameters());
     Ok(Identification {
         free_motion: FreeMotion::of(recordings, segments, model.half_width),
         model,
@@ -74,9 +75,9 @@ pub(super) fn conclude(
         friction_scale: scale,
         phases: judged.phases,
         stick_slip: judged.stick_slip,
-        position_lag,
-        travel,
-        travel_missing,
+        position_delay,
+        position_profile,
+        no_position_profile,
         free_parameters: layout_parameters + of_profile,
         residual_rms: judged.residual_rms,
         warnings,
@@ -90,8 +91,8 @@ fn fitted_parameters(fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale)
     all.extend(fit.left.damping.clone().map(|most| numbers::named("seal_damping_n_s_m", most)));
     for p in &mut all {
         let why = judged.undetermined.iter().find(|(group, _)| group.holds(&p.name)).map(|(_, why)| why);
-        if let (Some(why), true) = (why, p.estimate.pinned) {
-            p.estimate = Estimate::not_pinned(p.estimate.value, p.estimate.unit, why.clone());
+        if let (Some(why), true) = (why, p.estimate.determined) {
+            p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why.clone());
         }
         widen(p, scale);
     }
@@ -106,7 +107,7 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
     }
     let counted = || scale.strokes.iter().filter(|s| s.counted).map(|s| s.scale);
     let (low, high) = counted().fold((1.0f64, 1.0f64), |(l, h), u| (l.min(u), h.max(u)));
-    if Group::Sliding.holds(&p.name) && p.estimate.pinned {
+    if Group::Sliding.holds(&p.name) && p.estimate.determined {
         let value = p.estimate.value;
         p.estimate.ci95 =
             [p.estimate.ci95[0] + (low - 1.0) * value.abs(), p.estimate.ci95[1] + (high - 1.0) * value.abs()];
@@ -119,7 +120,7 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
 fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
     for p in all.iter_mut().filter(|p| p.name == "offset_n" && is_free) {
         p.estimate = match own_slopes {
-            true => Estimate::not_pinned(
+            true => Estimate::undetermined(
                 p.estimate.value,
                 "N",
                 "the directions slide differently, so an offset cannot be told from a difference of their Coulomb forces: give the \
@@ -158,7 +159,7 @@ fn warnings(
         all.extend(recording.quality.warnings.iter().map(|w| of(&w.message)));
     }
     // One line for the coefficients of a polynomial, not one each.
-    let undetermined = parameters.iter().filter(|p| !p.estimate.pinned && !p.name.contains("theta"));
+    let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.name.contains("theta"));
     all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, p.name != "offset_n")));
     let mut say = |subject: &str, message: String, doubtful: bool| {
         all.push(Warning { subject: subject.to_owned(), message, doubtful });
@@ -196,13 +197,13 @@ fn warnings(
             say(&recording.name, message.to_owned(), false);
         }
     }
-    if model.hidden_mass > 0.0 {
+    if model.unmodelled_mass > 0.0 {
         let message = format!(
             "the readings follow the acceleration, as from an unmodelled mass of {:.3} kg between sensor and seal; if there is one, \
              declare it with --moving-mass-kg",
-            model.hidden_mass
+            model.unmodelled_mass
         );
-        say("hidden_mass_kg", message, false);
+        say("unmodelled_mass_kg", message, false);
     }
     all
 }
@@ -238,11 +239,11 @@ const FINE: f64 = 0.05;
 fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
     let Input { recordings, options, .. } = input;
     let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
-    if let Some(lag) = fit.left.lag.filter(|lag| lag.is_clear() && lag.lag_s > LATE * interval) {
+    if let Some(lag) = fit.left.lag.filter(|lag| lag.is_clear() && lag.delay_s > LATE * interval) {
         let message = format!(
             "the positions still come {:.1} ms late (standard error {:.1} ms), which the correction does not take out: all numbers may \
              be off; read positions and forces on one clock, or shift the positions before identifying",
-            1e3 * lag.lag_s,
+            1e3 * lag.delay_s,
             1e3 * lag.standard_error_s
         );
         say("delay", message, true);
@@ -253,7 +254,7 @@ fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, 
             "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to take \
              it out: declare it with --moving-mass-kg, or record at 200 Hz or faster"
         );
-        say("hidden_mass_kg", message, true);
+        say("unmodelled_mass_kg", message, true);
     }
     let force = fit.fitted.best.candidate.insertion.coulomb_force;
     for recording in *recordings {

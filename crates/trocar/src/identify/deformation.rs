@@ -7,7 +7,7 @@
 //! z(t_i) = x(t_i) − x(t_0) + z(t_0)      from positions, not from velocities  (24)
 //! F_def(z) = two joined polynomials per direction, least squares              (25), (26)
 //! ```
-//! A traverse runs from the crossing of −F_s behind a reversal to the first crossing of +F_s: the seal has turned
+//! A traverse runs from the crossing of −F_s after a reversal to the first crossing of +F_s: the seal has turned
 //! over, from −c to +c. Its travel is 2c; the spread of c over traverses is the error of the rebuilt deflection.
 //! EMS (24) sums velocities; the encoder's positions give the same without accumulating their error.
 
@@ -101,7 +101,7 @@ fn spread_of(traverses: &[Traverse]) -> f64 {
     (squares / (traverses.len() as f64 - 2.0).max(1.0)).sqrt()
 }
 
-/// One full turn-over of the seal.
+/// One full snap-through of the seal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Traverse {
     /// Index of the recording.
@@ -182,7 +182,7 @@ pub fn bin_centres() -> impl Iterator<Item = f64> {
     (0..BINS).map(|k| (2 * k + 1) as f64 / BINS as f64 - 1.0)
 }
 
-/// Finds the full turn-overs of one recording; `level` gives the factor by which the sliding of a pass lies above the
+/// Finds the full snap-throughs of one recording; `level` gives the factor by which the sliding of a pass lies above the
 /// common limits.
 ///
 /// From pass to pass the whole force of a seal varies by a percent or so. Switches are taken at each pass's own level,
@@ -209,7 +209,7 @@ pub(super) fn traverses(
             };
             found.extend(traverse(index, recording, pass.direction, from, to, limits.offset, levels));
         }
-        // A pass that never reached its limit leaves the seal somewhere inside: its successor is no full turn-over.
+        // A pass that never reached its limit leaves the seal somewhere inside: its successor is no full snap-through.
         slid_before = crossing.map(|_| (pass.direction, own));
     }
     found
@@ -221,7 +221,7 @@ fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
     window.iter().sum::<f64>() / window.len() as f64
 }
 
-/// First sample inside the limits behind the reversal, and first sample at this direction's limit.
+/// First sample inside the limits after the reversal, and first sample at this direction's limit.
 fn crossings(recording: &Recording, pass: &Pass, offset: f64, start: f64, limit: f64) -> Option<(usize, usize)> {
     let s = pass.direction.sign();
     let along = |i: usize| s * (smoothed(recording, i, pass.start, pass.end) - offset);
@@ -360,7 +360,7 @@ pub(super) fn fit(
     let samples = median(traverses.iter().map(|t| 0.5 * (t.to - t.from) as f64).collect());
     let half_width = if samples < COARSEST {
         let why = format!("sampled too coarsely: {samples:.1} samples per half width, at least {COARSEST} are needed");
-        Estimate::not_pinned(mean, "m", why)
+        Estimate::undetermined(mean, "m", why)
     } else {
         Estimate::from_standard_error(mean, (spread / n.sqrt()).hypot(switching), n - 2.0, "m")
     };

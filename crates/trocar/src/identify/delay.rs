@@ -13,9 +13,9 @@ use crate::recording::Recording;
 
 /// A delay of the position readings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PositionLag {
+pub struct PositionDelay {
     /// Time, s, by which the positions were read late.
-    pub lag_s: f64,
+    pub delay_s: f64,
     /// Standard error, s.
     pub standard_error_s: f64,
     /// p value of no delay.
@@ -25,7 +25,7 @@ pub struct PositionLag {
     pub(super) gain: f64,
 }
 
-impl PositionLag {
+impl PositionDelay {
     /// p value below which a delay is believed, and least part of the squared error that it takes away.
     pub(super) const LEVEL: f64 = 1e-3;
     pub(super) const LEAST_GAIN: f64 = 0.01;
@@ -41,19 +41,19 @@ impl PositionLag {
 
     /// Whether it is believed.
     pub(super) fn is_clear(&self) -> bool {
-        self.lag_s > 0.0 && self.gain > Self::LEAST_GAIN && self.p_value < Self::LEVEL
+        self.delay_s > 0.0 && self.gain > Self::LEAST_GAIN && self.p_value < Self::LEVEL
     }
 
     /// What is left of `earlier` and this one together.
     fn added_to(self, earlier: Option<Self>) -> Self {
-        Self { lag_s: self.lag_s + earlier.map_or(0.0, |e| e.lag_s), ..self }
+        Self { delay_s: self.delay_s + earlier.map_or(0.0, |e| e.delay_s), ..self }
     }
 }
 
 /// Recordings with their positions in time, how late these were, and what was found of them.
 pub(super) struct InTime {
     pub(super) recordings: Vec<Recording>,
-    pub(super) lag: Option<PositionLag>,
+    pub(super) lag: Option<PositionDelay>,
     pub(super) segments: Vec<Segments>,
     /// Of each recording, m/s².
     accelerations: Vec<Vec<f64>>,
@@ -71,22 +71,22 @@ pub(super) fn fitted(
     progress: Progress,
 ) -> Result<(InTime, Option<ElementFit>), IdentifyError> {
     let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
-    let later = |lag: Option<PositionLag>, more: Option<PositionLag>| {
-        let more = more.filter(|more| more.lag_s.abs() >= PositionLag::NEGLIGIBLE * interval)?;
-        let lag =
-            (more.is_clear() || lag.is_some() && more.p_value < PositionLag::CORRECTED).then(|| more.added_to(lag))?;
-        (lag.lag_s > -PositionLag::NEGLIGIBLE * interval && lag.lag_s < PositionLag::LONGEST).then_some(lag)
+    let later = |lag: Option<PositionDelay>, more: Option<PositionDelay>| {
+        let more = more.filter(|more| more.delay_s.abs() >= PositionDelay::NEGLIGIBLE * interval)?;
+        let lag = (more.is_clear() || lag.is_some() && more.p_value < PositionDelay::CORRECTED)
+            .then(|| more.added_to(lag))?;
+        (lag.delay_s > -PositionDelay::NEGLIGIBLE * interval && lag.delay_s < PositionDelay::LONGEST).then_some(lag)
     };
     let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
-    for _ in 0..PositionLag::MOST {
-        let more = begun.as_ref().and_then(|begun| begun.position_lag(&found));
+    for _ in 0..PositionDelay::MOST {
+        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found));
         let Some(lag) = later(found.lag, more) else { break };
         let Ok(shifted) = shifted(recordings, lag) else { break };
         (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;
     }
     let finish = |found: &InTime, begun: Option<Begun>| element::finish(&found.input(options), begun?, progress);
     let mut fit = finish(&found, begun);
-    for _ in 0..PositionLag::MOST_AFTER {
+    for _ in 0..PositionDelay::MOST_AFTER {
         let left = fit.as_ref().map(|fit| &fit.left);
         let more = left.and_then(|left| if found.lag.is_some() { left.lag_left } else { left.lag });
         let Some(lag) = later(found.lag, more) else { break };
@@ -99,18 +99,18 @@ pub(super) fn fitted(
         }
         (found, fit) = (other, other_fit);
     }
-    found.lag = found.lag.filter(|lag| lag.lag_s >= PositionLag::NEGLIGIBLE * interval);
+    found.lag = found.lag.filter(|lag| lag.delay_s >= PositionDelay::NEGLIGIBLE * interval);
     Ok((found, fit))
 }
 
-fn shifted(recordings: &[Recording], lag: PositionLag) -> Result<Vec<Recording>, crate::recording::RecordingError> {
-    recordings.iter().map(|r| r.with_position_lag(lag.lag_s.max(0.0))).collect()
+fn shifted(recordings: &[Recording], lag: PositionDelay) -> Result<Vec<Recording>, crate::recording::RecordingError> {
+    recordings.iter().map(|r| r.with_position_delay(lag.delay_s.max(0.0))).collect()
 }
 
 impl InTime {
     fn of(
         recordings: Vec<Recording>,
-        lag: Option<PositionLag>,
+        lag: Option<PositionDelay>,
         options: &IdentifyOptions,
         progress: Progress,
     ) -> Result<(Self, Option<Begun>), IdentifyError> {

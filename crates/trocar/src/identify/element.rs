@@ -10,11 +10,11 @@ use std::f64::consts::PI;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use trocar_model::{Branch, Element, ElementParams};
+use trocar_model::{Branch, ElementParams, Trocar};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::ASSUMED_WIDTH;
-use super::delay::{InTime, PositionLag};
+use super::delay::{InTime, PositionDelay};
 use super::likelihood::{self, Fitted, ScaleVariance, Stop};
 use super::scale::{FrictionScale, Jump};
 use super::shape::BranchShape;
@@ -144,8 +144,8 @@ fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) ->
 pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
     let Ok(stages) = candidate.stages() else { return f64::INFINITY };
     let of = |(recording, acceleration): (&Recording, &Vec<f64>)| {
-        let run = replay(stages.elements(), recording, candidate.offset);
-        let reading = |i: usize| recording.force[i] - candidate.hidden_mass * acceleration[i];
+        let run = replay(&Trocar::of_seal(stages), recording, candidate.offset);
+        let reading = |i: usize| recording.force[i] - candidate.unmodelled_mass * acceleration[i];
         let error = |i: usize| reading(i) - candidate.offset - run.force[i];
         let known = run.known.iter().cloned().flatten();
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
@@ -208,7 +208,7 @@ fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda:
 
 impl Begun {
     /// The delay of the positions.
-    pub(super) fn position_lag(&self, found: &InTime) -> Option<PositionLag> {
+    pub(super) fn position_delay(&self, found: &InTime) -> Option<PositionDelay> {
         Unexplained::new(&found.recordings, &self.training, &self.fitted)?.lag_left()
     }
 }
@@ -370,8 +370,8 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     let Input { recordings, options, .. } = input;
     let mut excluded = options.without.clone();
     // Beside a declared mass a small remainder is its error.
-    if !options.estimate_hidden_mass || options.inertia_removed || !acceleration_is_resolved(recordings) {
-        excluded.push(Term::HiddenMass);
+    if !options.estimate_unmodelled_mass || options.inertia_removed || !acceleration_is_resolved(recordings) {
+        excluded.push(Term::UnmodelledMass);
     }
     if !options.free_motion {
         excluded.extend([Term::Creep, Term::Relaxation]);
@@ -434,8 +434,7 @@ fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
     training.variance = (INITIAL_ERROR * of.insertion.coulomb_force).powi(2);
     let stages = of.stages().ok()?;
-    let elements: &[Element] = stages.elements();
-    training.forget_unknown_starts(elements);
+    training.forget_unknown_starts(stages);
     Some(training)
 }
 

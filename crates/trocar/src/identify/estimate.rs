@@ -17,8 +17,8 @@ pub struct Estimate {
     /// Unit, spelled as in the parameter's name (`N`, `N s/m`, `m`).
     pub unit: &'static str,
     /// Whether the data pin the parameter.
-    pub pinned: bool,
-    /// Why it is not pinned, or under which condition the value holds.
+    pub determined: bool,
+    /// Why it is not determined, or under which condition the value holds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
@@ -30,20 +30,20 @@ impl Estimate {
     pub fn from_standard_error(value: f64, standard_error: f64, degrees: f64, unit: &'static str) -> Self {
         let half = t_quantile(degrees) * standard_error;
         if !half.is_finite() {
-            return Self::not_pinned(value, unit, "too few independent data for an interval");
+            return Self::undetermined(value, unit, "too few independent data for an interval");
         }
-        Self { value, ci95: [value - half, value + half], unit, pinned: true, note: None }
+        Self { value, ci95: [value - half, value + half], unit, determined: true, note: None }
     }
 
     /// Estimate with given bounds, widened if need be to hold the value.
     pub fn from_bounds(value: f64, low: f64, high: f64, unit: &'static str) -> Self {
-        Self { value, ci95: [low.min(value), high.max(value)], unit, pinned: true, note: None }
+        Self { value, ci95: [low.min(value), high.max(value)], unit, determined: true, note: None }
     }
 
     /// A value that the data do not pin: infinite interval, and the reason.
-    pub fn not_pinned(value: f64, unit: &'static str, why: impl Into<String>) -> Self {
+    pub fn undetermined(value: f64, unit: &'static str, why: impl Into<String>) -> Self {
         let ci95 = [f64::NEG_INFINITY, f64::INFINITY];
-        Self { value, ci95, unit, pinned: false, note: Some(why.into()) }
+        Self { value, ci95, unit, determined: false, note: Some(why.into()) }
     }
 
     /// The same estimate with a remark.

@@ -84,7 +84,7 @@ pub(crate) trait Trial: Clone + Send + Sync {
     /// Sensor offset o, N.
     fn offset(&self) -> f64;
     /// Mass m whose inertia is in the readings, kg.
-    fn hidden_mass(&self) -> f64 {
+    fn unmodelled_mass(&self) -> f64 {
         0.0
     }
     /// Drift amplitudes d_k.
@@ -218,7 +218,7 @@ fn gathered(count: usize, own: impl Fn(usize) -> f64, before: impl Fn(usize) -> 
     (0..=count).map(of).collect()
 }
 
-/// The sums of the strokes of one cluster behind the empty ones of the stroke before.
+/// The sums of the strokes of one cluster after the empty ones of the stroke before.
 fn with_stroke_before(sums: impl Iterator<Item = ScaleSums>) -> Vec<ScaleSums> {
     std::iter::once(ScaleSums::default()).chain(sums).collect()
 }
@@ -311,7 +311,7 @@ struct Predictor<'a> {
 
 impl<'a> Predictor<'a> {
     fn new<T: Trial>(training: &'a Training, trial: &T) -> Self {
-        Self { training, drift: drifts(training, trial), offset: trial.offset(), mass: trial.hidden_mass() }
+        Self { training, drift: drifts(training, trial), offset: trial.offset(), mass: trial.unmodelled_mass() }
     }
 
     /// w_i·x_g + (1 − w_i)·x_(g−1).
@@ -789,7 +789,7 @@ impl<T: Trial> Fitted<T> {
         self.normal.hessians.iter().map(|h| direction.dot(&(h * direction)).max(0.0)).collect()
     }
 
-    /// The same fit with columns for `extra` behind its own: what each of them would change, to first order.
+    /// The same fit with columns for `extra` after its own: what each of them would change, to first order.
     pub(crate) fn with_columns(&self, training: &Training, extra: &[Extra<T>]) -> Option<Normal> {
         normal_equations(training, &self.best, extra)
     }

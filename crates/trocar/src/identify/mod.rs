@@ -15,16 +15,16 @@
 //! determine is part of the result: an infinite interval, the reason, and a warning.
 
 use serde::Serialize;
-use trocar_model::{Element, Stages};
+use trocar_model::{Element, Stages, Trocar};
 
+use crate::profile::ProfileFit;
 use crate::recording::{Recording, RecordingError, range};
 use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches};
-use crate::travel::{TravelFit, TravelProfile};
 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
-pub use delay::PositionLag;
+pub use delay::PositionDelay;
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use free_motion::FreeMotion;
@@ -81,7 +81,7 @@ pub struct IdentifyOptions {
     /// Whether to fit how the force depends on the position, where strokes repeat.
     pub along: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
-    pub estimate_hidden_mass: bool,
+    pub estimate_unmodelled_mass: bool,
     /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
     /// where the deformation is less than a hundredth of the stroke.
     pub inertia_removed: bool,
@@ -102,7 +102,7 @@ impl Default for IdentifyOptions {
             free_motion: true,
             without: Vec::new(),
             along: true,
-            estimate_hidden_mass: true,
+            estimate_unmodelled_mass: true,
             inertia_removed: false,
             offset: None,
             paper: false,
@@ -121,7 +121,7 @@ pub enum IdentifyError {
     /// Nothing slides steadily anywhere.
     #[error(
         "no steady sliding found: {passes} passes between reversals, {stretches} stretches of constant velocity, none of them \
-         behind the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
+         after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
          at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
          several speeds, or half a minute of motion with many reversals"
     )]
@@ -246,11 +246,11 @@ pub struct Identification {
     /// Where the force swings by itself; `None` where it does not.
     pub stick_slip: Option<StickSlip>,
     /// The delay of the positions that was found and compensated; `None` when none shows.
-    pub position_lag: Option<PositionLag>,
+    pub position_delay: Option<PositionDelay>,
     /// How the force depends on the position beside the element; `None` where strokes left out are predicted no better.
-    pub travel: Option<TravelFit>,
+    pub position_profile: Option<ProfileFit>,
     /// Why strokes that repeat gave no `travel`.
-    pub travel_missing: Option<String>,
+    pub no_position_profile: Option<String>,
     /// Numbers of the model that the recordings gave, without the sensor's offset and an unmodelled mass.
     pub free_parameters: usize,
     /// Root mean square error, N, of the model over the recordings it was identified from.
@@ -270,18 +270,19 @@ impl Identification {
         self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
     }
 
-    /// The profile along the way.
-    pub fn profile(&self) -> Option<&TravelProfile> {
-        self.travel.as_ref().map(|fit| &fit.profile)
+    /// The model, with its position profile.
+    pub fn trocar(&self) -> Trocar<&[f64]> {
+        let profile = self.position_profile.as_ref().map(|fit| fit.profile.stored_as(|knots| knots));
+        Trocar::new(self.stages, profile)
     }
 
     /// The recordings as the model is to be compared with them: without the delay of the positions.
     ///
     /// # Errors
-    /// As for [`Recording::with_position_lag`].
-    pub fn in_step(&self, recordings: Vec<Recording>) -> Result<Vec<Recording>, RecordingError> {
-        let Some(PositionLag { lag_s, .. }) = self.position_lag else { return Ok(recordings) };
-        recordings.iter().map(|recording| recording.with_position_lag(lag_s)).collect()
+    /// As for [`Recording::with_position_delay`].
+    pub fn without_delay(&self, recordings: Vec<Recording>) -> Result<Vec<Recording>, RecordingError> {
+        let Some(PositionDelay { delay_s, .. }) = self.position_delay else { return Ok(recordings) };
+        recordings.iter().map(|recording| recording.with_position_delay(delay_s)).collect()
     }
 
     /// A remark for the model file where the deformation was not identified.

@@ -97,8 +97,8 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
     if layout.damping {
         all.push(("seal_damping_n_s_m", "N s/m", 0.0, false, |c| c.stage_factor() * c.seal_damping));
     }
-    if layout.hidden_mass {
-        all.push(("hidden_mass_kg", "kg", ANY, false, |c| c.hidden_mass));
+    if layout.unmodelled_mass {
+        all.push(("unmodelled_mass_kg", "kg", ANY, false, |c| c.unmodelled_mass));
     }
     if layout.yielding {
         all.push(("yield_stiffness_n_m", "N/m", 0.0, true, |c| {
@@ -137,7 +137,7 @@ fn shortest_lag(found: &Estimate) -> Estimate {
     if found.value > SHORTEST {
         return found.clone();
     }
-    let longest = if found.pinned { found.ci95[1].max(SHORTEST) } else { SHORTEST };
+    let longest = if found.determined { found.ci95[1].max(SHORTEST) } else { SHORTEST };
     Estimate::from_bounds(found.value, 0.0, longest, found.unit).with_note("too short to tell from none")
 }
 
@@ -156,7 +156,7 @@ fn factor_of(name: &str) -> f64 {
         "coulomb_force_n" | "offset_n" | "static_force_n" => LEVEL,
         "half_width_m" => WIDTH,
         "viscous_damping_n_s_m" => SLOPE,
-        "hidden_mass_kg" => MASS,
+        "unmodelled_mass_kg" => MASS,
         _ => 1.0,
     }
 }
@@ -192,7 +192,7 @@ pub(super) fn parameter_or_held(
     let best = &fitted.best.candidate;
     let (name, unit, .., of) = quantity;
     match is_held(fitted, of) {
-        true => named(name, Estimate::not_pinned(of(best), unit, "the fit holds it at an end of its range")),
+        true => named(name, Estimate::undetermined(of(best), unit, "the fit holds it at an end of its range")),
         false => parameter(spread, best, quantity, factor),
     }
 }
@@ -212,7 +212,7 @@ fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
 pub(super) fn is_determined(fitted: &Fitted<EmsTrial>, term: Term) -> bool {
     let spread = Spread::new(fitted);
     let mut own = quantities(fitted.best.layout).into_iter().filter(|q| term.parameters().contains(&q.0));
-    own.all(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)).estimate.pinned)
+    own.all(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)).estimate.determined)
 }
 
 /// Main parameters of the fit with intervals: jackknife over clusters, to first order ([`Spread`]).

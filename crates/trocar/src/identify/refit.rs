@@ -42,7 +42,7 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
         damping: true,
         ..Layout::PAPER
     };
-    let candidate = Candidate { hidden_mass: 0.0, ..found.model.clone() };
+    let candidate = Candidate { unmodelled_mass: 0.0, ..found.model.clone() };
     let candidates = match &found.deformation {
         Ok(_) => vec![candidate],
         Err(_) => WIDTHS.map(|part| straight(&candidate, part * data.scales.half_width, degrees)).to_vec(),

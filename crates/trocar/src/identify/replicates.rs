@@ -18,7 +18,7 @@ impl<T> Replicates<T> {
         let value = of(best);
         let (Self::Jackknife(all) | Self::Bootstrap(all)) = self;
         if all.iter().all(|c| of(c) == value) {
-            return Estimate::not_pinned(value, unit, "the readings do not depend on it");
+            return Estimate::undetermined(value, unit, "the readings do not depend on it");
         }
         match self {
             Self::Jackknife(left_out) => {
@@ -33,7 +33,7 @@ impl<T> Replicates<T> {
                 let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());
                 Estimate::from_bounds(value, values.quantile(0.025), values.quantile(0.975), unit)
             }
-            Self::Bootstrap(_) => Estimate::not_pinned(value, unit, "too few resamples for an interval"),
+            Self::Bootstrap(_) => Estimate::undetermined(value, unit, "too few resamples for an interval"),
         }
     }
 }

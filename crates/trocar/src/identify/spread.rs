@@ -8,7 +8,7 @@ use super::likelihood::{Fitted, Trial};
 /// Width of the weak prior on a number, in steps of its difference quotient: four orders of magnitude of a logarithm,
 /// ten times the sliding force.
 const PRIOR_WIDTH: f64 = 1e5;
-/// A number known no better than within this factor either way counts as not pinned.
+/// A number known no better than within this factor either way counts as not determined.
 const WORST_FACTOR: f64 = 10.0;
 /// So does one whose interval is this many times wider than itself and than its scale.
 const WORST_RATIO: f64 = 10.0;
@@ -117,7 +117,7 @@ impl<'a, T: Trial> Spread<'a, T> {
         let remaining = gradient.dot(&self.found.remaining());
         let error = factor * (self.jackknife(&gradient) + self.beforehand(&direction) + remaining * remaining).sqrt();
         let own = Estimate::from_standard_error(value, error, self.degrees(&direction), unit);
-        if !own.pinned {
+        if !own.determined {
             return Estimate { value: plain(value), ..own };
         }
         // A direction that no cluster tells anything about scatters over none of them; the covariance sees it.
@@ -125,7 +125,7 @@ impl<'a, T: Trial> Spread<'a, T> {
         let half = own.half_width().max(t_quantile(1e6) * as_independent.max(0.0).sqrt());
         let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };
         if half > limit {
-            return Estimate::not_pinned(plain(value), unit, known_no_better(half, log, unit));
+            return Estimate::undetermined(plain(value), unit, known_no_better(half, log, unit));
         }
         Estimate { value: plain(value), ci95: own.ci95.map(|bound| plain(bound).max(least)), ..own }
     }

@@ -6,7 +6,7 @@ use super::candidate::Candidate;
 use super::shape::{BranchShape, Pins};
 use crate::segment::Direction;
 
-/// A second seal in parallel with the first, or the part of a lip that turns over on its own.
+/// A second seal in parallel with the first, or the part of a lip that snaps through on its own.
 ///
 /// Its sliding force and damping are a share of the first's, curve and all: in steady sliding only the sum shows.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +58,7 @@ impl SecondStage {
 /// Points of a full stroke to which branches are fitted.
 const POINTS: usize = 200;
 
-/// Force, N, of a stage at `travel`, m, behind a reversal, from the far end of its deflections on.
+/// Force, N, of a stage at `travel`, m, after a reversal, from the far end of its deflections on.
 fn upon_stroke(shape: &BranchShape, half_width: f64, pins: Pins, direction: Direction, travel: f64) -> Option<f64> {
     let branch = shape.branch(half_width, pins).ok()?;
     let deflection = direction.sign() * (travel - half_width).min(half_width);

@@ -20,9 +20,9 @@ use serde::Serialize;
 use super::IdentifyError;
 use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::{Recording, local_velocity};
-use crate::segment::{Direction, Pass, Stretch, behind_start};
+use crate::segment::{Direction, Pass, Stretch, after_start};
 
-const NO_STRETCH: &str = "no stretch of constant velocity behind the deformation";
+const NO_STRETCH: &str = "no stretch of constant velocity after the deformation";
 
 /// Mean force and velocity of the steady sliding in one pass at one speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -136,7 +136,7 @@ pub(super) fn sign(v: f64) -> f64 {
     }
 }
 
-/// Means over the steady part of each pass: samples of its stretches that lie `settled(|v|)` metres behind the reversal.
+/// Means over the steady part of each pass: samples of its stretches that lie `settled(|v|)` metres after the reversal.
 ///
 /// The stretches of one plateau are one datum.
 pub(super) fn pass_means(
@@ -146,7 +146,7 @@ pub(super) fn pass_means(
     stretches: &[Stretch],
     settled: impl Fn(f64) -> f64,
 ) -> Vec<PassMean> {
-    let parts = behind_start(recording, passes, stretches, settled);
+    let parts = after_start(recording, passes, stretches, settled);
     let mut means: Vec<PassMean> = Vec::new();
     for direction in [Direction::Positive, Direction::Negative] {
         let own: Vec<Stretch> = parts.iter().filter(|s| passes[s.pass].direction == direction).copied().collect();
@@ -248,8 +248,8 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
 pub(super) fn imposed(means: Vec<PassMean>) -> Vec<PassMean> {
     const IMPOSED: f64 = 0.5;
     let own: Vec<PassMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
-    let pinned = [Direction::Positive, Direction::Negative].into_iter().all(|d| speeds_differ(&own, d));
-    if pinned && own.len() >= 6 { own } else { means }
+    let determined = [Direction::Positive, Direction::Negative].into_iter().all(|d| speeds_differ(&own, d));
+    if determined && own.len() >= 6 { own } else { means }
 }
 
 /// Means over blocks of all sliding motion, for an axis without deformation whose inertia was taken out: there the
@@ -294,7 +294,7 @@ pub(super) fn moving_means(
 
 /// Fits the steady-state law to the pass means.
 ///
-/// Never fails: what the means do not pin comes back as not pinned, with the reason (EMS (23)).
+/// Never fails: what the means do not determine comes back as not determined, with the reason (EMS (23)).
 pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
     let positive = direction_line(&means, Direction::Positive);
     let negative = direction_line(&means, Direction::Negative);
@@ -333,7 +333,7 @@ pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, Identif
     if recordings.iter().map(work).sum::<f64>() < -CLEARLY * most {
         return Err(IdentifyError::ForceSign { coulomb_force: -coulomb });
     }
-    let none = |value, unit| Estimate::not_pinned(value, unit, NO_STRETCH);
+    let none = |value, unit| Estimate::undetermined(value, unit, NO_STRETCH);
     let mut levels = blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N"));
     let mut speeds: Vec<f64> = recordings.iter().flat_map(|r| local_velocity(r, 0.05)).map(f64::abs).collect();
     speeds.sort_by(f64::total_cmp);
@@ -379,7 +379,7 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
     let both = has(means, Direction::Positive) && has(means, Direction::Negative);
     let slope = speeds_differ(means, Direction::Positive) || speeds_differ(means, Direction::Negative);
     if means.is_empty() {
-        let none = |unit| Estimate::not_pinned(0.0, unit, NO_STRETCH);
+        let none = |unit| Estimate::undetermined(0.0, unit, NO_STRETCH);
         return blank(none("N"), none("N s/m"), none("N"));
     }
     let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be told apart";
@@ -394,8 +394,8 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
         (true, false) => {
             let (fit, scatter) = weighted(means, &[|_| 1.0, sign]);
             let Some(fit) = fit else { return common_line(&[]) };
-            let coulomb = Estimate::not_pinned(fit.coefficients[1], "N", one_speed);
-            let line = blank(coulomb, Estimate::not_pinned(0.0, "N s/m", one_speed), fit.estimate(0, "N"));
+            let coulomb = Estimate::undetermined(fit.coefficients[1], "N", one_speed);
+            let line = blank(coulomb, Estimate::undetermined(0.0, "N s/m", one_speed), fit.estimate(0, "N"));
             SteadyFit { pass_scatter_n: scatter, ..line }
         }
         (false, _) => {
@@ -404,10 +404,10 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
             let Some(fit) = fit else { return common_line(&[]) };
             let viscous = match slope {
                 true => fit.estimate(1, "N s/m"),
-                false => Estimate::not_pinned(0.0, "N s/m", one_speed),
+                false => Estimate::undetermined(0.0, "N s/m", one_speed),
             };
-            let coulomb = Estimate::not_pinned(fit.coefficients[0], "N", one_way);
-            let line = blank(coulomb, viscous, Estimate::not_pinned(0.0, "N", one_way));
+            let coulomb = Estimate::undetermined(fit.coefficients[0], "N", one_way);
+            let line = blank(coulomb, viscous, Estimate::undetermined(0.0, "N", one_way));
             SteadyFit { pass_scatter_n: scatter, ..line }
         }
     }
@@ -423,8 +423,8 @@ pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option
         let why = "one speed only: the viscous part cannot be told from the Coulomb force";
         let fit = weighted(&own, &[sign]).0?;
         return Some(DirectionLine {
-            coulomb_force_n: Estimate::not_pinned(fit.coefficients[0], "N", why),
-            viscous_damping_n_s_m: Estimate::not_pinned(0.0, "N s/m", why),
+            coulomb_force_n: Estimate::undetermined(fit.coefficients[0], "N", why),
+            viscous_damping_n_s_m: Estimate::undetermined(0.0, "N s/m", why),
         });
     }
     let fit = weighted(&own, &[sign, |v| v]).0?;

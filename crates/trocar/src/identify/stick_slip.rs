@@ -172,7 +172,7 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
     (pairs.len() >= FEWEST_CELLS && scale > 0.0).then(|| product(|x, y| x * y) / scale)
 }
 
-/// Swings of the force about its mean on each plateau of the velocity, behind its first third, counted with a hysteresis of a quarter of
+/// Swings of the force about its mean on each plateau of the velocity, after its first third, counted with a hysteresis of a quarter of
 /// the swing. A plateau is taken whole: the slips of a seal shake the drive, too.
 fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) -> Vec<Oscillation<'a>> {
     let of = |plateau: &[Stretch]| {

@@ -28,7 +28,7 @@ const GRID: usize = 40;
 
 /// Tests the straight line in `fit` and, if called for, replaces it by a Stribeck curve.
 pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
-    if !fit.viscous_damping_n_s_m.pinned || !fit.coulomb_force_n.pinned {
+    if !fit.viscous_damping_n_s_m.determined || !fit.coulomb_force_n.determined {
         return;
     }
     let means = &fit.means.clone();
@@ -88,7 +88,7 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
             let half = joint.combination(terms, unit).half_width();
             Estimate::from_bounds(value, value - half, value + half, unit)
         }
-        None => Estimate::not_pinned(terms.iter().map(|(j, a)| a * best.fit.coefficients[*j]).sum(), unit, flat),
+        None => Estimate::undetermined(terms.iter().map(|(j, a)| a * best.fit.coefficients[*j]).sum(), unit, flat),
     };
     let [low, high] = best.velocity_interval;
     let half = joint.as_ref().map_or(0.0, |j| j.estimate(4, "m/s").half_width());

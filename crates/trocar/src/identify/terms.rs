@@ -8,7 +8,7 @@
 //! δ = one step of the joint equations      t = δ/s(δ)      s: jackknife over clusters, Student's t with effective degrees
 //! ```
 //! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried (BONFERRONI; the columns of one
-//! term are much alike, and each behind the first counts as half) the one that takes most of the squared error away is fitted, and the
+//! term are much alike, and each after the first counts as half) the one that takes most of the squared error away is fitted, and the
 //! others are tested again beside it. So of recordings without any term at most one in a hundred gets one. Where no clear one is left, a
 //! term with p < [`SUSPECTED`] that promises much ([`LARGE_GAIN`]) is fitted and judged by the F test of what the fit gains. In the end
 //! a term is taken out again where the fit without it is worse by no more than chance (the same F test).
@@ -44,7 +44,7 @@ pub enum Term {
     /// A second relaxation time.
     SecondRelaxation,
     /// Inertia of an unmodelled mass between sensor and seal: not the seal's, but in its readings.
-    HiddenMass,
+    UnmodelledMass,
     /// Viscous damping by direction; sliding forces too where the sensor offset is known.
     Asymmetry,
     /// A second element in parallel: a seal of its own, or the part of a lip that slides while the rest still holds.
@@ -60,7 +60,7 @@ impl Term {
         Self::Creep,
         Self::Relaxation,
         Self::SecondRelaxation,
-        Self::HiddenMass,
+        Self::UnmodelledMass,
         Self::Asymmetry,
         Self::SecondStage,
     ];
@@ -77,7 +77,7 @@ impl Term {
             Self::Creep => "creep",
             Self::Relaxation => "relaxation",
             Self::SecondRelaxation => "second_relaxation",
-            Self::HiddenMass => "hidden_mass",
+            Self::UnmodelledMass => "unmodelled_mass",
             Self::Asymmetry => "asymmetry",
             Self::SecondStage => "second_stage",
         }
@@ -92,7 +92,7 @@ impl Term {
             Self::Creep => "creep of the contact",
             Self::Relaxation => "relaxation",
             Self::SecondRelaxation => "second relaxation time",
-            Self::HiddenMass => "unmodelled mass",
+            Self::UnmodelledMass => "unmodelled mass",
             Self::Asymmetry => "asymmetric sliding",
             Self::SecondStage => "second stage",
         }
@@ -107,7 +107,7 @@ impl Term {
             Self::Creep => &["creep_velocity_m_s"],
             Self::Relaxation => &["relaxation_stiffness_n_m", "relaxation_time_s"],
             Self::SecondRelaxation => &["second_relaxation_stiffness_n_m", "second_relaxation_time_s"],
-            Self::HiddenMass => &["hidden_mass_kg"],
+            Self::UnmodelledMass => &["unmodelled_mass_kg"],
             Self::Asymmetry => &["viscous_damping_n_s_m_positive"],
             Self::SecondStage => &["second_coulomb_force_n"],
         }
@@ -126,7 +126,7 @@ impl Term {
             Self::Creep => layout.creep,
             Self::Relaxation => layout.arms > 0,
             Self::SecondRelaxation => layout.arms > 1,
-            Self::HiddenMass => layout.hidden_mass,
+            Self::UnmodelledMass => layout.unmodelled_mass,
             Self::Asymmetry => layout.own_slopes || layout.own_levels,
             Self::SecondStage => layout.second,
         }
@@ -180,8 +180,8 @@ impl Term {
                     add(candidate, layout);
                 }
             }
-            Self::HiddenMass => {
-                layout.hidden_mass = true;
+            Self::UnmodelledMass => {
+                layout.unmodelled_mass = true;
                 add(candidate, layout);
             }
             Self::Asymmetry => {
@@ -222,7 +222,7 @@ impl Term {
                 layout.arms -= 1;
                 candidate.relaxation.arms[layout.arms].stiffness = 0.0;
             }
-            Self::HiddenMass => (layout.hidden_mass, candidate.hidden_mass) = (false, 0.0),
+            Self::UnmodelledMass => (layout.unmodelled_mass, candidate.unmodelled_mass) = (false, 0.0),
             Self::Asymmetry => (layout.own_slopes, layout.own_levels) = (false, false),
             Self::SecondStage => return None,
         }
@@ -413,7 +413,7 @@ fn scores(
     let own = fitted.held.len();
     let [delay, acceleration] = [own, own + 1];
     let place = |(term, start): &(Term, EmsTrial)| match term {
-        Term::HiddenMass => acceleration,
+        Term::UnmodelledMass => acceleration,
         _ => {
             extra.push(Extra::Secant(start.clone()));
             own + extra.len() - 1
@@ -430,8 +430,8 @@ fn scores(
         .zip(places)
         .map(|((term, start), place)| {
             let beside: Vec<usize> = match term {
-                Term::HiddenMass => [Some(delay), damping].into_iter().flatten().collect(),
-                term if term.may_be_inertia() && !best.layout.hidden_mass => vec![acceleration],
+                Term::UnmodelledMass => [Some(delay), damping].into_iter().flatten().collect(),
+                term if term.may_be_inertia() && !best.layout.unmodelled_mass => vec![acceleration],
                 _ => Vec::new(),
             };
             score(&normal, &fitted.held, &beside, place, sigma2, (term, start))
@@ -467,8 +467,8 @@ fn score(
         true => 1.0 - 0.5 * two_sided,
         false => two_sided,
     };
-    if term == Term::HiddenMass {
-        start.candidate.hidden_mass = step.amplitude.max(0.0);
+    if term == Term::UnmodelledMass {
+        start.candidate.unmodelled_mass = step.amplitude.max(0.0);
     }
     Some(Score { term, p_value, gain: step.gain, start })
 }

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use trocar_model::Element;
+use trocar_model::{Seal, Stages};
 
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
@@ -170,10 +170,11 @@ impl Training {
     }
 
     /// Takes the weight from all steps before the state is known: until unknown starts give one force.
-    pub(crate) fn forget_unknown_starts(&mut self, elements: &[Element]) {
+    pub(crate) fn forget_unknown_starts(&mut self, stages: Stages) {
+        let seal = Seal::from(stages);
         for run in &mut self.runs {
             let steps = run.steps.iter().map(|s| (s.displacement, s.duration));
-            let known = forgotten_after(elements, steps).map_or(run.steps.len(), |i| i + 1);
+            let known = forgotten_after(&seal, steps).map_or(run.steps.len(), |i| i + 1);
             run.steps[..known].iter_mut().for_each(|s| s.weight = 0.0);
         }
     }
@@ -311,7 +312,7 @@ impl Progress {
     }
 }
 
-/// Last of the samples behind `at` that are taken together: few, close in position and time, moving one way.
+/// Last of the samples after `at` that are taken together: few, close in position and time, moving one way.
 fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
     let (x, t, a) = (&part.recording.position, &part.recording.time, part.acceleration);
     let first = x[at + 1] - x[at];

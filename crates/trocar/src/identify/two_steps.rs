@@ -18,7 +18,7 @@ use super::steady::{self, DirectionLine, PassMean, SteadyFit};
 use super::{IdentifyError, IdentifyOptions, Parameter, Segments, stribeck};
 use crate::cancel;
 use crate::recording::Recording;
-use crate::segment::{Direction, Stretch, behind_start};
+use crate::segment::{Direction, Stretch, after_start};
 
 /// What the two steps gave.
 pub(super) struct TwoSteps {
@@ -138,7 +138,7 @@ pub(super) fn settled_stretches(
     steady: &SteadyFit,
     found: &DeformationFit,
 ) -> Vec<Stretch> {
-    behind_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
+    after_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
 }
 
 /// Blocks of all motion instead of the plateaus' means, down to a fiftieth of the fastest plateau.
@@ -210,7 +210,7 @@ fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin = if steady.viscous_damping_n_s_m.pinned { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
+    let margin = if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
     Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
 }
 
@@ -237,7 +237,7 @@ fn candidate_of(
     };
     let candidate = Candidate {
         offset,
-        hidden_mass: 0.0,
+        unmodelled_mass: 0.0,
         insertion,
         withdrawal,
         half_width,
@@ -289,7 +289,7 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
             all.extend(branch_parameters(&two.candidate, &replicates));
         }
         Err(why) => {
-            all.push(named("half_width_m", Estimate::not_pinned(two.candidate.half_width, "m", why.clone())));
+            all.push(named("half_width_m", Estimate::undetermined(two.candidate.half_width, "m", why.clone())));
         }
     }
     all
@@ -335,7 +335,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
 /// σ as the model has it: what the test found, or zero with what the test could not exclude.
 pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
     let found = &test.seal_damping_n_s_m;
-    if test.kept || !found.pinned {
+    if test.kept || !found.determined {
         return found.clone();
     }
     let why = match test.p_value < 0.01 && found.value > 0.0 {
@@ -351,7 +351,7 @@ fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Ve
     let parameter = |quantity: BranchQuantity| {
         let shape = if quantity.name.starts_with("rising") { &best.rising } else { &best.falling };
         let estimate = if quantity.name.ends_with("join_m") && shape.join_at_bound() {
-            Estimate::not_pinned((quantity.of)(best), quantity.unit, "no best join inside the range searched")
+            Estimate::undetermined((quantity.of)(best), quantity.unit, "no best join inside the range searched")
         } else {
             replicates.estimate(best, quantity.unit, &quantity.of)
         };

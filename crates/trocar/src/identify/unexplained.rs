@@ -4,7 +4,7 @@
 //! ([`Normal::one_step`]). A mass, a damping and a contact that creeps may pass for a delay, which is therefore tested beside them.
 
 use super::candidate::EmsTrial;
-use super::delay::PositionLag;
+use super::delay::PositionDelay;
 use super::element::{acceleration_is_resolved, variance};
 use super::estimate::{Estimate, t_p_value, t_quantile};
 use super::likelihood::{Extra, Fitted, Normal, OneStep, Trial};
@@ -29,7 +29,7 @@ const CREEP: [f64; 2] = [3e-4, 3e-3];
 pub(super) struct Unexplained {
     normal: Normal,
     held: Vec<bool>,
-    /// Causes in the order of the columns behind those of the free numbers.
+    /// Causes in the order of the columns after those of the free numbers.
     causes: Vec<Cause>,
     sigma2: f64,
 }
@@ -42,7 +42,7 @@ impl Unexplained {
         if acceleration_is_resolved(recordings) {
             columns.push((Cause::Delay, Extra::Delay));
         }
-        if !layout.hidden_mass {
+        if !layout.unmodelled_mass {
             columns.push((Cause::Mass, Extra::Acceleration));
         }
         let mut secant = |cause: Cause, change: &dyn Fn(&mut EmsTrial)| {
@@ -74,27 +74,27 @@ impl Unexplained {
     }
 
     /// Delay of the positions, beside all that may pass for one.
-    pub(super) fn lag(&self) -> Option<PositionLag> {
+    pub(super) fn lag(&self) -> Option<PositionDelay> {
         self.lag_beside(&[Cause::Mass, Cause::Damping, Cause::Creep])
     }
 
     /// The same beside a mass and damping alone: before it is known whether the contact creeps, and what is left, of either sign, of a
     /// delay that was taken out.
-    pub(super) fn lag_left(&self) -> Option<PositionLag> {
+    pub(super) fn lag_left(&self) -> Option<PositionDelay> {
         self.lag_beside(&[Cause::Mass, Cause::Damping])
     }
 
-    fn lag_beside(&self, beside: &[Cause]) -> Option<PositionLag> {
+    fn lag_beside(&self, beside: &[Cause]) -> Option<PositionDelay> {
         let step = self.step(Cause::Delay, beside)?;
         let p_value = t_p_value(step.amplitude / step.standard_error, step.degrees);
-        Some(PositionLag { lag_s: step.amplitude, standard_error_s: step.standard_error, p_value, gain: step.gain })
+        Some(PositionDelay { delay_s: step.amplitude, standard_error_s: step.standard_error, p_value, gain: step.gain })
     }
 
     /// An unmodelled mass, kg, that shows.
     pub(super) fn mass(&self) -> Option<f64> {
         let step = self.step(Cause::Mass, &[])?;
         let p_value = 0.5 * t_p_value(step.amplitude / step.standard_error, step.degrees);
-        let shows = step.amplitude > 0.0 && step.gain > PositionLag::LEAST_GAIN && p_value < PositionLag::LEVEL;
+        let shows = step.amplitude > 0.0 && step.gain > PositionDelay::LEAST_GAIN && p_value < PositionDelay::LEVEL;
         shows.then_some(step.amplitude)
     }
 
@@ -112,9 +112,9 @@ impl Unexplained {
 /// What a fit leaves unexplained.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Left {
-    pub(super) lag: Option<PositionLag>,
+    pub(super) lag: Option<PositionDelay>,
     /// The same where one was taken out.
-    pub(super) lag_left: Option<PositionLag>,
+    pub(super) lag_left: Option<PositionDelay>,
     pub(super) mass: Option<f64>,
     pub(super) damping: Option<Estimate>,
 }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use thiserror::Error;
 use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, blocks};
-use trocar_model::{Element, ParamError, Seal, SealState, State, Travel, Trocar, TrocarState};
+use trocar_model::{Element, ParamError, PositionProfile, Seal, SealState, State, Trocar, TrocarState};
 
 use super::{TASK, run};
 use crate::cancel;
@@ -32,13 +32,13 @@ pub trait Ensemble: Sync {
     ///
     /// # Errors
     /// [`ParamError`] for parameters that make none.
-    fn trocar(&self, index: usize) -> Result<Trocar<'_>, ParamError>;
+    fn trocar(&self, index: usize) -> Result<Trocar<&[f64]>, ParamError>;
 }
 
 /// One trocar with other parameters: a column of values, one for each of the ensemble, for every parameter that is turned.
 #[derive(Debug, Clone)]
 pub struct Tuned<'a> {
-    base: Trocar<'a>,
+    base: Trocar<&'a [f64]>,
     present: Vec<f64>,
     columns: Vec<(usize, &'a [f64])>,
     count: usize,
@@ -47,7 +47,7 @@ pub struct Tuned<'a> {
 impl<'a> Tuned<'a> {
     /// `columns` by their place among [`Seal::tunables`]; there are as many trocars as the shortest has values, and one
     /// without columns. `None` for a place beyond the tunables.
-    pub fn new(base: Trocar<'a>, columns: Vec<(usize, &'a [f64])>) -> Option<Self> {
+    pub fn new(base: Trocar<&'a [f64]>, columns: Vec<(usize, &'a [f64])>) -> Option<Self> {
         let present: Vec<f64> = base.seal().tunables().map(|tunable| tunable.value).collect();
         let count = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(1);
         columns.iter().all(|(place, _)| *place < present.len()).then_some(Self { base, present, columns, count })
@@ -64,7 +64,7 @@ impl Ensemble for Tuned<'_> {
         self.count
     }
 
-    fn trocar(&self, index: usize) -> Result<Trocar<'_>, ParamError> {
+    fn trocar(&self, index: usize) -> Result<Trocar<&[f64]>, ParamError> {
         let mut values = self.present.clone();
         for (place, column) in &self.columns {
             if let (Some(value), Some(new)) = (values.get_mut(*place), column.get(index)) {
@@ -89,7 +89,7 @@ pub enum Start {
 
 impl Start {
     /// `trocar` at `position`, m; `None` for a deflection of a classical model.
-    pub fn state(self, trocar: &Trocar<'_>, position: f64) -> Option<TrocarState> {
+    pub fn state<K: AsRef<[f64]>>(self, trocar: &Trocar<K>, position: f64) -> Option<TrocarState> {
         match self {
             Self::Undeformed => Some(trocar.rest(position)),
             Self::Force(force) => Some(trocar.rest_at_force(position, force)),
@@ -241,23 +241,25 @@ fn task(count: usize) -> usize {
     if each > LANES { each.next_multiple_of(LANES) } else { each.max(1) }
 }
 
+type Profile<'a> = PositionProfile<&'a [f64]>;
+
 /// The trocars of a task where the motion begins.
 struct Part<'a> {
     seals: Vec<Seal>,
     states: Vec<SealState>,
-    travels: Vec<Option<Travel<'a>>>,
+    profiles: Vec<Option<Profile<'a>>>,
     at_start: Vec<f64>,
 }
 
 impl<'a> Part<'a> {
     fn of(ensemble: &'a impl Ensemble, indices: Range<usize>, start: Start, at: f64) -> Result<Self, Refusal> {
-        let mut part = Self { seals: Vec::new(), states: Vec::new(), travels: Vec::new(), at_start: Vec::new() };
+        let mut part = Self { seals: Vec::new(), states: Vec::new(), profiles: Vec::new(), at_start: Vec::new() };
         for index in indices {
             let trocar = ensemble.trocar(index).map_err(|why| Refusal::Parameter { index, why })?;
             let state = start.state(&trocar, at).ok_or(Refusal::NoDeflection { index })?;
             part.seals.push(*trocar.seal());
             part.states.push(*state.seal());
-            part.travels.push(trocar.travel());
+            part.profiles.push(trocar.profile().copied());
             part.at_start.push(state.force());
         }
         Ok(part)
@@ -271,9 +273,9 @@ impl<'a> Part<'a> {
             // A quarter of the memory of seals that might have four elements.
             Some(singles) => {
                 let (elements, mut states): (Vec<_>, Vec<_>) = singles.into_iter().unzip();
-                along(&elements, &mut states, &self.travels, motion, sink);
+                along(&elements, &mut states, &self.profiles, motion, sink);
             }
-            None => along(&self.seals, &mut self.states, &self.travels, motion, sink),
+            None => along(&self.seals, &mut self.states, &self.profiles, motion, sink),
         }
     }
 }
@@ -281,13 +283,13 @@ impl<'a> Part<'a> {
 fn along<M: Many>(
     models: &[M],
     states: &mut [M::State],
-    travels: &[Option<Travel<'_>>],
+    profiles: &[Option<Profile<'_>>],
     motion: &Motion,
     sink: impl Sink,
 ) {
     let mut places = vec![Lanes::EMPTY; blocks(models.len())];
     let Some(mut batch) = Batch::new(models, states, &mut places) else { return };
-    let mut observer = Along { travels, way: Way::Free, position: &[], sink };
+    let mut observer = Along { profiles, shared: Shared::None, position: &[], sink };
     for (k, steps) in motion.steps.chunks(PIECE).enumerate() {
         cancel::check();
         let from = 1 + k * PIECE;
@@ -312,46 +314,46 @@ trait Sink {
     fn end(&mut self, first: usize, count: usize);
 }
 
-/// Takes the forces of the seals along the way to those of the trocars.
+/// Takes the forces of the seals to those of the trocars.
 struct Along<'a, S> {
-    travels: &'a [Option<Travel<'a>>],
-    way: Way<'a>,
+    profiles: &'a [Option<Profile<'a>>],
+    shared: Shared<'a>,
     /// After each step of the piece, m.
     position: &'a [f64],
     sink: S,
 }
 
 /// How the forces of a block depend on the position.
-enum Way<'a> {
-    Free,
-    Shared(Travel<'a>),
-    Own(&'a [Option<Travel<'a>>]),
+enum Shared<'a> {
+    None,
+    One(Profile<'a>),
+    Own(&'a [Option<Profile<'a>>]),
 }
 
-impl<'a> Way<'a> {
-    fn of(travels: &'a [Option<Travel<'a>>]) -> Self {
-        let first = travels.first().copied().flatten();
-        match (travels.iter().all(|travel| *travel == first), first) {
-            (true, None) => Self::Free,
-            (true, Some(travel)) => Self::Shared(travel),
-            (false, _) => Self::Own(travels),
+impl<'a> Shared<'a> {
+    fn of(profiles: &'a [Option<Profile<'a>>]) -> Self {
+        let first = profiles.first().copied().flatten();
+        match (profiles.iter().all(|profile| *profile == first), first) {
+            (true, None) => Self::None,
+            (true, Some(profile)) => Self::One(profile),
+            (false, _) => Self::Own(profiles),
         }
     }
 
-    /// [`Travel::apply`] for each lane.
+    /// [`PositionProfile::apply`] for each lane.
     #[inline(always)]
     fn apply(&self, position: f64, forces: &mut [f64; LANES]) {
         match self {
-            Self::Free => {}
-            Self::Shared(travel) => {
-                let (offset, level) = (travel.offset(position), travel.level(position));
+            Self::None => {}
+            Self::One(profile) => {
+                let (offset, gain) = (profile.offset(position), profile.gain(position));
                 for force in forces {
-                    *force = offset + level * *force;
+                    *force = offset + gain * *force;
                 }
             }
-            Self::Own(travels) => {
-                for (force, travel) in forces.iter_mut().zip(*travels) {
-                    *force = travel.map_or(*force, |travel| travel.apply(position, *force));
+            Self::Own(profiles) => {
+                for (force, profile) in forces.iter_mut().zip(*profiles) {
+                    *force = profile.map_or(*force, |profile| profile.apply(position, *force));
                 }
             }
         }
@@ -360,14 +362,14 @@ impl<'a> Way<'a> {
 
 impl<S: Sink> Observe for Along<'_, S> {
     fn begin(&mut self, first: usize, count: usize) {
-        self.way = Way::of(&self.travels[first..first + count]);
+        self.shared = Shared::of(&self.profiles[first..first + count]);
         self.sink.begin(first, count);
     }
 
     #[inline(always)]
     fn see(&mut self, sample: usize, lanes: &Lanes) {
         let mut forces = *lanes.forces();
-        self.way.apply(self.position[sample], &mut forces);
+        self.shared.apply(self.position[sample], &mut forces);
         self.sink.take(sample, &forces);
     }
 

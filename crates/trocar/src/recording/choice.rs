@@ -84,13 +84,13 @@ pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result
     let mut found = Vec::new();
     for topic in topics {
         let exact = (0..tables.len()).filter(|k| tables[*k].name == *topic);
-        let ending = (0..tables.len()).filter(|k| {
+        let matching = (0..tables.len()).filter(|k| {
             let front = tables[*k].name.strip_suffix(topic.as_str());
             front.is_some_and(|front| front.ends_with('/') || topic.starts_with('/'))
         });
         let mut own: Vec<usize> = exact.collect();
         if own.is_empty() {
-            own = ending.collect();
+            own = matching.collect();
         }
         if own.len() != 1 {
             let names: Vec<String> = tables.iter().map(|table| table.name.clone()).collect();

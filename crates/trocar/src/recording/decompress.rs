@@ -20,7 +20,7 @@ const PIECE: usize = 1 << 16;
 /// The text in a file or of standard input.
 pub(super) struct TextInput {
     pub(super) text: Box<dyn Read + Send>,
-    /// Size of the file, packed or not, and how much of it has been read; `None` for a stream.
+    /// Size of the file, compressed or not, and how much of it has been read; `None` for a stream.
     pub(super) file: Option<(u64, Arc<AtomicU64>)>,
 }
 
@@ -58,7 +58,7 @@ impl<R: Read> Read for Counted<R> {
     }
 }
 
-/// The text of a stream that is compressed, or is not; several gzip members or zstd frames behind each other are one text.
+/// The text of a stream that is compressed, or is not; several gzip members or zstd frames after each other are one text.
 ///
 /// # Errors
 /// What the operating system said about the first bytes, or that the stream is zstd and this build lacks it.
@@ -86,7 +86,7 @@ fn zstd_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Sen
 
 #[cfg(not(feature = "zstd"))]
 fn zstd_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    let text = "compressed with zstd, and this build has no feature zstd; build with --features zstd or unpack it";
+    let text = "compressed with zstd, and this build has no feature zstd; build with --features zstd or decompress it";
     Err(io::Error::new(io::ErrorKind::Unsupported, text))
 }
 
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn members_behind_each_other_are_one_text() {
+    fn members_after_each_other_are_one_text() {
         let mut both = gzip(&TEXT[..30]);
         both.extend(gzip(&TEXT[30..]));
         assert_eq!(read(both).unwrap(), TEXT);
@@ -162,7 +162,7 @@ mod tests {
 
     #[cfg(feature = "zstd")]
     #[test]
-    fn zstd_frames_behind_each_other_are_one_text() {
+    fn zstd_frames_after_each_other_are_one_text() {
         let mut both = zstd::encode_all(&TEXT[..30], 3).unwrap();
         both.extend(zstd::encode_all(&TEXT[30..], 3).unwrap());
         assert_eq!(read(both).unwrap(), TEXT);

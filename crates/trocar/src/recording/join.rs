@@ -3,7 +3,7 @@
 //! # Method
 //! - Rows stand at the stamps of one topic, the one of the position unless another is asked for. Its values are as they are.
 //! - The values of every other topic are interpolated linearly between the two samples around the row; a sample at the very time of
-//!   the row counts by itself. Nothing is extrapolated: in front of the first sample and behind the last the value is NaN.
+//!   the row counts by itself. Nothing is extrapolated: in front of the first sample and after the last the value is NaN.
 //! - Nor is anything interpolated across a gap: an interval longer than [`LONGEST_GAP`] times the 95th percentile of that topic's
 //!   intervals (found to within 1 %) gives NaN.
 //! - The clock is `header.stamp` where every topic has it, it follows the same clock in all, and it advances in each; else the log's
@@ -136,7 +136,7 @@ fn shifts(container: &dyn Container, picks: &[Pick], surveys: &[Survey]) -> Vec<
             if apart > CLEARLY * first.width.max(second.width) && apart > SMALLEST_SHIFT {
                 let name = |k: usize| &container.tables()[picks[k].table].name;
                 warnings.push(format!(
-                    "{HEADER_STAMP} lies {:.6} s behind the log's time in {} (90 % within {:.6} s) and {:.6} s in {} ({:.6} s): the clocks of the two, or the delays of their messages, differ by {apart:.6} s",
+                    "{HEADER_STAMP} lies {:.6} s after the log's time in {} (90 % within {:.6} s) and {:.6} s in {} ({:.6} s): the clocks of the two, or the delays of their messages, differ by {apart:.6} s",
                     first.median,
                     name(a),
                     first.width,
@@ -580,7 +580,7 @@ mod tests {
         (all, joined)
     }
 
-    /// A topic from `start` s on with `intervals`, on the line `value = 3 + 2 (t - late)`, logged 1 ms behind its stamp.
+    /// A topic from `start` s on with `intervals`, on the line `value = 3 + 2 (t - late)`, logged 1 ms after its stamp.
     fn line(start: f64, intervals: &[f64], late: f64) -> Vec<[f64; 3]> {
         let mut time = start;
         let row = |interval: &f64| {

@@ -87,7 +87,7 @@ impl fmt::Display for Place {
 pub struct Recording {
     /// File name without its folder.
     pub name: String,
-    /// SHA-256 of the file's bytes (of the text in it, where that is packed by gzip or zstd), or of the columns when there is no file;
+    /// SHA-256 of the file's bytes (of the text in it, where that is compressed by gzip or zstd), or of the columns when there is no file;
     /// lower-case hexadecimal.
     pub sha256: String,
     /// Time in s.
@@ -236,7 +236,7 @@ impl Recording {
         starts.zip(ends).map(|(from, to)| from..to)
     }
 
-    /// The samples in `range` as a recording of their own, `what` behind its name; a velocity column is left out.
+    /// The samples in `range` as a recording of their own, `what` after its name; a velocity column is left out.
     ///
     /// # Errors
     /// As for [`Recording::from_columns`].

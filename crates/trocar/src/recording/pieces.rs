@@ -45,7 +45,7 @@ impl Pieces {
         (self.rows.part(), self.found)
     }
 
-    /// The next piece, or `None` behind the last. The hash of a piece is empty: it is no file.
+    /// The next piece, or `None` after the last. The hash of a piece is empty: it is no file.
     ///
     /// # Errors
     /// As for [`read`](super::read).

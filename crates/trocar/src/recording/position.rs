@@ -34,7 +34,7 @@ fn off_line(t: &[f64], x: &[f64], i: usize) -> (f64, f64) {
 
 impl Recording {
     /// The recording with single positions that jump off and come straight back put between their neighbours, and a
-    /// note on how many those were. A model that integrates the motion would turn over at each of them.
+    /// note on how many those were. A model that integrates the motion would snap through at each of them.
     #[must_use]
     pub fn without_glitches(mut self) -> Self {
         let least = (OVER_NOISE * self.quality.position_noise.max(self.quality.position_resolution)).max(FLOOR);
@@ -67,7 +67,7 @@ impl Recording {
     ///
     /// # Errors
     /// [`RecordingError::TooFewSamples`] when too little is left, and for a lag that is no number ≥ 0.
-    pub fn with_position_lag(&self, lag: f64) -> Result<Self, RecordingError> {
+    pub fn with_position_delay(&self, lag: f64) -> Result<Self, RecordingError> {
         if lag == 0.0 {
             return Ok(self.clone());
         }

@@ -24,7 +24,7 @@ const HASHED: usize = 1 << 20;
 /// Reads rows of some file or stream.
 pub(crate) struct Rows<'a> {
     source: Source<'a>,
-    /// Size of a text's file, and how much of it has been read; packed or not.
+    /// Size of a text's file, and how much of it has been read; compressed or not.
     text_file: Option<(u64, Arc<AtomicU64>)>,
     crop: Crop,
     block: Block,
@@ -111,8 +111,8 @@ impl<'a> Rows<'a> {
     pub(crate) fn expected(&self) -> Option<u64> {
         match &self.source {
             Source::Text(reader) => self.text_file.as_ref().map(|(size, read)| {
-                let unpacked = reader.bytes_read() as f64 / read.load(Ordering::Relaxed).max(1) as f64;
-                (*size as f64 * unpacked / reader.bytes_per_line()) as u64
+                let decompressed = reader.bytes_read() as f64 / read.load(Ordering::Relaxed).max(1) as f64;
+                (*size as f64 * decompressed / reader.bytes_per_line()) as u64
             }),
             Source::Table(table) => table.rows,
         }
@@ -249,7 +249,7 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
     })
 }
 
-/// The hash that a recording read from `path` will have: of the text, unpacked, of all files of a folder, or of the file.
+/// The hash that a recording read from `path` will have: of the text, decompressed, of all files of a folder, or of the file.
 pub(crate) fn digest_of(path: &Path) -> Result<String, RecordingError> {
     let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
     let mut hash = Sha256::new();
@@ -281,7 +281,7 @@ fn hash_stream(mut stream: impl Read, hash: &mut Sha256) -> std::io::Result<()> 
     }
 }
 
-/// Which rows to keep, by their time behind the first.
+/// Which rows to keep, by their time after the first.
 pub(crate) struct Crop {
     from: Option<f64>,
     to: Option<f64>,
@@ -330,9 +330,9 @@ mod tests {
     fn the_hash_of_a_file_is_that_of_its_recording() {
         let folder = tempfile::tempdir().unwrap();
         let text: String = (0..100).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
-        let (plain, packed) = (folder.path().join("a.csv"), folder.path().join("a.csv.gz"));
+        let (plain, compressed) = (folder.path().join("a.csv"), folder.path().join("a.csv.gz"));
         std::fs::write(&plain, &text).unwrap();
-        let file = File::create(&packed).unwrap();
+        let file = File::create(&compressed).unwrap();
         let mut gzip = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
         gzip.write_all(text.as_bytes()).unwrap();
         gzip.finish().unwrap();
@@ -342,7 +342,7 @@ mod tests {
         let effort = Choice { topics: vec!["measured_js".into()], ..effort };
         for (path, choice) in [
             (plain, raw.clone()),
-            (packed, raw),
+            (compressed, raw),
             (fixtures.join("formats/polars.parquet"), Choice::default()),
             (fixtures.join("bags/split"), effort),
         ] {

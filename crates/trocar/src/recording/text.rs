@@ -102,7 +102,7 @@ impl<R: Read> TextReader<R> {
         &mut self.layout
     }
 
-    /// SHA-256 of all bytes of the text, unpacked, in hexadecimal; meaningful after the last row.
+    /// SHA-256 of all bytes of the text, decompressed, in hexadecimal; meaningful after the last row.
     pub(crate) fn digest(&mut self) -> String {
         self.take_hash();
         self.hash.take().map(|hash| hex(&hash.finalize())).unwrap_or_default()

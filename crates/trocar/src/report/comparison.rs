@@ -12,7 +12,7 @@ use crate::recording::Recording;
 /// Where EMS says what a model of many elements needs.
 const CLAIM: &str = "EMS section II-C argues that a GMS model needs about ten elements to draw the reversal of the seal: four for each \
                      of the two transients, one between them and one for a change of slope, that is thirty parameters and the \
-                     function s(v). Here a family of banks matches the EMS element when its error behind the reversals of the \
+                     function s(v). Here a family of banks matches the EMS element when its error after the reversals of the \
                      validation is no larger.";
 
 /// The report: summary, one reversal and one cycle by every model, errors, criteria, parameters, warnings.
@@ -74,9 +74,9 @@ fn least_by(comparison: &Comparison, of: impl Fn(&Entry) -> f64) -> Option<&Entr
 fn warnings(outcome: &Outcome) -> Vec<String> {
     let comparison = outcome.comparison;
     let mut lines = Vec::new();
-    if outcome.held_back {
+    if outcome.held_out {
         lines.push(
-            "No recordings were given to score on. The last third of each recording was held back from the fits and scored on: the \
+            "No recordings were given to score on. The last third of each recording was held out from the fits and scored on: the \
              same seal in the same session, so the errors on other recordings may be larger."
                 .to_owned(),
         );

@@ -429,7 +429,7 @@ pub enum Cell {
         high: f64,
     },
     /// Marker: the data do not pin this value.
-    NotPinned,
+    Undetermined,
     /// Doubtful: the text, with a warning marker.
     Warning(String),
 }
@@ -467,7 +467,7 @@ impl Parameter {
         let (value, interval) = if low.is_finite() && high.is_finite() {
             (Cell::Estimate { value: self.value, interval: self.interval }, Cell::Interval { low, high })
         } else {
-            (Cell::Number { value: self.value, digits: 3 }, Cell::NotPinned)
+            (Cell::Number { value: self.value, digits: 3 }, Cell::Undetermined)
         };
         [Cell::Text(self.name), Cell::Text(self.symbol), value, interval, Cell::Text(self.unit)]
     }

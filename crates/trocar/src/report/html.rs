@@ -238,7 +238,7 @@ fn cell(page: &mut String, cell: &Cell, is_first: bool) {
         Cell::Interval { low, high } => {
             format!("[{}, {}]", rounded(*low, *low, *high), rounded(*high, *low, *high))
         }
-        Cell::NotPinned => "<span class=\"doubt\">not pinned by the data</span>".to_owned(),
+        Cell::Undetermined => "<span class=\"doubt\">not determined by the data</span>".to_owned(),
         Cell::Warning(text) => format!("<span class=\"doubt\">{}</span>", escape(text)),
     };
     let _ = write!(page, "{open}{class}>{content}{close}");

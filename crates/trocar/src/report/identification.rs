@@ -17,10 +17,10 @@ use crate::validate::Validation;
 pub struct IdentificationReport<'a> {
     /// The result.
     pub identification: &'a Identification,
-    /// The recordings it was identified from, as they were given to it: a declared moving mass taken out, an undeclared one
-    /// ([`Candidate::hidden_mass`](crate::identify::Candidate)) still inside.
+    /// The recordings it was identified from, as they were given to it: a declared moving mass taken out, an unmodelled one
+    /// ([`Candidate::unmodelled_mass`](crate::identify::Candidate)) still inside.
     pub training: &'a [Recording],
-    /// Recordings that the identification has not seen, as they were scored (undeclared mass taken out), and the scores;
+    /// Recordings that the identification has not seen, as they were scored (unmodelled mass taken out), and the scores;
     /// an empty list counts as none.
     pub validation: Option<(&'a [Recording], &'a Validation)>,
     /// The elements a virtual bench was run with, where the data come from one.

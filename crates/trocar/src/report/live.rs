@@ -27,9 +27,9 @@ pub(super) struct Embedded {
 /// # Errors
 /// None in practice: nothing is written but memory.
 pub(super) fn embed(model: &LiveModel) -> Result<Embedded, serde_json::Error> {
-    let mut packed = GzEncoder::new(Vec::new(), Compression::best());
-    packed.write_all(MODULE).map_err(serde_json::Error::io)?;
-    let module = STANDARD.encode(packed.finish().map_err(serde_json::Error::io)?);
+    let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
+    compressed.write_all(MODULE).map_err(serde_json::Error::io)?;
+    let module = STANDARD.encode(compressed.finish().map_err(serde_json::Error::io)?);
     let bytes: Vec<u8> = model.row.iter().flat_map(|number| number.to_le_bytes()).collect();
     let page = Page {
         row: STANDARD.encode(bytes),

@@ -7,7 +7,7 @@
 //! - **Seals only**: all runs share one motion, and the seals are stepped side by side ([`crate::many`]).
 //! - **Rigs and experiments**: each run moves a virtual bench of its own, and its seal is then stepped along the true motion.
 //!
-//! The seal starts as the bench's homing leaves it, bent backwards to its end; along a file it starts undeformed.
+//! The seal starts as the bench's homing leaves it, deformed backwards to its end; along a file it starts undeformed.
 //!
 //! Memory: [`WINDOW`] rows for each thread at a time, with traces also their forces, and the table's writer
 //! ([`crate::table::TableWriter`]).
@@ -27,7 +27,7 @@ use crate::bench::{self, BenchConfig, Protocol};
 use crate::cancel;
 use crate::error::{OutputError, RecordingError};
 use crate::many;
-use crate::model_file::{Model, ModelFile, ModelFileError};
+use crate::model_file::{ModelFile, ModelFileError};
 use crate::recording::Choice as Columns;
 use crate::simulate::Positions;
 use crate::table::{Column, Field, Kind, TableWriter};
@@ -44,7 +44,7 @@ pub const WINDOW: u64 = 256;
 /// Rows of one task.
 const TASK: u64 = 64;
 
-/// Force that bends every seal backwards to its end, N.
+/// Force that deforms every seal backwards to its end, N.
 const BACKWARDS: f64 = -1e6;
 
 /// Why a sweep cannot be made.
@@ -219,7 +219,7 @@ impl Sweep {
             (None, Some(path)) => ModelFile::read(&folder.join(path))?,
             (None, None) => ModelFile::plausible_10_5_mm()?,
         };
-        let seal = *model.trocar()?.seal();
+        let seal = *model.trocar.seal();
         let mut present = Vec::new();
         let mut places = Vec::new();
         for name in config.seal.keys() {
@@ -240,17 +240,17 @@ impl Sweep {
 
     fn shared_path(&self, folder: &FilePath) -> Result<Option<Path>, SweepError> {
         let own_rigs = !self.config.rig.is_empty();
-        match (&self.model.model, self.protocol, &self.config.motion.file) {
-            (Model::Classical(model), Some(_), _) if own_rigs => {
+        match (self.model.trocar.seal(), self.protocol, &self.config.motion.file) {
+            (Seal::Classical(model), Some(_), _) if own_rigs => {
                 Err(SweepError::RigNeedsElements { kind: model.kind() })
             }
             (_, Some(_), _) if own_rigs => Ok(None),
-            (Model::Ems(elements), Some(protocol), _) => {
-                Ok(Some(self.path_of_rig(&self.rig, protocol, elements, self.config.seed)?.without_readings()))
+            (Seal::Ems(stages), Some(protocol), _) => {
+                Ok(Some(self.path_of_rig(&self.rig, protocol, stages.elements(), self.config.seed)?.without_readings()))
             }
-            (Model::Classical(_), Some(protocol), _) => {
+            (Seal::Classical(_), Some(protocol), _) => {
                 let stand_in = ModelFile::plausible_10_5_mm()?;
-                let elements = stand_in.elements()?;
+                let elements = stand_in.stages()?.elements();
                 Ok(Some(self.path_of_rig(&self.rig, protocol, elements, self.config.seed)?.without_readings()))
             }
             (_, None, Some(file)) => read_path(&folder.join(file)).map(Some),
@@ -315,7 +315,7 @@ impl Sweep {
 
     /// Columns of the table.
     pub fn fields(&self) -> Vec<Field> {
-        let whole = ["run", "seed"].map(|name| Field::new(name, Kind::Whole));
+        let whole = ["run", "seed"].map(|name| Field::new(name, Kind::Integer));
         let parameters = self.config.seal.keys().chain(self.config.rig.keys()).map(Field::number);
         let results = RESULTS.map(Field::number);
         let failure = Field::new("failure", Kind::Text);
@@ -325,7 +325,7 @@ impl Sweep {
     fn columns(&self, first: u64, rows: &[Row]) -> Vec<Column> {
         let numbers = (first..).take(rows.len()).map(|row| i64::try_from(row).ok()).collect();
         let seeds = rows.iter().map(|row| i64::try_from(row.drawn.seed).ok()).collect();
-        let mut columns = vec![Column::Whole(numbers), Column::Whole(seeds)];
+        let mut columns = vec![Column::Integer(numbers), Column::Integer(seeds)];
         for k in 0..self.config.seal.len() {
             columns.push(Column::Number(rows.iter().map(|row| row.drawn.seal[k]).collect()));
         }
@@ -422,13 +422,14 @@ impl Sweep {
     }
 
     fn tally<M: Many>(&self, path: &Path, models: &[M], states: &[M::State], forces: &mut [f64]) -> Vec<Outcome> {
-        let travel = self.model.travel.as_ref().map(|travel| travel.view());
+        let trocar = self.model.trocar.borrowed();
+        let profile = trocar.profile().copied();
         let at_start = |state: &M::State| {
             let own = M::force(state);
-            travel.map_or(own, |travel| travel.apply(path.start(), own))
+            profile.map_or(own, |profile| profile.apply(path.start(), own))
         };
         let at_start: Vec<f64> = states.iter().map(at_start).collect();
-        let mut tally = Tally::new(path, travel, &at_start, forces);
+        let mut tally = Tally::new(path, profile, &at_start, forces);
         many::alone(models, states, &path.steps, &mut tally);
         tally.outcomes()
     }

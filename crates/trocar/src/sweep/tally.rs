@@ -1,6 +1,6 @@
 //! What a run comes to in a few numbers.
 
-use trocar_model::Travel;
+use trocar_model::PositionProfile;
 use trocar_model::batch::{LANES, Lanes, Observe};
 
 use crate::cancel;
@@ -32,7 +32,7 @@ pub struct Outcome {
     pub work_per_metre: f64,
     /// Amount of the force when the instrument first slides, N.
     pub break_away_force: f64,
-    /// Part of the time in which the seal bends and the instrument moves with it.
+    /// Part of the time in which the seal deforms and the instrument moves with it.
     pub deforming_share: f64,
     /// Root mean square of what the measured force differs by, N.
     pub rms_error: f64,
@@ -107,7 +107,7 @@ struct Sums {
 /// Sums up all models of a batch along a path.
 pub(crate) struct Tally<'a> {
     path: &'a Path,
-    travel: Option<Travel<'a>>,
+    profile: Option<PositionProfile<&'a [f64]>>,
     outcomes: Vec<Outcome>,
     /// Force of each model before the first step, N.
     at_start: &'a [f64],
@@ -121,14 +121,19 @@ pub(crate) struct Tally<'a> {
 }
 
 impl<'a> Tally<'a> {
-    pub(crate) fn new(path: &'a Path, travel: Option<Travel<'a>>, at_start: &'a [f64], traces: &'a mut [f64]) -> Self {
+    pub(crate) fn new(
+        path: &'a Path,
+        profile: Option<PositionProfile<&'a [f64]>>,
+        at_start: &'a [f64],
+        traces: &'a mut [f64],
+    ) -> Self {
         let zero = [0.0; LANES];
         let sums = Sums { last: zero, peak: zero, square: zero, work: zero, break_away: zero, bent: zero, error: zero };
         let time = path.steps.iter().map(|(_, duration)| duration).sum();
         let way = path.steps.iter().map(|(displacement, _)| displacement.abs()).sum();
         let readings = path.reading.iter().filter(|reading| reading.is_finite()).count() as f64;
         let shared = [time, way, readings];
-        Self { path, travel, outcomes: Vec::new(), at_start, traces, sums, first: 0, count: 0, shared }
+        Self { path, profile, outcomes: Vec::new(), at_start, traces, sums, first: 0, count: 0, shared }
     }
 
     pub(crate) fn outcomes(self) -> Vec<Outcome> {
@@ -195,8 +200,8 @@ impl Observe for Tally<'_> {
         }
         let (displacement, duration) = self.path.steps[step];
         let mut forces = *lanes.forces();
-        if let Some(travel) = self.travel {
-            forces = forces.map(|force| travel.apply(self.path.position[sample], force));
+        if let Some(profile) = self.profile {
+            forces = forces.map(|force| profile.apply(self.path.position[sample], force));
         }
         let sliding = lanes.sliding();
         let sums = &mut self.sums;

@@ -43,8 +43,8 @@ pub(super) fn schema(fields: &[Field]) -> Schema {
     let field = |field: &Field| {
         let kind = match field.kind {
             Kind::Number => DataType::Float64,
-            Kind::Whole => DataType::Int64,
-            Kind::Truth => DataType::Boolean,
+            Kind::Integer => DataType::Int64,
+            Kind::Boolean => DataType::Boolean,
             Kind::Text => DataType::Utf8,
         };
         let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
@@ -66,8 +66,8 @@ fn array(column: &Column) -> ArrayRef {
         Column::Number(cells) => {
             Arc::new(cells.iter().map(|cell| Some(*cell).filter(|cell| !cell.is_nan())).collect::<Float64Array>())
         }
-        Column::Whole(cells) => Arc::new(cells.iter().copied().collect::<Int64Array>()),
-        Column::Truth(cells) => Arc::new(cells.iter().copied().collect::<BooleanArray>()),
+        Column::Integer(cells) => Arc::new(cells.iter().copied().collect::<Int64Array>()),
+        Column::Boolean(cells) => Arc::new(cells.iter().copied().collect::<BooleanArray>()),
         Column::Text(cells) => Arc::new(cells.iter().map(Option::as_deref).collect::<StringArray>()),
     }
 }

@@ -1,7 +1,7 @@
-//! Tables of results: named columns of numbers, whole numbers, truths and words, written in pieces to CSV (plain, gzip,
+//! Tables of results: named columns of numbers, integers, Booleans and text, written in pieces to CSV (plain, gzip,
 //! zstd), Parquet or Arrow, and read back from Parquet.
 //!
-//! The file's ending chooses the format; the same columns give the same bytes. A cell may be missing: NaN among numbers,
+//! The file's extension chooses the format; the same columns give the same bytes. A cell may be missing: NaN among numbers,
 //! `None` elsewhere; it becomes null in Parquet and Arrow and an empty cell in CSV. A unit that ends a name, as in
 //! `force_n`, stands beside it in Parquet and Arrow as the field's metadata `unit`.
 
@@ -23,10 +23,10 @@ mod parquet;
 pub enum Kind {
     /// Numbers of 64 bits.
     Number,
-    /// Whole numbers.
-    Whole,
+    /// Integers.
+    Integer,
     /// True or false.
-    Truth,
+    Boolean,
     /// Text.
     Text,
 }
@@ -63,10 +63,10 @@ impl Field {
 pub enum Column {
     /// Numbers.
     Number(Vec<f64>),
-    /// Whole numbers.
-    Whole(Vec<Option<i64>>),
+    /// Integers.
+    Integer(Vec<Option<i64>>),
     /// True or false.
-    Truth(Vec<Option<bool>>),
+    Boolean(Vec<Option<bool>>),
     /// Text.
     Text(Vec<Option<Cow<'static, str>>>),
 }
@@ -77,8 +77,8 @@ impl Column {
     pub fn new(kind: Kind) -> Self {
         match kind {
             Kind::Number => Self::Number(Vec::new()),
-            Kind::Whole => Self::Whole(Vec::new()),
-            Kind::Truth => Self::Truth(Vec::new()),
+            Kind::Integer => Self::Integer(Vec::new()),
+            Kind::Boolean => Self::Boolean(Vec::new()),
             Kind::Text => Self::Text(Vec::new()),
         }
     }
@@ -88,8 +88,8 @@ impl Column {
     pub fn kind(&self) -> Kind {
         match self {
             Self::Number(_) => Kind::Number,
-            Self::Whole(_) => Kind::Whole,
-            Self::Truth(_) => Kind::Truth,
+            Self::Integer(_) => Kind::Integer,
+            Self::Boolean(_) => Kind::Boolean,
             Self::Text(_) => Kind::Text,
         }
     }
@@ -99,8 +99,8 @@ impl Column {
     pub fn len(&self) -> usize {
         match self {
             Self::Number(cells) => cells.len(),
-            Self::Whole(cells) => cells.len(),
-            Self::Truth(cells) => cells.len(),
+            Self::Integer(cells) => cells.len(),
+            Self::Boolean(cells) => cells.len(),
             Self::Text(cells) => cells.len(),
         }
     }
@@ -115,8 +115,8 @@ impl Column {
     pub fn clear(&mut self) {
         match self {
             Self::Number(cells) => cells.clear(),
-            Self::Whole(cells) => cells.clear(),
-            Self::Truth(cells) => cells.clear(),
+            Self::Integer(cells) => cells.clear(),
+            Self::Boolean(cells) => cells.clear(),
             Self::Text(cells) => cells.clear(),
         }
     }
@@ -130,8 +130,8 @@ impl Column {
     fn extend(&mut self, other: &Self, from: usize, to: usize) {
         match (self, other) {
             (Self::Number(all), Self::Number(more)) => all.extend_from_slice(&more[from..to]),
-            (Self::Whole(all), Self::Whole(more)) => all.extend_from_slice(&more[from..to]),
-            (Self::Truth(all), Self::Truth(more)) => all.extend_from_slice(&more[from..to]),
+            (Self::Integer(all), Self::Integer(more)) => all.extend_from_slice(&more[from..to]),
+            (Self::Boolean(all), Self::Boolean(more)) => all.extend_from_slice(&more[from..to]),
             (Self::Text(all), Self::Text(more)) => all.extend_from_slice(&more[from..to]),
             _ => {}
         }
@@ -188,10 +188,10 @@ pub fn names(path: impl AsRef<Path>) -> Result<Vec<String>, TableError> {
     Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
 }
 
-/// What a file's ending says of its format.
+/// What a file's extension says of its format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Text separated by commas, which is also taken for every ending that is none of the others.
+    /// Text separated by commas, which is also taken for every extension that is none of the others.
     Csv,
     /// `.gz`.
     CsvGzip,
@@ -207,8 +207,8 @@ impl Format {
     /// The format for a file called `path`.
     #[must_use]
     pub fn of(path: &Path) -> Self {
-        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
-        match ending.as_str() {
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+        match extension.as_str() {
             "gz" | "gzip" => Self::CsvGzip,
             "zst" | "zstd" => Self::CsvZstd,
             "parquet" | "pq" => Self::Parquet,
@@ -238,9 +238,9 @@ pub enum Cell {
     /// A number; NaN where it is missing.
     Number(f64),
     /// A whole number.
-    Whole(i64),
+    Integer(i64),
     /// Text.
-    Word(&'static str),
+    Text(&'static str),
 }
 
 enum Sink {
@@ -252,7 +252,7 @@ enum Sink {
 }
 
 impl TableWriter {
-    /// Begins the file `path`, whose ending chooses the format ([`Format::of`]); `-` is CSV to standard output.
+    /// Begins the file `path`, whose extension chooses the format ([`Format::of`]); `-` is CSV to standard output.
     ///
     /// # Errors
     /// [`OutputError`] when it cannot be made, or the format is not part of this build.
@@ -261,7 +261,7 @@ impl TableWriter {
         Self::with_format(path, Format::of(path), fields)
     }
 
-    /// The same with a format that does not follow from the ending.
+    /// The same with a format that does not follow from the extension.
     ///
     /// # Errors
     /// As for [`TableWriter::create`].
@@ -310,8 +310,8 @@ impl TableWriter {
         for (column, cell) in self.waiting.iter_mut().zip(cells) {
             match (column, *cell) {
                 (Column::Number(cells), Cell::Number(number)) => cells.push(number),
-                (Column::Whole(cells), Cell::Whole(number)) => cells.push(Some(number)),
-                (Column::Text(cells), Cell::Word(word)) => cells.push(Some(word.into())),
+                (Column::Integer(cells), Cell::Integer(number)) => cells.push(Some(number)),
+                (Column::Text(cells), Cell::Text(word)) => cells.push(Some(word.into())),
                 // Columns of uneven length are refused when they are written.
                 _ => {}
             }
@@ -423,5 +423,5 @@ const UNITS: [(&str, &str); 22] = [
 
 fn unit_in(name: &str) -> Option<&'static str> {
     let lower = name.to_ascii_lowercase();
-    UNITS.iter().find(|(ending, _)| lower.ends_with(ending)).map(|(_, unit)| *unit)
+    UNITS.iter().find(|(extension, _)| lower.ends_with(extension)).map(|(_, unit)| *unit)
 }

@@ -78,8 +78,8 @@ fn schema(fields: &[Field]) -> Result<TypePtr, ParquetError> {
     let column = |field: &Field| {
         let (physical, logical) = match field.kind {
             Kind::Number => (Physical::DOUBLE, None),
-            Kind::Whole => (Physical::INT64, None),
-            Kind::Truth => (Physical::BOOLEAN, None),
+            Kind::Integer => (Physical::INT64, None),
+            Kind::Boolean => (Physical::BOOLEAN, None),
             Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
         let column = Type::primitive_type_builder(&field.name, physical).with_repetition(Repetition::OPTIONAL);
@@ -125,11 +125,11 @@ fn write_column(group: &mut SerializedRowGroupWriter<'_, AtomicFile>, cells: &Co
             };
             writer.write_batch(&present, Some(&levels), None)?;
         }
-        (ColumnWriter::Int64ColumnWriter(writer), Column::Whole(cells)) => {
+        (ColumnWriter::Int64ColumnWriter(writer), Column::Integer(cells)) => {
             let present: Vec<i64> = cells.iter().copied().flatten().collect();
             writer.write_batch(&present, Some(&levels(cells)), None)?;
         }
-        (ColumnWriter::BoolColumnWriter(writer), Column::Truth(cells)) => {
+        (ColumnWriter::BoolColumnWriter(writer), Column::Boolean(cells)) => {
             let present: Vec<bool> = cells.iter().copied().flatten().collect();
             writer.write_batch(&present, Some(&levels(cells)), None)?;
         }
@@ -195,8 +195,8 @@ fn kind(field: &Type) -> Option<Kind> {
     }
     let text = field.get_basic_info().converted_type() == ConvertedType::UTF8;
     match field.get_physical_type() {
-        Physical::BOOLEAN => Some(Kind::Truth),
-        Physical::INT32 | Physical::INT64 => Some(Kind::Whole),
+        Physical::BOOLEAN => Some(Kind::Boolean),
+        Physical::INT32 | Physical::INT64 => Some(Kind::Integer),
         Physical::FLOAT | Physical::DOUBLE => Some(Kind::Number),
         Physical::BYTE_ARRAY if text => Some(Kind::Text),
         _ => None,
@@ -211,8 +211,8 @@ fn push(column: &mut Column, value: &Value) -> Option<()> {
             Value::Float(value) => f64::from(*value),
             _ => return None,
         }),
-        Column::Whole(cells) => cells.push(whole(value)?),
-        Column::Truth(cells) => cells.push(match value {
+        Column::Integer(cells) => cells.push(whole(value)?),
+        Column::Boolean(cells) => cells.push(match value {
             Value::Null => None,
             Value::Bool(value) => Some(*value),
             _ => return None,

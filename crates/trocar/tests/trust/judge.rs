@@ -31,7 +31,7 @@ impl Verdict {
     pub(crate) fn of(estimate: &Estimate, truth: Range, doubtful: bool) -> Self {
         let [low, high] = estimate.ci95;
         match estimate {
-            e if !e.pinned || !e.half_width().is_finite() => Self::Undetermined,
+            e if !e.determined || !e.half_width().is_finite() => Self::Undetermined,
             _ if low <= truth[1] && truth[0] <= high => Self::Right,
             _ if doubtful => Self::WrongButDoubtful,
             _ => Self::ConfidentlyWrong,
@@ -106,7 +106,7 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
     };
     let kept = found.fit.iter().flat_map(|fit| &fit.terms).filter(|t| t.kept);
     outcome.found_terms = kept.map(|t| t.term).collect();
-    outcome.delay_s = found.position_lag.map_or(0.0, |lag| lag.lag_s);
+    outcome.delay_s = found.position_delay.map_or(0.0, |lag| lag.delay_s);
     let doubts = found.warnings.iter().filter(|w| w.doubtful);
     outcome.doubts = doubts.map(|w| format!("{}: {}", w.subject, w.message)).collect();
     let listed = found.parameters.iter().filter_map(|p| {
@@ -128,7 +128,7 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
 fn unlisted(name: &str, truth: Range, truths: &std::collections::BTreeMap<&str, Range>) -> Option<Verdict> {
     let by_need = name.ends_with("_positive") || name.ends_with("_negative") || name == "yield_stiffness_n_m";
     match name {
-        "hidden_mass_kg" if truth == [0.0; 2] => Some(Verdict::Right),
+        "unmodelled_mass_kg" if truth == [0.0; 2] => Some(Verdict::Right),
         "static_force_n" if truth == truths["coulomb_force_n"] => None,
         _ if by_need || name.contains("join") || truth == [0.0; 2] => None,
         _ => Some(Verdict::Absent),

@@ -217,7 +217,7 @@ impl Bench {
             (Term::SealDamping, any(|p| p.damping.coefficients[0] > 0.0)),
             (Term::Creep, any(|p| p.creep_velocity > 0.0)),
             (Term::Relaxation, any(|p| p.relaxation.arms[0].stiffness > 0.0)),
-            (Term::HiddenMass, !self.mass_declared && self.config.rod.mass_kg > 0.0),
+            (Term::UnmodelledMass, !self.mass_declared && self.config.rod.mass_kg > 0.0),
             (Term::Asymmetry, any(|p| p.insertion.viscous_damping != p.withdrawal.viscous_damping)),
             (Term::SecondStage, self.seal.len() > 1),
         ];
@@ -249,7 +249,7 @@ impl Bench {
             ("static_force_n", force(0.5 * sum(|p| p.insertion.static_force + p.withdrawal.static_force))),
             ("half_width_m", width(self.seal.iter().map(|p| p.deformation.half_width()).fold(0.0, f64::max))),
             ("seal_damping_n_s_m", damping(sum(|p| p.damping.coefficients[0]))),
-            ("hidden_mass_kg", [if self.mass_declared { 0.0 } else { self.config.rod.mass_kg }; 2]),
+            ("unmodelled_mass_kg", [if self.mass_declared { 0.0 } else { self.config.rod.mass_kg }; 2]),
             ("creep_velocity_m_s", [first.creep_velocity; 2]),
             ("friction_lag_s", [first.friction_lag; 2]),
             ("relaxation_stiffness_n_m", force(first.relaxation.arms[0].stiffness)),
@@ -398,13 +398,13 @@ fn offset_ranges(low: f64, high: f64) -> [(&'static str, Range); 3] {
 /// Rig and sensors.
 fn rigs() -> Vec<Kind> {
     vec![
-        kind("mass_0_undeclared", |_| rod(plain()?, 0.0, false)),
-        kind("mass_0.1_undeclared", |_| rod(plain()?, 0.1, false)),
-        kind("mass_0.2_undeclared", |_| rod(plain()?, 0.2, false)),
-        kind("mass_0.3_undeclared", |_| rod(plain()?, 0.3, false)),
+        kind("mass_0_unmodelled", |_| rod(plain()?, 0.0, false)),
+        kind("mass_0.1_unmodelled", |_| rod(plain()?, 0.1, false)),
+        kind("mass_0.2_unmodelled", |_| rod(plain()?, 0.2, false)),
+        kind("mass_0.3_unmodelled", |_| rod(plain()?, 0.3, false)),
         kind("mass_0.04_declared", |_| rod(plain()?, 0.04, true)),
         kind("mass_0.3_declared", |_| rod(plain()?, 0.3, true)),
-        kind("mass_0.3_undeclared_hand", |_| rod(hand()?, 0.3, false)),
+        kind("mass_0.3_unmodelled_hand", |_| rod(hand()?, 0.3, false)),
         kind("mass_0.3_declared_hand", |_| rod(hand()?, 0.3, true)),
         kind("gas_pressure", |_| plain()?.with(|c| c.rod.gas_pressure_pa = 2000.0)),
         kind("coarse_sampling_100_hz", |_| plain()?.with(|c| (c.rig.sample_rate_hz, c.rig.substeps) = (100.0, 100))),

@@ -66,12 +66,11 @@ fn library(text: &str) -> Result<(Platform, PathBuf), String> {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let model = ModelFile::read(&args.model)?;
-    let trocar = model.trocar().map_err(|error| error.in_file(&args.model))?;
     let binaries = binaries(&args.library, LIBRARY, REASON)?;
     let name = args.name.clone().unwrap_or_else(|| name_of(&args.model));
     let bytes = package(&Contents {
         name: &name,
-        trocar,
+        trocar: model.trocar.borrowed(),
         input: match args.input {
             Drive::Position => Input::Position,
             Drive::Velocity => Input::Velocity,

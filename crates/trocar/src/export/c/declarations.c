@@ -17,7 +17,7 @@ typedef struct {
 //@if arms
     double arm_force_n[2]; /* what relaxes with time */
 //@end
-    int sliding; /* 1: the instrument slides through the seal; 0: the seal bends with it */
+    int sliding; /* 1: the instrument slides through the seal; 0: the seal deforms with it */
 } trocar_element_state;
 
 //@end

@@ -164,9 +164,9 @@ typedef struct {
     const trocar_element *element;
     const trocar_contact *contact;
     double sign, velocity;
-    int bends;        /* whether the seal bends on as it slips; if not, the elastic force is as it is */
+    int bends;        /* whether the seal deforms on as it slips; if not, the elastic force is as it is */
     double elastic;   /* then */
-    double z, q;      /* where the step starts, if it bends */
+    double z, q;      /* where the step starts, if it deforms */
     double target;    /* where it ends without slip at the end */
     double implicit;  /* theta*dt */
 //@if arms

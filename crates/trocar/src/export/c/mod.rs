@@ -10,8 +10,8 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
-use trocar_model::travel::FADE;
-use trocar_model::{Seal, Travel};
+use trocar_model::profile::FADE;
+use trocar_model::{PositionProfile, Seal};
 
 use crate::model_file::{ModelFile, ModelFileError, OriginKind};
 
@@ -69,22 +69,22 @@ pub fn from_file(path: &Path, prefix: &str) -> Result<String, CError> {
 /// As [`from_file`].
 pub fn write(model: &ModelFile, origin: &str, prefix: &str) -> Result<String, CError> {
     check_prefix(prefix)?;
-    let trocar = model.trocar()?;
+    let trocar = &model.trocar;
     let mut filling = Filling::default();
-    filling.set("travel", trocar.travel().is_some());
+    filling.set("profile", trocar.profile().is_some());
     let (types, constants, code) = match trocar.seal() {
         Seal::Ems(stages) => element::parts(stages.elements(), &mut filling, prefix),
         Seal::Classical(model) => classical::parts(model, &mut filling),
     };
     filling.value("TITLE", format!("{}, written as C by trocar {}", title(trocar.seal()), env!("CARGO_PKG_VERSION")));
     filling.value("ORIGIN", origin_lines(model, origin));
-    let travel = trocar.travel().map_or_else(String::new, travel_constants);
+    let profile = trocar.profile().map_or_else(String::new, profile_constants);
     let template = [
         include_str!("head.c"),
         include_str!("declarations.c"),
         types,
         &constants,
-        &travel,
+        &profile,
         include_str!("arithmetic.c"),
         include_str!("sliding.c"),
         &code,
@@ -145,19 +145,19 @@ fn origin_lines(model: &ModelFile, origin: &str) -> String {
     lines
 }
 
-/// The profile along the way; its values are named in `public.c`.
-fn travel_constants(travel: Travel<'_>) -> String {
+/// The position profile; its values are named in `public.c`.
+fn profile_constants(profile: &PositionProfile<Vec<f64>>) -> String {
     let mut text = String::from(
-        "/* How the force depends on the position: F = F_0(x) + level(x)*F_seal, straight between even knots. Outside, F_0\n \
-         * fades to 0 and the level to 1 over a fraction of the range. */\n",
+        "/* How the force depends on the position: F = F_0(x) + gain(x)*F_seal, straight between even knots. Outside, F_0\n \
+         * fades to 0 and the gain to 1 over a fraction of the range. */\n",
     );
-    let knots = travel.levels().len();
+    let knots = profile.gains().len();
     let _ = writeln!(text, "enum {{ trocar_knots = {knots} }};");
-    constant(&mut text, "trocar_from_m", travel.from());
-    constant(&mut text, "trocar_to_m", travel.to());
+    constant(&mut text, "trocar_from_m", profile.from());
+    constant(&mut text, "trocar_to_m", profile.to());
     constant(&mut text, "trocar_fade", FADE);
-    table(&mut text, "trocar_offset_n", travel.offsets());
-    table(&mut text, "trocar_level_along", travel.levels());
+    table(&mut text, "trocar_offset_n", profile.offsets());
+    table(&mut text, "trocar_gain", profile.gains());
     text.push('\n');
     text
 }

@@ -1,6 +1,6 @@
-//@if travel
-/* A profile along the way at position x: straight between the knots; outside, it fades to `none`. */
-static double trocar_along(const double *values, double none, double x)
+//@if profile
+/* A position profile at position x: straight between the knots; outside, it fades to `none`. */
+static double trocar_at_position(const double *values, double none, double x)
 {
     const double intervals = (double)(trocar_knots - 1);
     double along = (x - trocar_from_m) / (trocar_to_m - trocar_from_m) * intervals;
@@ -32,8 +32,8 @@ static double trocar_force_at(const trocar_state *state, double x)
 //@else
     const double force = state->seal_force_n;
 //@end
-//@if travel
-    return trocar_along(trocar_offset_n, 0.0, x) + trocar_along(trocar_level_along, 1.0, x) * force;
+//@if profile
+    return trocar_at_position(trocar_offset_n, 0.0, x) + trocar_at_position(trocar_gain, 1.0, x) * force;
 //@else
     (void)x;
     return force;

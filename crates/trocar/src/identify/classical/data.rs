@@ -1,6 +1,6 @@
 //! The recordings as steps for the classical models, with the scales that the identification found in them.
 
-use trocar_model::Element;
+use trocar_model::Stages;
 
 use crate::identify::training::{Segmented, Training};
 use crate::identify::two_steps::settled_stretches;
@@ -29,8 +29,7 @@ impl ClassicalData {
     pub(crate) fn new(recordings: &[Recording], found: &Identification, options: &IdentifyOptions) -> Self {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
-        let training =
-            plain_training(recordings, found, options, (half_width, found.stages.elements()), |r| vec![0.0; r.len()]);
+        let training = plain_training(recordings, found, options, (half_width, found.stages), |r| vec![0.0; r.len()]);
         let scales = Scales {
             offset: found.model.offset,
             force: found.model.insertion.coulomb_force,
@@ -44,12 +43,12 @@ impl ClassicalData {
 }
 
 /// All samples of `recordings`, weighing the same: what is minimised is nearly what is scored, but for samples taken
-/// together (by the half width, m), and for those before `elements` forget their unknown start.
+/// together (by the half width, m), and for those before `stages` forget their unknown start.
 pub(crate) fn plain_training(
     recordings: &[Recording],
     found: &Identification,
     options: &IdentifyOptions,
-    (half_width, elements): (f64, &[Element]),
+    (half_width, stages): (f64, Stages),
     acceleration: impl Fn(&Recording) -> Vec<f64>,
 ) -> Training {
     let parts: Vec<_> = recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
@@ -59,7 +58,7 @@ pub(crate) fn plain_training(
         all.push(Segmented { recording, passes, settled, acceleration });
     }
     let mut training = Training::new(&all, half_width, MOST_CLUSTERS, f64::INFINITY);
-    training.forget_unknown_starts(elements);
+    training.forget_unknown_starts(stages);
     training
 }
 

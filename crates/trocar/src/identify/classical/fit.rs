@@ -168,7 +168,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
         let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
         let how = Reported { unit: q.unit, log: q.log, scale, least: q.least(&best.numbers()), factor: 1.0 };
         let estimate = match q.from.iter().any(|j| found.held[*j]) {
-            true => Estimate::not_pinned(of(best), q.unit, "the fit holds it at an end of its range"),
+            true => Estimate::undetermined(of(best), q.unit, "the fit holds it at an end of its range"),
             false => spread.estimate(how, &of),
         };
         Parameter { estimate, name: q.name }
@@ -182,7 +182,7 @@ pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> V
     if let Some(message) = unrest(found) {
         all.push(Warning { subject: "fit".to_owned(), message, doubtful: true });
     }
-    let undetermined = parameters.iter().filter(|p| !p.estimate.pinned);
+    let undetermined = parameters.iter().filter(|p| !p.estimate.determined);
     all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, true)));
     all
 }

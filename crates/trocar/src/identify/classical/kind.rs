@@ -201,7 +201,7 @@ fn stribeck([coulomb_force, rise, stribeck_velocity, stribeck_exponent, viscous_
     SlidingFriction { coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping }
 }
 
-/// The model of the numbers `p`, which begin behind the sensor's offset.
+/// The model of the numbers `p`, which begin after the sensor's offset.
 pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
     Ok(match kind {
         Kind::Coulomb => Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], 0.0))?),
@@ -271,7 +271,7 @@ pub(super) struct Quantity {
     /// Whether its interval is taken on the logarithm.
     pub(super) log: bool,
     pub(super) of: Formula,
-    /// Free numbers that it stands for: held at an end of their range, it is not pinned.
+    /// Free numbers that it stands for: held at an end of their range, it is not determined.
     pub(super) from: Vec<usize>,
 }
 

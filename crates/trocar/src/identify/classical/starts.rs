@@ -34,7 +34,7 @@ pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>>
     let stiffnesses = [0.5, 2.0, 8.0].map(|factor| factor * force / half_width);
     let middle = (slowest * fastest).sqrt();
     let small_rise = 0.05 * force;
-    let behind_offset: Vec<Vec<f64>> = match kind {
+    let after_offset: Vec<Vec<f64>> = match kind {
         Kind::Coulomb => vec![vec![force]],
         Kind::CoulombViscous => vec![vec![force, viscous]],
         Kind::Stribeck => {
@@ -54,7 +54,7 @@ pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>>
         }
         Kind::Gms(n) => gms(n, data, kin),
     };
-    behind_offset.into_iter().map(|numbers| [vec![offset], numbers].concat()).collect()
+    after_offset.into_iter().map(|numbers| [vec![offset], numbers].concat()).collect()
 }
 
 /// From LuGre, which is the Leuven model of one element and n = 1, and from Maxwell-Slip, which it nears for large n.

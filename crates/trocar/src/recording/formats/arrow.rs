@@ -1,7 +1,7 @@
 //! Arrow files (Feather version 2) and streams, one table each: numbers are taken out of record batches as they stand,
-//! LZ4 and zstd unpacked (key ARROWIPC in SOURCES.md).
+//! LZ4 and zstd decompressed (key ARROWIPC in SOURCES.md).
 //!
-//! Only the columns asked for are read and unpacked. Moments (timestamps) become seconds since the column's first,
+//! Only the columns asked for are read and decompressed. Moments (timestamps) become seconds since the column's first,
 //! durations and times of day seconds, nulls NaN. Memory: the buffers of one record batch, no more than its rows justify.
 
 use std::collections::VecDeque;
@@ -437,7 +437,7 @@ fn decoded(bytes: &[u8], width: Width, scale: Scale, rows: usize) -> Vec<f64> {
     }
 }
 
-/// Buffer `index` of a record batch, unpacked, of which `most` bytes are needed.
+/// Buffer `index` of a record batch, decompressed, of which `most` bytes are needed.
 fn buffer(file: &File, block: Block, batch: &RecordBatch<'_>, index: usize, most: usize) -> Result<Vec<u8>, String> {
     let buffers = batch.buffers().ok_or("no buffers")?;
     if index >= buffers.len() {
@@ -453,24 +453,24 @@ fn buffer(file: &File, block: Block, batch: &RecordBatch<'_>, index: usize, most
     let mut bytes = vec![0; stored as usize];
     read_exact_at(file, &mut bytes, block.at + block.message + from).map_err(|error| error.to_string())?;
     match (compression, bytes.split_first_chunk::<8>()) {
-        (Some(codec), Some((size, packed))) => unpacked(codec, i64::from_le_bytes(*size), packed, most),
+        (Some(codec), Some((size, compressed))) => decompressed(codec, i64::from_le_bytes(*size), compressed, most),
         _ => Ok(bytes),
     }
 }
 
-/// A length of -1 says that the bytes are not packed.
-fn unpacked(codec: CompressionType, size: i64, packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
+/// A length of -1 says that the bytes are not compressed.
+fn decompressed(codec: CompressionType, size: i64, compressed: &[u8], most: usize) -> Result<Vec<u8>, String> {
     if size == -1 {
-        return Ok(packed.to_vec());
+        return Ok(compressed.to_vec());
     }
     let mut bytes = Vec::new();
     let most = most as u64;
     let outcome = match codec {
-        CompressionType::LZ4_FRAME => lz4_flex::frame::FrameDecoder::new(packed).take(most).read_to_end(&mut bytes),
+        CompressionType::LZ4_FRAME => lz4_flex::frame::FrameDecoder::new(compressed).take(most).read_to_end(&mut bytes),
         CompressionType::ZSTD => {
-            zstd::Decoder::with_buffer(packed).and_then(|decoder| decoder.take(most).read_to_end(&mut bytes))
+            zstd::Decoder::with_buffer(compressed).and_then(|decoder| decoder.take(most).read_to_end(&mut bytes))
         }
-        _ => return Err("packed in no known way".into()),
+        _ => return Err("compressed in no known way".into()),
     };
     outcome.map_err(|error| error.to_string())?;
     Ok(bytes)

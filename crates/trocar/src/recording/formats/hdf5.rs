@@ -146,7 +146,7 @@ impl Listing<'_> {
     }
 
     fn dataset(&self, group: &mut Group<Place>, name: &str, path: String, described: Described) {
-        let Described { shape, unit, is_numeric, size, packed, reason } = described;
+        let Described { shape, unit, is_numeric, size, compressed, reason } = described;
         if let Some(reason) = reason {
             group.refused.push(format!("{name} ({reason})"));
             return;
@@ -165,7 +165,7 @@ impl Listing<'_> {
             group.refused.push(format!("{name} (wider than {WIDEST} columns)"));
             return;
         }
-        if rows.saturating_mul(width).saturating_mul(size) > self.length.saturating_mul(packed) {
+        if rows.saturating_mul(width).saturating_mul(size) > self.length.saturating_mul(compressed) {
             group.refused.push(format!("{name} ({rows} x {width} numbers, more than the file has bytes for)"));
             return;
         }
@@ -184,7 +184,7 @@ struct Described {
     is_numeric: bool,
     /// Bytes of a number, and how many times as many as the file has there can be.
     size: u64,
-    packed: u64,
+    compressed: u64,
     /// Why it cannot be read, and the way out.
     reason: Option<&'static str>,
 }
@@ -208,7 +208,7 @@ fn described(dataset: &Dataset) -> Result<Described, hdf5_pure::Error> {
         unit: UNITS.iter().find_map(|name| attributes.get(*name).and_then(text)),
         is_numeric: is_number(&kind) && !text_class,
         size: dataset.element_size()?,
-        packed: if dataset.is_chunked() { DENSEST } else { 1 },
+        compressed: if dataset.is_chunked() { DENSEST } else { 1 },
         reason,
     })
 }

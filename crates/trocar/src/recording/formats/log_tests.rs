@@ -39,7 +39,7 @@ fn fixture(name: &str) -> PathBuf {
 }
 
 pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
-    if path.extension().is_some_and(|ending| ending == "mcap") { mcap::open(path) } else { rosbag::open(path) }
+    if path.extension().is_some_and(|extension| extension == "mcap") { mcap::open(path) } else { rosbag::open(path) }
 }
 
 fn table<'a>(log: &'a dyn Container, topic: &str) -> (usize, &'a Table) {
@@ -344,7 +344,7 @@ fn no_damage_panics() {
             seed ^= seed << 17;
             (seed % below as u64) as usize
         };
-        let ending = if name.ends_with("mcap") { "mcap" } else { "db3" };
+        let extension = if name.ends_with("mcap") { "mcap" } else { "db3" };
         for variant in 0..VARIANTS {
             let mut damaged = bytes.clone();
             if variant % 2 == 0 {
@@ -355,7 +355,7 @@ fn no_damage_panics() {
                     damaged[at] ^= 1 << random(8);
                 }
             }
-            let path = folder.path().join(format!("{variant}.{ending}"));
+            let path = folder.path().join(format!("{variant}.{extension}"));
             std::fs::write(&path, damaged).unwrap();
             look_at_everything(&path);
             std::fs::remove_file(&path).unwrap();

@@ -217,7 +217,7 @@ fn word(bytes: &[u8], big: bool) -> u32 {
     if big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
 }
 
-/// The bytes of a data element, unpacked.
+/// The bytes of a data element, decompressed.
 fn stream(file: &Arc<File>, element: Element) -> Box<dyn Read + Send> {
     let part = BufReader::with_capacity(1 << 16, Part { file: file.clone(), at: element.at, left: element.bytes });
     if element.compressed { Box::new(BufReader::new(ZlibDecoder::new(part))) } else { Box::new(part) }
@@ -454,7 +454,7 @@ impl Listing<'_> {
                 return Ok(());
             }
         };
-        // Columns lie behind each other.
+        // Columns lie one after another.
         let (rows, columns, step, stride) =
             if rows >= columns { (rows, columns, rows, 1) } else { (columns, rows, 1, rows) };
         if columns > WIDEST {

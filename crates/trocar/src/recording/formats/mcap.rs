@@ -43,7 +43,7 @@ struct Piece {
     at: u64,
     length: u64,
     /// Bytes of its records.
-    unpacked: u64,
+    decompressed: u64,
     /// First and last log time.
     start: u64,
     end: u64,
@@ -307,7 +307,7 @@ fn piece(chunk: &records::ChunkIndex, data_end: u64) -> Option<Piece> {
     (ends <= data_end && chunk.chunk_length >= RECORD_HEAD as u64).then_some(Piece {
         at: chunk.chunk_start_offset,
         length: chunk.chunk_length,
-        unpacked: chunk.uncompressed_size,
+        decompressed: chunk.uncompressed_size,
         start: chunk.message_start_time,
         end: chunk.message_end_time,
         channels: (!channels.is_empty()).then_some(channels),
@@ -416,7 +416,7 @@ impl Walker {
         let run = self.run.get_or_insert(Piece {
             at,
             length: 0,
-            unpacked: 0,
+            decompressed: 0,
             start: u64::MAX,
             end: 0,
             channels: Some(Vec::new()),
@@ -424,7 +424,7 @@ impl Walker {
         });
         run.add(message);
         run.length = at + length - run.at;
-        run.unpacked = run.length;
+        run.decompressed = run.length;
         if run.length >= RUN {
             self.index.pieces.extend(self.run.take());
         }
@@ -434,9 +434,9 @@ impl Walker {
     fn chunk(&mut self, body: &[u8], at: u64, length: u64) -> Option<()> {
         self.index.pieces.extend(self.run.take());
         let mut records = Vec::new();
-        unpack(body, LARGEST, &mut records)?;
-        let (start, end, unpacked) = (u64::MAX, 0, records.len() as u64);
-        let mut piece = Piece { at, length, unpacked, start, end, channels: Some(Vec::new()), is_chunk: true };
+        decompress(body, LARGEST, &mut records)?;
+        let (start, end, decompressed) = (u64::MAX, 0, records.len() as u64);
+        let mut piece = Piece { at, length, decompressed, start, end, channels: Some(Vec::new()), is_chunk: true };
         let mut rest = &records[..];
         while let Some((code, body, after)) = split_record(rest) {
             rest = after;
@@ -506,8 +506,8 @@ fn find_first(path: &Path, index: &mut Index) {
     }
 }
 
-/// The records in the body of a chunk, of at most `most` bytes; `None` when they cannot be unpacked or their checksum differs.
-fn unpack(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
+/// The records in the body of a chunk, of at most `most` bytes; `None` when they cannot be decompressed or their checksum differs.
+fn decompress(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
     let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, body) else { return None };
     let size = usize::try_from(header.uncompressed_size).ok().filter(|&size| size as u64 <= most)?;
     records.clear();
@@ -530,8 +530,8 @@ fn unpack(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
 /// Memory for one piece, used again for the next.
 #[derive(Default)]
 struct Buffers {
-    packed: Vec<u8>,
-    unpacked: Vec<u8>,
+    compressed: Vec<u8>,
+    decompressed: Vec<u8>,
 }
 
 impl Buffers {
@@ -540,14 +540,14 @@ impl Buffers {
         if piece.length > LARGEST {
             return Ok(None);
         }
-        self.packed.resize(piece.length as usize, 0);
+        self.compressed.resize(piece.length as usize, 0);
         input.seek(SeekFrom::Start(piece.at))?;
-        input.read_exact(&mut self.packed)?;
+        input.read_exact(&mut self.compressed)?;
         if !piece.is_chunk {
-            return Ok(Some(&self.packed));
+            return Ok(Some(&self.compressed));
         }
-        let Some((op::CHUNK, body, [])) = split_record(&self.packed) else { return Ok(None) };
-        Ok(unpack(body, piece.unpacked.min(LARGEST), &mut self.unpacked).map(|()| &self.unpacked[..]))
+        let Some((op::CHUNK, body, [])) = split_record(&self.compressed) else { return Ok(None) };
+        Ok(decompress(body, piece.decompressed.min(LARGEST), &mut self.decompressed).map(|()| &self.decompressed[..]))
     }
 }
 
@@ -569,8 +569,8 @@ impl Chunks {
         let most = PER_CORE * rayon::current_num_threads();
         let mut bytes = 0;
         let few = self.pieces[self.at..].iter().take(most).take_while(|piece| {
-            let fits = bytes == 0 || bytes + piece.unpacked <= MOST_AT_ONCE;
-            bytes += piece.unpacked;
+            let fits = bytes == 0 || bytes + piece.decompressed <= MOST_AT_ONCE;
+            bytes += piece.decompressed;
             fits
         });
         let to = self.at + few.count();

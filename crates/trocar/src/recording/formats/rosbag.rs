@@ -22,7 +22,7 @@ const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 /// First bytes of a zstd frame: a message compressed by itself. No ROS message begins so.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
-/// Largest message unpacked, in bytes.
+/// Largest message decompressed, in bytes.
 const LARGEST: usize = 1 << 28;
 
 /// The file that makes a folder a bag.
@@ -170,11 +170,11 @@ fn counts(connection: &Connection) -> rusqlite::Result<BTreeMap<i64, u64>> {
 fn first(connection: &Connection, topic: i64) -> Option<Vec<u8>> {
     let query = "SELECT data FROM messages WHERE topic_id = ?1 ORDER BY id LIMIT 1";
     let data: Vec<u8> = connection.query_row(query, [topic], |row| row.get(0)).ok()?;
-    Some(unpacked(&data).unwrap_or(data))
+    Some(decompressed(&data).unwrap_or(data))
 }
 
 /// The message in a zstd frame, if it is in one.
-fn unpacked(data: &[u8]) -> Option<Vec<u8>> {
+fn decompressed(data: &[u8]) -> Option<Vec<u8>> {
     if !data.starts_with(&ZSTD) {
         return None;
     }
@@ -201,9 +201,9 @@ impl Pages {
             self.after = row.get(0)?;
             let time: i64 = row.get(1)?;
             let data = row.get_ref(2)?.as_blob().unwrap_or_default();
-            let unpacked = unpacked(data);
+            let decompressed = decompressed(data);
             let time = time as u64;
-            self.extractor.add(time, time, unpacked.as_deref().unwrap_or(data), block);
+            self.extractor.add(time, time, decompressed.as_deref().unwrap_or(data), block);
         }
         Ok(())
     }
@@ -216,7 +216,7 @@ impl Blocks for Pages {
         }
         let mut block = Block::new(self.extractor.width());
         if let Err(error) = self.page(&mut block) {
-            self.lost = Some(format!("the file is damaged behind message {}: {error}", self.after));
+            self.lost = Some(format!("the file is damaged after message {}: {error}", self.after));
         }
         Ok((!block.log.is_empty()).then_some(block))
     }
@@ -236,7 +236,7 @@ enum Part {
 
 impl Part {
     fn open(path: &Path) -> Result<Self, RecordingError> {
-        match path.extension().and_then(|ending| ending.to_str()) {
+        match path.extension().and_then(|extension| extension.to_str()) {
             #[cfg(feature = "mcap")]
             Some("mcap") => super::mcap::McapFile::open(path).map(Self::Mcap),
             #[cfg(not(feature = "mcap"))]
@@ -353,7 +353,7 @@ impl Folder {
         };
         let entries = std::fs::read_dir(path).map_err(|source| RecordingError::Open { file: file(), source })?;
         let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
-        paths.retain(|path| path.extension().is_some_and(|ending| ending == "db3" || ending == "mcap"));
+        paths.retain(|path| path.extension().is_some_and(|extension| extension == "db3" || extension == "mcap"));
         paths.sort();
         let mut folder = Self {
             path: path.to_owned(),

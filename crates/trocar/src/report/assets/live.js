@@ -16,8 +16,8 @@ const precise = (value) => String(Number(value.toPrecision(4))).replace("-", "\u
 
 // The WebAssembly module, crates/trocar-web: one model and its state.
 class Runner {
-  static async start(packed, row) {
-    const plain = new Blob([bytesOf(packed)]).stream().pipeThrough(new DecompressionStream("gzip"));
+  static async start(compressed, row) {
+    const plain = new Blob([bytesOf(compressed)]).stream().pipeThrough(new DecompressionStream("gzip"));
     const { instance } = await WebAssembly.instantiate(await new Response(plain).arrayBuffer());
     return new Runner(instance.exports, row);
   }
@@ -267,7 +267,7 @@ class Strip {
     event.preventDefault();
   }
 
-  // The handle, and the seal bent from where it grips.
+  // The handle, and the seal deformed from where it grips.
   show(position, deflection, text) {
     const { plot, full } = this.panel, ratio = uPlot.pxRatio, [low, high] = full.x;
     const part = (metres) => 100 * (MM * metres - low) / (high - low) + "%";
@@ -375,11 +375,11 @@ class Pen {
 }
 
 // What is measured: a recorded stretch.
-function stretchOf(packed) {
-  if (!packed) return null;
-  const [position, force] = [packed.position, packed.force].map(decode);
-  const time = Float64Array.from(position, (_, i) => i * packed.interval);
-  return { ...packed, time, position, force, shown: position.map((metres) => MM * metres) };
+function stretchOf(compressed) {
+  if (!compressed) return null;
+  const [position, force] = [compressed.position, compressed.force].map(decode);
+  const time = Float64Array.from(position, (_, i) => i * compressed.interval);
+  return { ...compressed, time, position, force, shown: position.map((metres) => MM * metres) };
 }
 
 const MODES = { recorded: "Recorded motion", drag: "Drag the instrument", draw: "Draw a motion" };

@@ -13,14 +13,14 @@ const make = (tag, className, parent) => {
 const named = ([label, unit]) => (unit ? label + " (" + unit + ")" : label);
 
 // 16-bit codes, little endian, between low and high; the largest code is a gap.
-function decode(packed) {
-  if (!packed || packed instanceof Float64Array) return packed || null;
-  const bytes = atob(packed.codes);
-  const step = (packed.high - packed.low) / 65534;
+function decode(compressed) {
+  if (!compressed || compressed instanceof Float64Array) return compressed || null;
+  const bytes = atob(compressed.codes);
+  const step = (compressed.high - compressed.low) / 65534;
   const values = new Float64Array(bytes.length / 2);
   for (let i = 0; i < values.length; i++) {
     const code = bytes.charCodeAt(2 * i) | (bytes.charCodeAt(2 * i + 1) << 8);
-    values[i] = code === 65535 ? NaN : packed.low + code * step;
+    values[i] = code === 65535 ? NaN : compressed.low + code * step;
   }
   return values;
 }

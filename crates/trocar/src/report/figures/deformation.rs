@@ -25,7 +25,7 @@ fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a Deformation
 pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
     let deformation = resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
     let test = deformation.damping.as_ref().ok_or(
-        "There is no figure of the deformation force against deformation velocity (EMS figure 7): all turn-overs of the seal have one \
+        "There is no figure of the deformation force against deformation velocity (EMS figure 7): all snap-throughs of the seal have one \
          speed, so its influence cannot be seen. Record several speeds.",
     )?;
     let c = deformation.half_width.value;
@@ -120,8 +120,8 @@ fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -
     format!(
         "Force at {deflections} against the velocity of the deformation (insertion at the right, withdrawal at the left), as in \
          figure 7 of EMS. Bars are the change of the force within ± {:.3} mm, one standard deviation of the rebuilt deflection \
-         (EMS (24)). Lines have the one slope σ that all turn-overs give together at ∓c/2 and 0, with that error as a common \
-         disturbance of the levels of one turn-over: σ = {}, {} against σ = 0. At the fastest deformation it amounts to {:.3} N, and \
+         (EMS (24)). Lines have the one slope σ that all snap-throughs give together at ∓c/2 and 0, with that error as a common \
+         disturbance of the levels of one snap-through: σ = {}, {} against σ = 0. At the fastest deformation it amounts to {:.3} N, and \
          to {:.3} N at most within its interval, {verdict}.",
         MM * test.deflection_error_m,
         in_words(&test.seal_damping_n_s_m),
@@ -209,12 +209,12 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
     all
 }
 
-/// Mean speed of the turn-overs, m/s.
+/// Mean speed of the snap-throughs, m/s.
 fn mean_speed(deformation: &DeformationFit) -> f64 {
     deformation.traverses.iter().map(|t| t.speed).sum::<f64>() / deformation.traverses.len().max(1) as f64
 }
 
-/// The whole model turned over at the mean speed of the turn-overs: all stages, damping and relaxation included. Insertion for
+/// The whole model snapped through at the mean speed of the snap-throughs: all stages, damping and relaxation included. Insertion for
 /// a positive `sign`.
 fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit, sign: f64) -> Series {
     let c = deformation.half_width.value;
@@ -225,7 +225,7 @@ fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit,
     for _ in 0..3 * BRANCH_POINTS {
         found.stages.step(&mut state, -sign * step, duration);
     }
-    // As in the measured turn-overs, z is counted from where the force leaves the sliding limit.
+    // As in the measured snap-throughs, z is counted from where the force leaves the sliding limit.
     let pins = found.two_step.pins();
     let limit = sign * if sign > 0.0 { pins.low } else { pins.high };
     for _ in 0..BRANCH_POINTS {
@@ -251,7 +251,7 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
     let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
     let refined = if found.fit.is_some() {
         format!(
-            " The model is drawn as a whole, turned over at {:.0} mm/s, the mean speed of the turn-overs: all of its elements, damping \
+            " The model is drawn as a whole, snapped through at {:.0} mm/s, the mean speed of the snap-throughs: all of its elements, damping \
              and relaxation, which the measured mean holds too. Joins marked are those of {stages}.",
             MM * mean_speed(deformation)
         )
@@ -266,7 +266,7 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
     format!(
         "(a) Force against deflection in deformation, as in figure 8 of EMS: {} insertions (upper branch) and {} withdrawals (lower \
          branch), sensor offset removed, deflection by EMS (24). The joined polynomials of degrees {left} and {right}, EMS (25), are \
-         fitted to the mean of the turn-overs by EMS (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
+         fitted to the mean of the snap-throughs by EMS (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
          of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
          of degree 7, in insertion and withdrawal.{true_branches}",
         count(Direction::Positive),

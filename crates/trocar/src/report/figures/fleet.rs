@@ -49,10 +49,10 @@ const FOLLOWED: [Shown; 4] = [
 impl Shown {
     /// The value, in the unit shown, where the recording pins it.
     fn value(self, record: &Record) -> Option<f64> {
-        let pinned = format!("{}_pinned", self.column);
-        let known = record.cells.iter().find(|(name, _)| **name == pinned);
-        let is_pinned = known.is_none_or(|(_, cell)| *cell == crate::fleet::Cell::Flag(true));
-        record.number(self.column).filter(|_| is_pinned).map(|value| self.scale * value)
+        let determined = format!("{}_determined", self.column);
+        let known = record.cells.iter().find(|(name, _)| **name == determined);
+        let is_determined = known.is_none_or(|(_, cell)| *cell == crate::fleet::Cell::Boolean(true));
+        record.number(self.column).filter(|_| is_determined).map(|value| self.scale * value)
     }
 
     /// Standard error, from the 95 % interval; zero where there is none.

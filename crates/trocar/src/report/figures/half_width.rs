@@ -1,4 +1,4 @@
-//! Half width c of each turn-over against its speed: EMS takes one value for all (section IV-B).
+//! Half width c of each snap-through against its speed: EMS takes one value for all (section IV-B).
 
 use super::{Drawn, MM, in_words, p_in_words};
 use crate::identify::{Identification, Traverse};
@@ -22,8 +22,8 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     let estimate = &deformation.half_width;
     let model = if super::has_stages(found) { "model, first element" } else { "model" };
     let level = |value: f64| vec![MM * value; 2];
-    let mut panel = Panel::new(Axis::new("mean speed of the turn-over", "mm/s"), Axis::new("half width c", "mm"));
-    if estimate.pinned {
+    let mut panel = Panel::new(Axis::new("mean speed of the snap-through", "mm/s"), Axis::new("half width c", "mm"));
+    if estimate.determined {
         let [low, high] = estimate.ci95.map(level);
         panel = panel.series(Series::band("mean, 95 % interval", Role::Fit, ends.clone(), low, high));
     }
@@ -37,8 +37,8 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
         |p| format!("Test of no dependence on speed: {}.", p_in_words(p)),
     );
     Ok(Figure::new("half-width", 0, "Half width of the deformation").panel(panel.aspect(0.4)).caption(format!(
-        "Half the travel of each turn-over of the seal, from where the force leaves one sliding limit to where it reaches the \
-         other, EMS (12). Mean of {} turn-overs: {}; standard deviation {:.3} mm, which is the error of the deflection rebuilt by \
+        "Half the travel of each snap-through of the seal, from where the force leaves one sliding limit to where it reaches the \
+         other, EMS (12). Mean of {} snap-throughs: {}; standard deviation {:.3} mm, which is the error of the deflection rebuilt by \
          EMS (24). {trend}",
         deformation.traverses.len(),
         in_words(estimate),

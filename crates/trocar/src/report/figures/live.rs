@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use trocar_model::{Seal, Trocar, Tunable};
+use trocar_model::{Seal, Tunable};
 
 use super::Scored;
 use super::tables::{display, name_of};
@@ -32,11 +32,11 @@ const SAME: f64 = 1e-9;
 
 /// The model of `found` with a stretch that it has not seen, where there is one.
 pub(in super::super) fn live_model(found: &Identification, scored: &Scored) -> Result<LiveModel, String> {
-    let trocar = Trocar::new(Seal::Ems(found.stages), found.profile().map(|profile| profile.view()));
+    let trocar = found.trocar();
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row).map_err(|error| error.to_string())?;
     if row.len() > LONGEST_ROW {
-        return Err("The model has too many knots along the way to run in a page.".to_owned());
+        return Err("The model has too many knots over the position to run in a page.".to_owned());
     }
     let stretch = stretch(found, scored);
     let way = stretch.as_ref().map_or(WAY, |stretch| {
@@ -141,7 +141,7 @@ fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
 fn interval(tunable: &Tunable, plain: &str, found: &Identification) -> Option<[f64; 2]> {
     let side = if tunable.name.starts_with("insertion_") { "positive" } else { "negative" };
     let names = [plain.to_owned(), format!("{plain}_{side}")];
-    let is_same = |e: &&Estimate| (e.value - tunable.value).abs() <= SAME * tunable.value.abs() && e.pinned;
+    let is_same = |e: &&Estimate| (e.value - tunable.value).abs() <= SAME * tunable.value.abs() && e.determined;
     let estimate = names.iter().filter_map(|name| found.parameter(name)).find(is_same)?;
     estimate.ci95.iter().all(|end| end.is_finite()).then_some(estimate.ci95)
 }
@@ -195,7 +195,7 @@ impl Part<'_> {
         let times: Vec<f64> = (0..count).map(|k| self.from + interval * k as f64).collect();
         let position = self.at(&times, &self.recording.position);
         let steps = position.windows(2).map(|pair| (pair[1] - pair[0], interval));
-        let known_from = forgotten_after(found.stages.elements(), steps)? + 1;
+        let known_from = forgotten_after(&found.stages.into(), steps)? + 1;
         let readings = self.at(&times, &self.recording.force);
         let force = readings.into_iter().map(|reading| reading - found.model.offset).collect();
         let seen =

@@ -59,19 +59,19 @@ pub(super) fn with(section: Section, drawn: Drawn) -> Section {
     }
 }
 
-/// The readings less sensor offset and undeclared inertia: the seal's force, N, as the sensor saw it.
+/// The readings less sensor offset and unmodelled inertia: the seal's force, N, as the sensor saw it.
 fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
     let force = recording.force.iter().map(|force| force - model.offset);
-    if model.hidden_mass == 0.0 {
+    if model.unmodelled_mass == 0.0 {
         return force.collect();
     }
     let acceleration = recording.acceleration();
-    force.zip(acceleration).map(|(force, a)| force - model.hidden_mass * a).collect()
+    force.zip(acceleration).map(|(force, a)| force - model.unmodelled_mass * a).collect()
 }
 
-/// The recordings without the undeclared mass that the identification found in their readings.
-pub(super) fn without_hidden_mass<'a>(recordings: &'a [Recording], model: &Candidate) -> Cow<'a, [Recording]> {
-    if model.hidden_mass == 0.0 {
+/// The recordings without the unmodelled mass that the identification found in their readings.
+pub(super) fn without_unmodelled_mass<'a>(recordings: &'a [Recording], model: &Candidate) -> Cow<'a, [Recording]> {
+    if model.unmodelled_mass == 0.0 {
         return Cow::Borrowed(recordings);
     }
     let corrected = |recording: &Recording| {
@@ -104,11 +104,11 @@ pub(super) fn value_and_interval(estimate: &Estimate) -> (String, String) {
     let (scale, unit) = display(estimate.unit);
     let [low, high] = estimate.ci95.map(|end| scale * end);
     match decimals_for(low, high) {
-        Some(decimals) if estimate.pinned => {
+        Some(decimals) if estimate.determined => {
             let [value, low, high] = [scale * estimate.value, low, high].map(|number| fixed(number, decimals));
             (format!("{value} {unit}"), format!("95 % interval [{low}, {high}]"))
         }
-        _ => (format!("{} {unit}", significant(scale * estimate.value, 3)), "not pinned by the data".to_owned()),
+        _ => (format!("{} {unit}", significant(scale * estimate.value, 3)), "not determined by the data".to_owned()),
     }
 }
 

@@ -2,10 +2,12 @@
 
 use std::ops::Range;
 
-use super::{Drawn, MM, Scored, has_stages, thinned, without_hidden_mass};
+use super::{Drawn, MM, Scored, has_stages, thinned, without_unmodelled_mass};
+use trocar_model::Trocar;
+
 use crate::identify::{FitSummary, Identification};
 use crate::recording::Recording;
-use crate::replay::{Replay, replay, replay_along};
+use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::report::number::significant;
 use crate::segment::{passes, reversal_threshold};
@@ -66,7 +68,7 @@ fn capital(words: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// Friction of each stroke over that of the model, along the time of the recordings, one behind the other.
+/// Friction of each stroke over that of the model, along the time of the recordings, one after the other.
 pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
     let scale = &found.friction_scale;
     if scale.strokes.len() < 2 {
@@ -115,10 +117,10 @@ impl Stretch<'_> {
 pub(in super::super) fn small_motion(found: &Identification, training: &[Recording], scored: &Scored) -> Drawn {
     let none = || "There is no figure of rests and small reversals: no recording holds both.".to_owned();
     let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
-    let shown = without_hidden_mass(training, &found.model);
+    let shown = without_unmodelled_mass(training, &found.model);
     let shown = fresh.or_else(|| densest(found, &shown, true)).ok_or_else(none)?;
     let (recording, offset) = (shown.recording, found.model.offset);
-    let model = replay_along(found.stages.elements(), found.profile(), recording, offset);
+    let model = replay(&found.trocar(), recording, offset);
     let paper = paper_run(found, recording);
     let origin = recording.time[shown.samples.start];
     let time: Vec<f64> = recording.time[shown.samples.clone()].iter().map(|t| t - origin).collect();
@@ -157,7 +159,7 @@ const TWO_STEPS: &str = "paper's two steps";
 /// steps resolved no deformation.
 fn paper_run(found: &Identification, recording: &Recording) -> Option<Vec<f64>> {
     let two_steps = found.deformation.as_ref().ok().and_then(|_| found.two_step.stages().ok())?;
-    let Replay { mut force, .. } = replay(two_steps.elements(), recording, found.two_step.offset);
+    let Replay { mut force, .. } = replay(&Trocar::of_seal(two_steps), recording, found.two_step.offset);
     force.iter_mut().for_each(|force| *force += found.two_step.offset - found.model.offset);
     Some(force)
 }
@@ -217,7 +219,7 @@ fn stretches<'a>(found: &Identification, recording: &'a Recording, seen: bool) -
     let partial: Vec<usize> =
         passes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
     let resting = resting(recording, RESTING * found.model.half_width);
-    let known = replay(found.stages.elements(), recording, found.model.offset).known;
+    let known = replay(&Trocar::of_seal(found.stages), recording, found.model.offset).known;
     let mut all = Vec::new();
     for range in known {
         let end = recording.time[range.end - 1];

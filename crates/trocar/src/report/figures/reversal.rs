@@ -7,11 +7,11 @@ use trocar_model::Branch;
 use super::{Drawn, MM, seal_force, spaced, thinned};
 use crate::identify::{DeformationFit, Identification, Traverse};
 use crate::recording::{Recording, local_velocity};
-use crate::replay::replay_along;
+use crate::replay::replay;
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::segment::Direction;
 
-/// Shown of the sliding before the reversal and behind the transients, in durations of the traverse.
+/// Shown of the sliding before the reversal and after the transients, in durations of the traverse.
 const MARGINS: [f64; 2] = [0.5, 0.8];
 /// A slope that softens beyond this z/c leaves no room for a rise outside.
 const OUTERMOST: f64 = 0.9;
@@ -34,7 +34,7 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         Series::line(name, role, x, y)
     };
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
-    let run = replay_along(found.stages.elements(), found.profile(), recording, found.model.offset);
+    let run = replay(&found.trocar(), recording, found.model.offset);
     let forces = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
         .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
         .series(line("model", Role::Model, &run.force, 1.0));
@@ -160,7 +160,7 @@ impl Transients {
     fn in_words(&self) -> String {
         match self {
             Self::Softening { .. } => {
-                "T1 is the first rise, up to where the seal begins to turn over; T2 is the second one, from where it has turned over \
+                "T1 is the first rise, up to where the seal begins to snap through; T2 is the second one, from where it has snapped through \
                  to sliding. Between them the slope of the branch identified is not positive, which is EMS (15)."
                     .to_owned()
             }
@@ -168,7 +168,7 @@ impl Transients {
                                         one, from there to sliding. The slope stays positive, so EMS (15) has an empty interval."
                 .to_owned(),
             Self::Single => "The branch identified has no marked minimum of its slope between two rises, so the transients T1 and T2 of a \
-                             seal that turns over are not told apart: one transient is marked, from the reversal to sliding."
+                             seal that snaps through are not told apart: one transient is marked, from the reversal to sliding."
                 .to_owned(),
         }
     }

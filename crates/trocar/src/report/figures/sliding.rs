@@ -128,7 +128,7 @@ impl Curves<'_> {
             };
             return ends.into_iter().map(line).collect();
         }
-        if !(s.coulomb_force_n.pinned && s.viscous_damping_n_s_m.pinned) {
+        if !(s.coulomb_force_n.determined && s.viscous_damping_n_s_m.determined) {
             return Vec::new();
         }
         let line = |(name, role, end): (&str, Role, usize)| {
@@ -164,7 +164,7 @@ fn caption(found: &Identification) -> String {
     if steady.means.len() <= MOST_BARS {
         text.push_str("Bars hold 95 % of what such a mean scatters, by the scatter within it and between passes. ");
     }
-    if steady.coulomb_force_n.pinned && steady.viscous_damping_n_s_m.pinned {
+    if steady.coulomb_force_n.determined && steady.viscous_damping_n_s_m.determined {
         text.push_str(&format!(
             "The line is EMS (23), F = F_c·sgn(v) + β·v, by weighted least squares over the means: F_c = {}; β = {}. Broken lines \
              take both parameters at the lower and at the upper end of their intervals; the two estimates are correlated, so \
@@ -175,7 +175,7 @@ fn caption(found: &Identification) -> String {
     } else {
         let why = [&steady.viscous_damping_n_s_m, &steady.coulomb_force_n].into_iter().find_map(|e| e.note.as_deref());
         text.push_str(&format!(
-            "No confidence lines are drawn, because the parameters are not pinned: {}. ",
+            "No confidence lines are drawn, because the parameters are not determined: {}. ",
             why.unwrap_or("too few data")
         ));
     }

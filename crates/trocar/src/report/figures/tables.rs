@@ -45,7 +45,7 @@ pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
         "second_half_width_m" => ("Half width of the second stage", "c_2"),
         "sliding friction" => ("Sliding friction", "F_sl"),
         "fit" => ("Fit", ""),
-        "hidden_mass_kg" => ("Undeclared mass before the seal", "m"),
+        "unmodelled_mass_kg" => ("Unmodelled mass before the seal", "m"),
         "rising_join_m" => ("Join, insertion", "a⁺"),
         "falling_join_m" => ("Join, withdrawal", "a⁻"),
         "rising_join_force_n" => ("Force at the join, insertion", "F(a⁺)"),
@@ -139,10 +139,10 @@ fn table<'a>(
 pub(super) fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
     let [low, high] = estimate.ci95.map(|end| scale * end);
     let value = scale * estimate.value;
-    if estimate.pinned && low.is_finite() && high.is_finite() {
+    if estimate.determined && low.is_finite() && high.is_finite() {
         [Cell::Estimate { value, interval: [low, high] }, Cell::Interval { low, high }]
     } else {
-        [Cell::Number { value, digits: 3 }, Cell::NotPinned]
+        [Cell::Number { value, digits: 3 }, Cell::Undetermined]
     }
 }
 

@@ -6,14 +6,14 @@ use std::ops::Range;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::{Drawn, MM, p_in_words, thinned, without_hidden_mass};
+use super::{Drawn, MM, p_in_words, thinned, without_unmodelled_mass};
 use crate::identify::Identification;
 use crate::recording::Recording;
-use crate::replay::{Replay, replay_along};
+use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::{fixed, significant};
 use crate::segment::{SegmentOptions, passes, reversal_threshold, stretches, travel};
-use crate::validate::{Validation, validate_along};
+use crate::validate::{Validation, validate};
 
 /// Most recordings whose residual is drawn.
 const MOST_RECORDINGS: usize = 4;
@@ -43,19 +43,18 @@ pub(in super::super) fn scored<'a>(
     training: &'a [Recording],
     validation: Option<(&'a [Recording], &'a Validation)>,
 ) -> Scored<'a> {
-    let elements = found.stages.elements();
+    let trocar = found.trocar();
     let offset = found.model.offset;
     let (recordings, scores, held_out) = match validation {
         Some((recordings, scores)) => (Cow::Borrowed(recordings), Cow::Borrowed(scores), true),
         None => {
-            let recordings = without_hidden_mass(training, &found.model);
-            let scores = Cow::Owned(validate_along(elements, found.profile(), &recordings, offset));
+            let recordings = without_unmodelled_mass(training, &found.model);
+            let scores = Cow::Owned(validate(&trocar, &recordings, offset));
             (recordings, scores, false)
         }
     };
-    let runs =
-        recordings.par_iter().map(|recording| replay_along(elements, found.profile(), recording, offset)).collect();
-    Scored { recordings, validation: scores, held_out, runs, stages: elements.len() > 1, offset }
+    let runs = recordings.par_iter().map(|recording| replay(&trocar, recording, offset)).collect();
+    Scored { recordings, validation: scores, held_out, runs, stages: found.stages.elements().len() > 1, offset }
 }
 
 impl Scored<'_> {
@@ -88,7 +87,7 @@ impl Scored<'_> {
     }
 }
 
-/// An insertion and the withdrawal behind it, or the other way round.
+/// An insertion and the withdrawal after it, or the other way round.
 #[derive(Clone)]
 pub(super) struct Cycle {
     pub(super) recording: usize,

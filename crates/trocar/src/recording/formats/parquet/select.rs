@@ -32,8 +32,8 @@ pub(crate) enum Cells {
 pub(crate) enum Value<'a> {
     Missing,
     Number(f64),
-    Whole(i64),
-    Truth(bool),
+    Integer(i64),
+    Boolean(bool),
     Text(&'a str),
 }
 
@@ -230,11 +230,11 @@ impl Cursor {
         self.left -= rows;
         match &mut self.reader {
             ColumnReader::BoolColumnReader(reader) => {
-                told(&all(reader, rows, present, levels)?, |cell| Ok(cell.map_or(Value::Missing, Value::Truth)), take)
+                told(&all(reader, rows, present, levels)?, |cell| Ok(cell.map_or(Value::Missing, Value::Boolean)), take)
             }
             ColumnReader::Int32ColumnReader(reader) => {
                 let whole = |cell: i32| if unsigned { i64::from(cell as u32) } else { i64::from(cell) };
-                let value = |cell: &Option<i32>| Ok(cell.map_or(Value::Missing, |cell| Value::Whole(whole(cell))));
+                let value = |cell: &Option<i32>| Ok(cell.map_or(Value::Missing, |cell| Value::Integer(whole(cell))));
                 told(&all(reader, rows, present, levels)?, value, take)
             }
             ColumnReader::Int64ColumnReader(reader) => {
@@ -242,13 +242,13 @@ impl Cursor {
                     Some(cell) if unsigned && *cell < 0 => {
                         Err(ParquetError::General("a whole number of 2^63 or more".into()))
                     }
-                    cell => Ok(cell.map_or(Value::Missing, Value::Whole)),
+                    cell => Ok(cell.map_or(Value::Missing, Value::Integer)),
                 };
                 told(&all(reader, rows, present, levels)?, value, take)
             }
             ColumnReader::Int96ColumnReader(reader) => {
                 let value = |cell: &Option<parquet::data_type::Int96>| {
-                    Ok(cell.map_or(Value::Missing, |cell| Value::Whole(cell.to_nanos())))
+                    Ok(cell.map_or(Value::Missing, |cell| Value::Integer(cell.to_nanos())))
                 };
                 told(&all(reader, rows, present, levels)?, value, take)
             }
@@ -328,7 +328,7 @@ mod tests {
     }
 
     fn value_of(value: Value<'_>) -> Option<i64> {
-        if let Value::Whole(value) = value { Some(value) } else { None }
+        if let Value::Integer(value) = value { Some(value) } else { None }
     }
 
     /// `tests/formats/make.py`: a note on every row but each fourth, words of a dictionary, a list that is not read.

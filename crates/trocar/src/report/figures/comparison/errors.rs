@@ -7,15 +7,15 @@ use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 /// Models of as many parameters whose errors differ by less than this part are one point with two names.
 const COINCIDENT: f64 = 0.04;
 
-/// Error of every model against its number of parameters, over all of the validation and behind its reversals.
+/// Error of every model against its number of parameters, over all of the validation and after its reversals.
 pub(in super::super::super) fn error_by_parameters(comparison: &Comparison) -> Figure {
     let noise = comparison.validation.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     Figure::new("error-by-parameters", 0, "Error against number of parameters")
         .panel(panel(comparison, "all of the validation", |entry| entry.scores.validate_rms_n))
-        .panel(panel(comparison, "behind its reversals", |entry| entry.scores.reversal_rms_n))
+        .panel(panel(comparison, "after its reversals", |entry| entry.scores.reversal_rms_n))
         .caption(format!(
             "Root mean square of measured minus computed force on the validation recordings against the number of parameters (without \
-             the sensor's offset, which all have): (a) over all samples whose state is known, (b) within {:.1} mm behind each \
+             the sensor's offset, which all have): (a) over all samples whose state is known, (b) within {:.1} mm after each \
              reversal. Lines join the numbers of elements of one family. The dashed line is the error of the EMS element; the noise \
              of the sensor is {:.3} N. All axes are logarithmic.",
             1e3 * comparison.reversal_travel,

@@ -5,9 +5,11 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{Drawn, by_name, family, model_name, of_interest, role, variant};
+use trocar_model::Trocar;
+
 use crate::compare::{Comparison, Entry};
 use crate::recording::Recording;
-use crate::replay::replay;
+use crate::replay::{forces, replay};
 use crate::report::decimate;
 use crate::report::document::{Axis, Family, Figure, Panel, Role, Series};
 use crate::report::figures::validation::{Cycle, cycles};
@@ -23,7 +25,7 @@ const PANELS: [(&str, &[Family]); 7] = [
     ("Extended Maxwell-Slip", &[Family::Ems]),
     ("Others", &[Family::Other]),
 ];
-/// Shown before the reversal and behind it, in travels that count for the error of a reversal.
+/// Shown before the reversal and after it, in travels that count for the error of a reversal.
 const MARGINS: [f64; 2] = [0.35, 1.4];
 
 /// A model's run over the recording shown.
@@ -50,7 +52,7 @@ pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_
     let recording = &comparison.validation[cycle.recording];
     let offset = comparison.ems.model.offset;
     let run = |(entry, place): &(&Entry, usize)| {
-        let force = entry.model.forces(recording, entry.offset).into_iter();
+        let force = forces(&entry.trocar, recording, entry.offset).into_iter();
         Run {
             name: model_name(entry),
             role: role(entry, *place),
@@ -84,7 +86,7 @@ fn representative(comparison: &Comparison) -> Option<Cycle> {
     let recordings = &comparison.validation;
     let ems = &comparison.ems;
     let known = |index: usize| -> Vec<Range<usize>> {
-        replay(ems.stages.elements(), &recordings[index], ems.model.offset).known
+        replay(&Trocar::of_seal(ems.stages), &recordings[index], ems.model.offset).known
     };
     let found = cycles(recordings, known);
     let to_insertion = |c: &&Cycle| {
@@ -115,12 +117,12 @@ pub(in super::super::super) fn one_reversal(comparison: &Comparison, shown: Opti
     };
     let x: Vec<f64> = window.clone().map(travel).collect();
     let figure = Figure::new("one-reversal", 0, "Every model upon the same reversal");
-    let axis = Axis::new("travel behind the reversal", "mm");
+    let axis = Axis::new("travel after the reversal", "mm");
     Ok(shown.draw(figure, &axis, &x, &window).caption(format!(
         "The force upon one reversal to {} in {}, at {:.0} mm/s, as in figure 3 of EMS: measured, and as the models of each family \
          compute it from the measured positions in free run. Of Leuven, Maxwell-Slip and GMS the fewest elements within 1 % of the \
          least validation error are shown, beside four and ten. What is drawn left of zero is the travel before the reversal; the \
-         errors of reversals count {:.1} mm behind it. Where lines coincide, the dashed ones lie on the solid one. {}",
+         errors of reversals count {:.1} mm after it. Where lines coincide, the dashed ones lie on the solid one. {}",
         shown.sense(),
         shown.recording.name,
         MM * shown.cycle.speed,

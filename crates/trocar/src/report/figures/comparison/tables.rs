@@ -30,7 +30,7 @@ fn table(caption: &str, columns: &[&str], rows: impl Iterator<Item = Vec<Cell>>)
 
 /// The best model of each family.
 pub(in super::super::super) fn best_of_each(comparison: &Comparison) -> Table {
-    let columns = ["Model", "Parameters", "Validation (N)", "Fit (%)", "Behind reversals (N)", "Worst reversal (N)"];
+    let columns = ["Model", "Parameters", "Validation (N)", "Fit (%)", "After reversals (N)", "Worst reversal (N)"];
     let row = |own: Vec<&Entry>| {
         let s = &best(&own).scores;
         let scores = [s.validate_rms_n, s.fit_percent, s.reversal_rms_n, s.worst_reversal_n];
@@ -83,7 +83,7 @@ pub(in super::super::super) fn criteria(comparison: &Comparison) -> Table {
         ];
         std::iter::once(Cell::Text(model_name(entry))).chain(cells).collect()
     };
-    table("Errors behind reversals, criteria and cost", &columns, comparison.entries.iter().map(row))
+    table("Errors after reversals, criteria and cost", &columns, comparison.entries.iter().map(row))
 }
 
 /// Parameters with intervals, a table a family; of banks those with up to four elements.

@@ -1,6 +1,6 @@
-//! What the play guard promises: silence at rest, every true reversal once, and a bounded price in force.
+//! What the backlash filter promises: silence at rest, every true reversal once, and a bounded price in force.
 
-use trocar_model::{Direction, Element, ElementParams, GuardState, ParamError, PlayGuard};
+use trocar_model::{BacklashFilter, BacklashState, Direction, Element, ElementParams, ParamError};
 
 /// Resolution of the encoder, m.
 const RESOLUTION: f64 = 4e-6;
@@ -40,8 +40,8 @@ impl Random {
     }
 }
 
-fn guard() -> PlayGuard {
-    PlayGuard::for_resolution(RESOLUTION).unwrap()
+fn filter() -> BacklashFilter {
+    BacklashFilter::for_resolution(RESOLUTION).unwrap()
 }
 
 fn seal() -> Element {
@@ -49,16 +49,16 @@ fn seal() -> Element {
 }
 
 /// Highest minus lowest force, N, over a hold under `readings` that begins in the middle of a bend.
-fn ripple(guard: &PlayGuard, readings: &[f64]) -> f64 {
+fn ripple(filter: &BacklashFilter, readings: &[f64]) -> f64 {
     let seal = seal();
-    let (mut state, mut guarded) = (seal.rest_state(-8e-3), GuardState::default());
+    let (mut state, mut filtered) = (seal.rest_state(-8e-3), BacklashState::default());
     let start = readings[0] - 5e-3;
     for k in 0..=100 {
-        let displacement = guard.displacement(&mut guarded, start + 5e-5 * f64::from(k));
+        let displacement = filter.displacement(&mut filtered, start + 5e-5 * f64::from(k));
         seal.step(&mut state, displacement, PERIOD);
     }
     // What the end of the bend and the first readings of the hold leave open is settled after a moment.
-    let forces = readings.iter().map(|x| seal.step(&mut state, guard.displacement(&mut guarded, *x), PERIOD));
+    let forces = readings.iter().map(|x| seal.step(&mut state, filter.displacement(&mut filtered, *x), PERIOD));
     let (low, high) =
         forces.skip(100).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), f| (low.min(f), high.max(f)));
     high - low
@@ -71,9 +71,9 @@ fn flicker_of_a_resting_position_makes_no_force_at_all() {
         let base = (1000.0 * random.uniform()).round();
         let readings: Vec<f64> =
             (0..HOLD).map(|_| (base + (3.0 * random.uniform()).floor() - 1.0) * RESOLUTION).collect();
-        assert_eq!(ripple(&guard(), &readings), 0.0);
-        let bare = ripple(&PlayGuard::new(0.0).unwrap(), &readings);
-        assert!(bare > 1e-4, "without a guard ±1 reading shows in the force, got {bare} N");
+        assert_eq!(ripple(&filter(), &readings), 0.0);
+        let bare = ripple(&BacklashFilter::new(0.0).unwrap(), &readings);
+        assert!(bare > 1e-4, "without a filter ±1 reading shows in the force, got {bare} N");
     }
 }
 
@@ -81,17 +81,17 @@ fn flicker_of_a_resting_position_makes_no_force_at_all() {
 fn noise_beyond_the_width_is_damped() {
     let mut random = Random::new(1);
     let readings: Vec<f64> = (0..HOLD).map(|_| random.read(0.0101, 2e-6)).collect();
-    let (with, without) = (ripple(&guard(), &readings), ripple(&PlayGuard::new(0.0).unwrap(), &readings));
+    let (with, without) = (ripple(&filter(), &readings), ripple(&BacklashFilter::new(0.0).unwrap(), &readings));
     println!("hold of 60 s under 2 um of noise: {:.2} mN with, {:.2} mN without", 1e3 * with, 1e3 * without);
     assert!(with < 0.6 * without, "{with} {without}");
 }
 
 /// Reversals told over the readings.
-fn reversals(guard: &PlayGuard, readings: impl Iterator<Item = f64>) -> usize {
-    let mut state = GuardState::default();
+fn reversals(filter: &BacklashFilter, readings: impl Iterator<Item = f64>) -> usize {
+    let mut state = BacklashState::default();
     readings
         .filter(|x| {
-            guard.displacement(&mut state, *x);
+            filter.displacement(&mut state, *x);
             state.reversal().is_some()
         })
         .count()
@@ -107,7 +107,7 @@ fn a_noisy_hold_has_no_reversal() {
             let approach = if seed % 2 == 0 { 400 } else { 0 };
             let path = (0..approach).rev().map(|k| rest - 1e-5 * f64::from(k)).chain(std::iter::repeat_n(rest, HOLD));
             let readings: Vec<f64> = path.map(|x| random.read(x, noise)).collect();
-            assert_eq!(reversals(&guard(), readings.into_iter()), 0, "seed {seed}, noise {noise} m");
+            assert_eq!(reversals(&filter(), readings.into_iter()), 0, "seed {seed}, noise {noise} m");
         }
     }
 }
@@ -116,7 +116,7 @@ fn a_noisy_hold_has_no_reversal() {
 fn flicker_of_one_reading_is_no_reversal() {
     let mut random = Random::new(2);
     let readings = (0..20 * HOLD).map(|_| ((3.0 * random.uniform()).floor() - 1.0) * RESOLUTION);
-    assert_eq!(reversals(&guard(), readings), 0);
+    assert_eq!(reversals(&filter(), readings), 0);
 }
 
 /// Reversals of 20 um that are missed, and surplus ones, over `count` reversals whose `shape`
@@ -126,24 +126,24 @@ fn misses(noise: f64, count: usize, period: usize, shape: Shape) -> (usize, usiz
     let (mut missed, mut surplus) = (0, 0);
     let mut random = Random::new(7);
     for _ in 0..count / 20 {
-        let mut state = GuardState::default();
+        let mut state = BacklashState::default();
         let rest = RESOLUTION * random.uniform();
-        let guard = guard();
+        let filter = filter();
         let approach = (0..200).rev().map(|k| rest - 1e-6 * f64::from(k)).chain([rest; 10]);
         approach.for_each(|x| {
-            guard.displacement(&mut state, random.read(x, noise));
+            filter.displacement(&mut state, random.read(x, noise));
         });
         let mut found = 0_usize;
         for _ in 0..10 {
             for k in 0..period {
                 let x = rest - HEIGHT * shape(k as f64 / period as f64);
-                guard.displacement(&mut state, random.read(x, noise));
+                filter.displacement(&mut state, random.read(x, noise));
                 found += usize::from(state.reversal().is_some());
             }
         }
         // The last rise ends the last cycle: it needs a moment to be certain.
         for _ in 0..10 {
-            guard.displacement(&mut state, random.read(rest, noise));
+            filter.displacement(&mut state, random.read(rest, noise));
             found += usize::from(state.reversal().is_some());
         }
         missed += 20_usize.saturating_sub(found);
@@ -189,9 +189,9 @@ fn reversals_of_20_um_are_found_once() {
 
 #[test]
 fn a_reversal_tells_direction_and_turning_point() {
-    let (guard, mut state) = (guard(), GuardState::default());
+    let (filter, mut state) = (filter(), BacklashState::default());
     let mut feed = |x: f64| {
-        guard.displacement(&mut state, x);
+        filter.displacement(&mut state, x);
         state
     };
     assert_eq!(feed(0.0).direction(), None);
@@ -208,7 +208,7 @@ fn a_reversal_tells_direction_and_turning_point() {
 /// From rest the model lags by ε, after a reversal by 2ε; in a steady slide the lag makes no force.
 #[test]
 fn the_price_in_force_is_stiffness_times_width() {
-    let (guard, seal) = (guard(), seal());
+    let (filter, seal) = (filter(), seal());
     let deformation = &seal.params().deformation;
     let steepest = (-8000..8000)
         .map(|k| {
@@ -218,19 +218,20 @@ fn the_price_in_force_is_stiffness_times_width() {
         .fold(0.0, f64::max);
     let stiffness = steepest + deformation.yield_stiffness();
     for speed in [1e-3, 15e-3, 0.1] {
-        let (mut guarded, mut with, mut without) = (GuardState::default(), seal.rest_state(0.0), seal.rest_state(0.0));
+        let (mut filtered, mut with, mut without) =
+            (BacklashState::default(), seal.rest_state(0.0), seal.rest_state(0.0));
         let mut x = 0.0;
-        guard.displacement(&mut guarded, x);
+        filter.displacement(&mut filtered, x);
         for (sense, lag) in [(1.0, 1.0), (-1.0, 2.0)] {
             let mut last = f64::INFINITY;
             for _ in 0..(0.04 / (speed * PERIOD)) as usize {
                 x += sense * speed * PERIOD;
                 seal.step(&mut without, sense * speed * PERIOD, PERIOD);
-                seal.step(&mut with, guard.displacement(&mut guarded, x), PERIOD);
+                seal.step(&mut with, filter.displacement(&mut filtered, x), PERIOD);
                 last = (with.force() - without.force()).abs();
                 // The viscous part of a slide that lags is at most β·v for one more sample.
                 let slide = seal.params().insertion.viscous_damping * speed;
-                assert!(last <= lag * stiffness * guard.width() + slide, "{last} N at {speed} m/s");
+                assert!(last <= lag * stiffness * filter.width() + slide, "{last} N at {speed} m/s");
             }
             assert!(last < 1e-9, "{last} N in a steady slide");
         }
@@ -239,12 +240,12 @@ fn the_price_in_force_is_stiffness_times_width() {
 
 #[test]
 fn zero_width_is_the_identity() {
-    let guard = PlayGuard::new(0.0).unwrap();
-    let (mut random, mut state, mut last) = (Random::new(3), GuardState::default(), 0.25);
-    guard.displacement(&mut state, last);
+    let filter = BacklashFilter::new(0.0).unwrap();
+    let (mut random, mut state, mut last) = (Random::new(3), BacklashState::default(), 0.25);
+    filter.displacement(&mut state, last);
     for _ in 0..10_000 {
         let x = 0.1 * random.normal();
-        assert_eq!(guard.displacement(&mut state, x), x - last);
+        assert_eq!(filter.displacement(&mut state, x), x - last);
         assert_eq!(state.position(), Some(x));
         last = x;
     }
@@ -252,7 +253,7 @@ fn zero_width_is_the_identity() {
 
 #[test]
 fn the_way_through_a_monotone_move_may_be_cut_at_will() {
-    let guard = guard();
+    let filter = filter();
     for seed in 0..100 {
         let mut random = Random::new(seed);
         let (start, end) = (0.1 * random.uniform(), 0.1 * random.uniform());
@@ -262,9 +263,9 @@ fn the_way_through_a_monotone_move_may_be_cut_at_will() {
             cuts.reverse();
         }
         let total = |cuts: &[f64]| {
-            let mut state = GuardState::default();
-            guard.displacement(&mut state, start);
-            let sum: f64 = cuts.iter().chain([&end]).map(|x| guard.displacement(&mut state, *x)).sum();
+            let mut state = BacklashState::default();
+            filter.displacement(&mut state, start);
+            let sum: f64 = cuts.iter().chain([&end]).map(|x| filter.displacement(&mut state, *x)).sum();
             (sum, state.position())
         };
         let (whole, cut) = (total(&[]), total(&cuts));
@@ -275,26 +276,26 @@ fn the_way_through_a_monotone_move_may_be_cut_at_will() {
 
 #[test]
 fn a_position_that_is_not_finite_changes_nothing() {
-    let (guard, mut state) = (guard(), GuardState::default());
-    assert_eq!(guard.displacement(&mut state, f64::NAN), 0.0);
-    assert_eq!(state, GuardState::default());
-    guard.displacement(&mut state, 0.01);
-    guard.displacement(&mut state, 0.02);
+    let (filter, mut state) = (filter(), BacklashState::default());
+    assert_eq!(filter.displacement(&mut state, f64::NAN), 0.0);
+    assert_eq!(state, BacklashState::default());
+    filter.displacement(&mut state, 0.01);
+    filter.displacement(&mut state, 0.02);
     let before = state;
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert_eq!(guard.displacement(&mut state, bad), 0.0);
+        assert_eq!(filter.displacement(&mut state, bad), 0.0);
         assert_eq!(state, before);
     }
-    guard.displacement(&mut state, -f64::MAX);
+    filter.displacement(&mut state, -f64::MAX);
     let far = state;
-    assert_eq!(guard.displacement(&mut state, f64::MAX), 0.0, "a displacement beyond all numbers");
+    assert_eq!(filter.displacement(&mut state, f64::MAX), 0.0, "a displacement beyond all numbers");
     assert_eq!(state, far);
 }
 
 #[test]
 fn bad_widths_are_named() {
-    assert!(matches!(PlayGuard::new(-1e-6), Err(ParamError::Negative { name: "guard_width", .. })));
-    assert!(matches!(PlayGuard::new(f64::NAN), Err(ParamError::NotFinite { name: "guard_width", .. })));
-    let resolution = PlayGuard::for_resolution(f64::INFINITY);
+    assert!(matches!(BacklashFilter::new(-1e-6), Err(ParamError::Negative { name: "backlash_width", .. })));
+    assert!(matches!(BacklashFilter::new(f64::NAN), Err(ParamError::NotFinite { name: "backlash_width", .. })));
+    let resolution = BacklashFilter::for_resolution(f64::INFINITY);
     assert!(matches!(resolution, Err(ParamError::NotFinite { name: "resolution", .. })));
 }

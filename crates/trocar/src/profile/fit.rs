@@ -2,14 +2,15 @@
 //!
 //! Linear least squares with a penalty on second differences. Number of knots and weight of the penalty are those with
 //! the least error on strokes left out; a profile is only given when it predicts left-out strokes better than a
-//! constant does. Readings far off the model (behind a reversal, where a millisecond decides) count less: Huber's
+//! constant does. Readings far off the model (after a reversal, where a millisecond decides) count less: Huber's
 //! weights, with the median absolute residual as scale.
 
 use serde::Serialize;
-use trocar_model::travel::place;
+use trocar_model::profile::place;
+use trocar_model::{PositionProfile, ProfileError};
 
 use super::banded::{Banded, Factor};
-use super::{ProfileError, TravelProfile, mean_along};
+use super::{is_passive, mean_between_knots};
 use crate::cancel;
 use crate::recording::Recording;
 use crate::segment::Pass;
@@ -20,7 +21,7 @@ const INTERVALS: [usize; 8] = [4, 8, 16, 32, 48, 64, 96, 128];
 const ROUGHNESS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 /// The same of the squared departures from constants: decides only what the readings leave open.
 const RIDGE: f64 = 1e-3;
-/// The same for levels that are held at 1.
+/// The same for gains that are held at 1.
 const HELD: f64 = 1e9;
 /// Fewest readings a knot.
 const FEWEST_PER_KNOT: usize = 8;
@@ -39,7 +40,7 @@ const BEYOND: f64 = 1e-3;
 
 /// One reading beside what a model says.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TravelSample {
+pub struct ProfileSample {
     /// Position, m.
     pub position: f64,
     /// Simulated force of the seal, N, without the sensor's offset.
@@ -52,16 +53,17 @@ pub struct TravelSample {
 
 /// A profile with what speaks for it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TravelFit {
+pub struct ProfileFit {
     /// The profile.
-    pub profile: TravelProfile,
+    #[serde(serialize_with = "super::serialize")]
+    pub profile: PositionProfile<Vec<f64>>,
     /// Sensor offset beside it, N.
     pub offset_n: f64,
     /// Root mean square error, N, over the readings it was fitted to.
     pub rms_n: f64,
     /// The same over strokes left out.
     pub held_out_rms_n: f64,
-    /// The same of a constant offset, level 1.
+    /// The same of a constant offset, gain 1.
     pub constant_held_out_rms_n: f64,
     /// Parts into which the strokes were divided for leaving out.
     pub folds: usize,
@@ -71,6 +73,13 @@ pub struct TravelFit {
     pub roughness: f64,
     /// Numbers that the readings decide (trace of the smoother), the sensor's offset among them.
     pub effective_parameters: f64,
+}
+
+impl ProfileFit {
+    /// Free numbers: one offset and one gain a knot, less the mean gain and the sensor's offset, which is counted elsewhere.
+    pub fn free_parameters(&self) -> usize {
+        2 * self.profile.gains().len() - 2
+    }
 }
 
 /// Why there is no profile.
@@ -111,7 +120,7 @@ pub enum NoProfile {
         /// Parts.
         folds: usize,
     },
-    /// No fit keeps the level positive and slow enough.
+    /// No fit keeps the gain positive and slow enough.
     #[error(
         "every profile found would let the seal give off more energy than it takes (storage length {storage_length} m)"
     )]
@@ -134,20 +143,20 @@ pub fn strokes(recording: &Recording, passes: &[Pass]) -> Vec<usize> {
     numbers
 }
 
-/// Fits a profile; the level is held so that a seal with `storage_length` (m, see [`super::storage_length`]) stays
+/// Fits a profile; the gain is held so that a seal with `storage_length` (m, see [`super::storage_length`]) stays
 /// dissipative: at 1 where that is infinite.
 ///
 /// # Errors
 /// [`NoProfile`] with the reason; [`NoProfile::NotBetter`] when the force does not depend on the position.
-pub fn fit(samples: &[TravelSample], storage_length: f64) -> Result<TravelFit, NoProfile> {
+pub fn fit(samples: &[ProfileSample], storage_length: f64) -> Result<ProfileFit, NoProfile> {
     let mut data = Data::new(samples)?;
-    data.level_is_free = storage_length.is_finite();
-    let mut weights = huber(&data.residuals(|s| data.level_force(s)));
+    data.gain_is_free = storage_length.is_finite();
+    let mut weights = huber(&data.residuals(|s| data.constant_reading(s)));
     let mut best = data.choose(&weights, storage_length)?;
     weights = huber(&data.residuals(|s| best.reading(s)));
     best = data.choose(&weights, storage_length)?;
     let [profile, constant] = data.judge(&best, &weights)?;
-    Ok(TravelFit {
+    Ok(ProfileFit {
         rms_n: rms(data.residuals(|s| best.reading(s)).iter().copied()),
         offset_n: best.offset,
         held_out_rms_n: profile,
@@ -175,23 +184,23 @@ fn huber(residuals: &[f64]) -> Vec<f64> {
 
 /// What is fitted to.
 struct Data<'a> {
-    samples: &'a [TravelSample],
+    samples: &'a [ProfileSample],
     /// Part of each sample.
     fold: Vec<usize>,
     folds: usize,
     from: f64,
     to: f64,
-    /// Root mean square of the seal's force, N: makes levels and offsets alike.
+    /// Root mean square of the seal's force, N: makes gains and offsets alike.
     force: f64,
     /// Mean difference between reading and seal force, N.
     offset: f64,
-    /// Whether the level may vary.
-    level_is_free: bool,
+    /// Whether the gain may vary.
+    gain_is_free: bool,
 }
 
 /// A profile under trial.
 struct Candidate {
-    profile: TravelProfile,
+    profile: PositionProfile<Vec<f64>>,
     /// Sensor offset beside it, N.
     offset: f64,
     roughness: f64,
@@ -204,13 +213,13 @@ struct Candidate {
 
 impl Candidate {
     /// What it says of the sample, N.
-    fn reading(&self, sample: &TravelSample) -> f64 {
+    fn reading(&self, sample: &ProfileSample) -> f64 {
         self.offset + self.profile.apply(sample.position, sample.seal_force)
     }
 }
 
 /// Weighted sums over some samples: Σw·φ·φᵀ, Σw·φ·F and Σw·F² with φ of each knot the hat (offset) and the hat times the
-/// seal's force (level).
+/// seal's force (gain).
 #[derive(Clone)]
 struct Sums {
     matrix: Banded,
@@ -244,8 +253,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl<'a> Data<'a> {
-    fn new(samples: &'a [TravelSample]) -> Result<Self, NoProfile> {
-        let finite = |s: &TravelSample| s.position.is_finite() && s.seal_force.is_finite() && s.reading.is_finite();
+    fn new(samples: &'a [ProfileSample]) -> Result<Self, NoProfile> {
+        let finite = |s: &ProfileSample| s.position.is_finite() && s.seal_force.is_finite() && s.reading.is_finite();
         if let Some(bad) = samples.iter().position(|s| !finite(s)) {
             return Err(NoProfile::NotFinite(bad));
         }
@@ -267,19 +276,19 @@ impl<'a> Data<'a> {
         let count = samples.len() as f64;
         let force = rms(samples.iter().map(|s| s.seal_force)).max(f64::MIN_POSITIVE);
         let offset = samples.iter().map(|s| s.reading - s.seal_force).sum::<f64>() / count;
-        Ok(Self { samples, fold, folds, from, to, force, offset, level_is_free: true })
+        Ok(Self { samples, fold, folds, from, to, force, offset, gain_is_free: true })
     }
 
     /// What the model says without a profile, N.
-    fn level_force(&self, sample: &TravelSample) -> f64 {
+    fn constant_reading(&self, sample: &ProfileSample) -> f64 {
         self.offset + sample.seal_force
     }
 
-    fn residuals(&self, says: impl Fn(&TravelSample) -> f64) -> Vec<f64> {
+    fn residuals(&self, says: impl Fn(&ProfileSample) -> f64) -> Vec<f64> {
         self.samples.iter().map(|s| s.reading - says(s)).collect()
     }
 
-    /// Sums of each part, with offsets about the mean one and levels in units of the seal's force.
+    /// Sums of each part, with offsets about the mean one and gains in units of the seal's force.
     fn sums(&self, knots: usize, weights: &[f64]) -> Vec<Sums> {
         let mut all = vec![Sums::zero(knots); self.folds];
         for ((sample, fold), w) in self.samples.iter().zip(&self.fold).zip(weights) {
@@ -309,7 +318,7 @@ impl<'a> Data<'a> {
             let tried = ROUGHNESS.iter().filter_map(|roughness| self.candidate(&parts, &all, knots, *roughness));
             candidates.extend(tried);
         }
-        candidates.retain(|c: &Candidate| c.profile.is_passive(storage_length));
+        candidates.retain(|c: &Candidate| is_passive(&c.profile, storage_length));
         let least = candidates.iter().map(|c| c.held_out).fold(f64::INFINITY, f64::min);
         let as_good = candidates.into_iter().filter(|c| c.held_out <= AS_GOOD * AS_GOOD * least);
         let stiffest = as_good.min_by(|a, b| a.effective_parameters.total_cmp(&b.effective_parameters));
@@ -331,11 +340,11 @@ impl<'a> Data<'a> {
         }
         let solved = Solved::new(all, &penalty, knots, self.force)?;
         let offset: Vec<f64> = solved.values.iter().step_by(2).copied().collect();
-        let mean = mean_along(&offset);
+        let mean = mean_between_knots(&offset);
         let offset = offset.iter().map(|o| o - mean).collect();
-        let level_of = |value: &f64| if self.level_is_free { value / self.force } else { 1.0 };
-        let level: Vec<f64> = solved.values.iter().skip(1).step_by(2).map(level_of).collect();
-        let profile = TravelProfile::new(self.from, self.to, offset, level).ok()?;
+        let gain_of = |value: &f64| if self.gain_is_free { value / self.force } else { 1.0 };
+        let gain: Vec<f64> = solved.values.iter().skip(1).step_by(2).map(gain_of).collect();
+        let profile = PositionProfile::new(self.from, self.to, offset, gain).ok()?;
         let effective_parameters = solved.effective_parameters(all);
         Some(Candidate {
             profile,
@@ -350,7 +359,7 @@ impl<'a> Data<'a> {
 
     fn penalty(&self, knots: usize, roughness: f64) -> Banded {
         let unit = self.samples.len() as f64 / knots as f64;
-        penalty(knots, roughness * unit, [RIDGE * unit, if self.level_is_free { RIDGE } else { HELD } * unit])
+        penalty(knots, roughness * unit, [RIDGE * unit, if self.gain_is_free { RIDGE } else { HELD } * unit])
     }
 
     /// Held-out errors, N, without weights, of the candidate and of the constant.
@@ -369,7 +378,7 @@ impl<'a> Data<'a> {
         if profile > (1.0 - LEAST_GAIN) * constant || !enough {
             return Err(refuse([profile, constant]));
         }
-        let knots = best.profile.levels().len();
+        let knots = best.profile.gains().len();
         let penalty = self.penalty(knots, best.roughness);
         let weighted = self.sums(knots, weights);
         let plain = self.sums(knots, &vec![1.0; self.samples.len()]);
@@ -387,7 +396,7 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Squared second differences of offsets and of levels, and a ridge on the first differences of either.
+/// Squared second differences of offsets and of gains, and a ridge on the first differences of either.
 fn penalty(knots: usize, roughness: f64, ridges: [f64; 2]) -> Banded {
     let mut matrix = Banded::zero(2 * knots);
     for (side, ridge) in ridges.into_iter().enumerate() {
@@ -404,21 +413,21 @@ fn penalty(knots: usize, roughness: f64, ridges: [f64; 2]) -> Banded {
     matrix
 }
 
-/// Values of all knots, offset and level.
-fn all_knots(knots: usize, offset: impl Fn(usize) -> f64, level: impl Fn(usize) -> f64) -> Vec<f64> {
-    (0..knots).flat_map(|k| [offset(k), level(k)]).collect()
+/// Values of all knots, offset and gain.
+fn all_knots(knots: usize, offset: impl Fn(usize) -> f64, gain: impl Fn(usize) -> f64) -> Vec<f64> {
+    (0..knots).flat_map(|k| [offset(k), gain(k)]).collect()
 }
 
-/// Offset alone by least squares, level 1.
+/// Offset alone by least squares, gain 1.
 fn constant_values(sums: &Sums, knots: usize, force: f64) -> Vec<f64> {
-    let level = all_knots(knots, |_| 0.0, |_| force);
+    let gain = all_knots(knots, |_| 0.0, |_| force);
     let ones = all_knots(knots, |_| 1.0, |_| 0.0);
     let with_ones = sums.matrix.times(&ones);
-    let offset = (dot(&sums.vector, &ones) - dot(&with_ones, &level)) / dot(&with_ones, &ones);
+    let offset = (dot(&sums.vector, &ones) - dot(&with_ones, &gain)) / dot(&with_ones, &ones);
     all_knots(knots, |_| offset, |_| force)
 }
 
-/// The penalised least-squares values under the gauge: mean level 1.
+/// The penalised least-squares values under the gauge: mean gain 1.
 struct Solved {
     values: Vec<f64>,
     factor: Factor,
@@ -434,7 +443,7 @@ impl Solved {
         let share = |i: usize| {
             let mut unit = vec![0.0; knots];
             unit[i] = 1.0;
-            mean_along(&unit)
+            mean_between_knots(&unit)
         };
         let gauge = all_knots(knots, |_| 0.0, share);
         let free = factor.solve(&sums.vector);

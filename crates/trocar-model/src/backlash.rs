@@ -1,12 +1,12 @@
 //! Between an encoder and a model: keeps the flicker of a resting position away, and tells true reversals from it.
 //!
 //! The models take displacements and need no velocity, so noise does them little harm: in stick a jitter δ costs
-//! |dF_e/dz|·δ. Where even that ripple is unwelcome, as in a hand that holds still, a play takes it out whole.
+//! |dF_e/dz|·δ. Where even that ripple is unwelcome, as in a hand that holds still, a backlash takes it out whole.
 
 use crate::error::{ParamError, not_negative};
 
 /// Width over resolution. A resting position flickers between two neighbouring readings, one resolution peak to peak,
-/// and noise adds up to one on either side: three in all, which a play of half of that stops.
+/// and noise adds up to one on either side: three in all, which a backlash of half of that stops.
 const WIDTH_IN_RESOLUTIONS: f64 = 1.5;
 
 /// Half the travel that counts as a reversal, over resolution: between the three that noise makes and the next whole
@@ -16,7 +16,7 @@ const TURN_IN_RESOLUTIONS: f64 = 1.75;
 /// Readings in a row that must agree on a reversal, the present one included.
 const AGREEING: usize = 3;
 
-/// A play between encoder and model, and a detector of reversals beside it.
+/// A backlash between encoder and model, and a detector of reversals beside it.
 ///
 /// ```text
 /// x_f ← clamp(x_f, x - ε, x + ε)                  displacement = change of x_f
@@ -44,21 +44,21 @@ const AGREEING: usize = 3;
 ///   untouched.
 ///
 /// ```
-/// use trocar_model::{Direction, GuardState, PlayGuard};
+/// use trocar_model::{Direction, BacklashState, BacklashFilter};
 ///
 /// # fn main() -> Result<(), trocar_model::ParamError> {
-/// let guard = PlayGuard::for_resolution(4e-6)?;
-/// let mut state = GuardState::default();
+/// let filter = BacklashFilter::for_resolution(4e-6)?;
+/// let mut state = BacklashState::default();
 /// let flicker = [0.0, 4e-6, 0.0, -4e-6, 4e-6, 0.0];
-/// assert!(flicker.iter().all(|&x| guard.displacement(&mut state, x) == 0.0));
-/// assert_eq!(guard.displacement(&mut state, 1e-3), 1e-3 - guard.width());
-/// # for _ in 0..2 { guard.displacement(&mut state, 1e-3); }
+/// assert!(flicker.iter().all(|&x| filter.displacement(&mut state, x) == 0.0));
+/// assert_eq!(filter.displacement(&mut state, 1e-3), 1e-3 - filter.width());
+/// # for _ in 0..2 { filter.displacement(&mut state, 1e-3); }
 /// assert_eq!(state.direction(), Some(Direction::Insertion));
 /// # Ok(())
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlayGuard {
+pub struct BacklashFilter {
     width: f64,
     half_turn: f64,
 }
@@ -81,9 +81,9 @@ pub struct Reversal {
     pub turning_point: f64,
 }
 
-/// Everything that changes while a guard runs. The first position starts it.
+/// Everything that changes while a filter runs. The first position starts it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct GuardState {
+pub struct BacklashState {
     track: Option<Track>,
 }
 
@@ -99,7 +99,7 @@ struct Track {
     reversal: Option<Reversal>,
 }
 
-impl GuardState {
+impl BacklashState {
     /// x_f, m: the position that the model has seen; `None` before the first one.
     pub fn position(&self) -> Option<f64> {
         self.track.map(|track| track.filtered)
@@ -116,20 +116,20 @@ impl GuardState {
     }
 }
 
-impl PlayGuard {
-    /// A play of `width_m` (ε, m, >= 0) to either side; 0 passes everything.
+impl BacklashFilter {
+    /// A backlash of `width_m` (ε, m, >= 0) to either side; 0 passes everything.
     ///
     /// # Errors
     /// A width that is negative or not finite.
     pub fn new(width_m: f64) -> Result<Self, ParamError> {
-        let width = not_negative("guard_width", width_m, "m")?;
+        let width = not_negative("backlash_width", width_m, "m")?;
         Ok(Self { width, half_turn: width * (TURN_IN_RESOLUTIONS / WIDTH_IN_RESOLUTIONS) })
     }
 
-    /// The play for an encoder that reads in steps of `resolution_m` (m, >= 0): 1.5 of them.
+    /// The backlash for an encoder that reads in steps of `resolution_m` (m, >= 0): 1.5 of them.
     ///
     /// A resting position on the edge between two readings flickers by one resolution peak to peak. Noise of up to one
-    /// more on either side makes it three, and ±1.5 is the least play that stops all of it.
+    /// more on either side makes it three, and ±1.5 is the least backlash that stops all of it.
     ///
     /// # Errors
     /// A resolution that is negative or not finite.
@@ -146,7 +146,7 @@ impl PlayGuard {
     ///
     /// The first reading sets the state and gives 0. A position that is not finite leaves the state untouched and gives
     /// 0, as does one so far that the displacement would not be finite.
-    pub fn displacement(&self, state: &mut GuardState, position_m: f64) -> f64 {
+    pub fn displacement(&self, state: &mut BacklashState, position_m: f64) -> f64 {
         if !position_m.is_finite() {
             return 0.0;
         }
@@ -154,7 +154,7 @@ impl PlayGuard {
             state.track = Some(Track::at(position_m));
             return 0.0;
         };
-        let filtered = play(track.filtered, position_m, position_m, self.width);
+        let filtered = backlash(track.filtered, position_m, position_m, self.width);
         let displacement = filtered - track.filtered;
         if !displacement.is_finite() {
             return 0.0;
@@ -178,7 +178,7 @@ impl Track {
         self.recent.rotate_left(1);
         self.recent[AGREEING - 2] = position;
         self.reversal = None;
-        let agreed = play(self.agreed, low, high, half_turn);
+        let agreed = backlash(self.agreed, low, high, half_turn);
         let to = match agreed.partial_cmp(&self.agreed) {
             Some(core::cmp::Ordering::Greater) => Direction::Insertion,
             Some(core::cmp::Ordering::Less) => Direction::Withdrawal,
@@ -194,6 +194,6 @@ impl Track {
 }
 
 /// `follower` after it was pulled to within `reach` of everything between `low` and `high`, as far as it was outside.
-fn play(follower: f64, low: f64, high: f64, reach: f64) -> f64 {
+fn backlash(follower: f64, low: f64, high: f64, reach: f64) -> f64 {
     follower.max(low - reach).min(high + reach)
 }

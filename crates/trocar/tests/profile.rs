@@ -1,14 +1,14 @@
-//! The force along the way: what is found of a known profile, what is refused, and that no motion yields work.
+//! the position-dependent force: what is found of a known profile, what is refused, and that no motion yields work.
 
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use trocar::identify::{IdentifyOptions, identify};
+use trocar::profile::{Departure, NoProfile, ProfileSample, fit, is_passive, storage_length, strokes};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::segment::{passes, reversal_threshold};
-use trocar::travel::{NoProfile, ProfileError, TravelProfile, TravelSample, fit, storage_length, strokes};
-use trocar::validate::{Validation, validate_along, validate_one};
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece};
+use trocar::validate::{Validation, validate, validate_one};
+use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, PositionProfile, ProfileError, Trocar};
 
 /// Half width of the uniform noise of the made readings, N: standard deviation 0.058 N.
 const NOISE: f64 = 0.1;
@@ -30,7 +30,7 @@ fn element() -> Element {
 }
 
 /// Readings of strokes over a way with this offset (N) and level, and what the element alone gives.
-fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -> Vec<TravelSample> {
+fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -> Vec<ProfileSample> {
     let (element, mut rng) = (element(), ChaCha8Rng::seed_from_u64(seed));
     let mut state = element.rest_state(0.0);
     let (mut samples, mut position) = (Vec::new(), ENDS[0]);
@@ -42,7 +42,7 @@ fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -
                 let seal_force = element.step(&mut state, step, STEP);
                 let noise = NOISE * (2.0 * rng.random::<f64>() - 1.0);
                 let reading = offset(position) + level(position) * seal_force + noise;
-                samples.push(TravelSample { position, seal_force, reading, stroke });
+                samples.push(ProfileSample { position, seal_force, reading, stroke });
             }
         }
     }
@@ -63,9 +63,9 @@ fn a_known_profile_is_found() {
     let samples = samples(|x| 0.7 + 0.2 * wave(x + 0.004), |x| 1.0 + 0.1 * wave(x), 1);
     let found = fit(&samples, storage_length(&element())).expect("a clear profile");
     let scale =
-        inside().map(|x| found.profile.level(x)).sum::<f64>() / inside().map(|x| 1.0 + 0.1 * wave(x)).sum::<f64>();
+        inside().map(|x| found.profile.gain(x)).sum::<f64>() / inside().map(|x| 1.0 + 0.1 * wave(x)).sum::<f64>();
     for x in inside() {
-        let level = found.profile.level(x) / scale - (1.0 + 0.1 * wave(x));
+        let level = found.profile.gain(x) / scale - (1.0 + 0.1 * wave(x));
         assert!(level.abs() < LEVEL_TOLERANCE, "level at {x} m off by {level}");
         let offset = found.offset_n + found.profile.offset(x) - (0.7 + 0.2 * wave(x + 0.004));
         assert!(offset.abs() < OFFSET_TOLERANCE, "offset at {x} m off by {offset} N");
@@ -75,7 +75,7 @@ fn a_known_profile_is_found() {
     assert!(found.held_out_rms_n < 1.05 * floor, "{} N over a floor of {floor} N", found.held_out_rms_n);
     assert!(found.constant_held_out_rms_n > 3.0 * floor);
     assert_eq!(found.better_folds, found.folds);
-    assert!(found.effective_parameters <= (found.profile.free_parameters() + 1) as f64);
+    assert!(found.effective_parameters <= (found.free_parameters() + 1) as f64);
 }
 
 #[test]
@@ -105,9 +105,9 @@ fn the_gauge_is_kept() {
     let n = 20_000;
     let along = |k: i32| profile.from() + (profile.to() - profile.from()) * (f64::from(k) + 0.5) / f64::from(n);
     let mean = |of: &dyn Fn(f64) -> f64| (0..n).map(|k| of(along(k))).sum::<f64>() / f64::from(n);
-    assert!((mean(&|x| profile.level(x)) - 1.0).abs() < 1e-6);
+    assert!((mean(&|x| profile.gain(x)) - 1.0).abs() < 1e-6);
     assert!(mean(&|x| profile.offset(x)).abs() < 1e-6);
-    assert_eq!(profile.level(profile.from() - 1.0), 1.0);
+    assert_eq!(profile.gain(profile.from() - 1.0), 1.0);
     assert_eq!(profile.offset(profile.to() + 1.0), 0.0);
 }
 
@@ -117,33 +117,27 @@ fn a_level_too_steep_for_the_seal_is_refused() {
     // 0.2·2π/0.02 = 63 a metre at its steepest, over a level of 0.8.
     assert!(fit(&samples, 0.01).is_ok());
     let refused = fit(&samples, 1.0);
-    assert!(!matches!(&refused, Ok(found) if !found.profile.is_passive(1.0)));
+    assert!(!matches!(&refused, Ok(found) if !is_passive(&found.profile, 1.0)));
     assert!(refused.is_err(), "{refused:?}");
 }
 
 #[test]
-fn values_read_are_checked() {
-    let read = |text: &str| serde_json::from_str::<TravelProfile>(text).map_err(|e| e.to_string());
-    let good = r#"{"from_m":0.0,"to_m":0.1,"offset_n":[0.5,0.6,0.5],"level":[1.1,0.9,1.1]}"#;
-    let profile = read(good).expect("a profile");
-    assert_eq!(serde_json::to_string(&profile).expect("finite"), good);
-    for (from, to, says) in [
-        ("0.1,\"off", "0.0,\"off", "no interval"),
-        ("0.6,", "", "offset_n has 2 values and level 3"),
-        ("0.9", "-0.9", "level[1] is -0.9, expected above 0"),
-        ("0.9", "1.9", "the mean of level along the way is 1.5"),
-        ("from_m", "from", "unknown field `from`"),
-    ] {
-        let error = read(&good.replace(from, to)).expect_err(says);
-        assert!(error.contains(says), "{error}");
-    }
-    let nan = TravelProfile::new(0.0, 1.0, vec![0.0, f64::NAN], vec![1.0, 1.0]);
-    assert!(matches!(nan, Err(ProfileError::NotFinite { name: "offset_n", knot: 1, .. })));
+fn values_are_checked() {
+    use ProfileError::{Interval, Knots, Value};
+    let make =
+        |from, offset: &[f64], gain: &[f64]| PositionProfile::new(from, 0.1, offset.to_vec(), gain.to_vec()).err();
+    assert_eq!(make(0.0, &[0.5, 0.6, 0.5], &[1.1, 0.9, 1.1]), None);
+    assert_eq!(make(0.1, &[0.0; 2], &[1.0; 2]), Some(Interval { from: 0.1, to: 0.1 }));
+    assert_eq!(make(0.0, &[0.0; 2], &[1.0; 3]), Some(Knots { offset: 2, gain: 3 }));
+    assert_eq!(make(0.0, &[0.0], &[1.0]), Some(Knots { offset: 1, gain: 1 }));
+    assert_eq!(make(0.0, &[0.0; 2], &[1.0, -0.9]), Some(Value { name: "gain", knot: 1, value: -0.9 }));
+    let nan = make(0.0, &[0.0, f64::NAN], &[1.0; 2]);
+    assert!(matches!(nan, Some(Value { name: "offset", knot: 1, .. })), "{nan:?}");
 }
 
 /// Least work, J, that a driver has done at any time of a motion of `moves` (end position in m, speed in m/s) from rest;
 /// the offset is left out, whose work is that of a potential.
-fn least_work(profile: &TravelProfile, element: &Element, moves: &[(f64, f64)]) -> f64 {
+fn least_work(profile: &PositionProfile<Vec<f64>>, element: &Element, moves: &[(f64, f64)]) -> f64 {
     const FINE: f64 = 2e-5;
     let mut state = element.rest_at_force(0.0);
     let (mut x, mut force, mut work, mut least) = (moves[0].0, 0.0, 0.0, 0.0_f64);
@@ -153,7 +147,7 @@ fn least_work(profile: &TravelProfile, element: &Element, moves: &[(f64, f64)]) 
         for _ in 0..steps as usize {
             let seal_force = element.step(&mut state, step, step.abs().max(1e-12) / speed);
             x += step;
-            let next = profile.level(x) * seal_force;
+            let next = profile.gain(x) * seal_force;
             work += 0.5 * (force + next) * step;
             force = next;
             least = least.min(work);
@@ -163,18 +157,18 @@ fn least_work(profile: &TravelProfile, element: &Element, moves: &[(f64, f64)]) 
 }
 
 /// Levels as steep as the bound allows.
-fn steepest(seed: u64, storage_length: f64) -> TravelProfile {
+fn steepest(seed: u64, storage_length: f64) -> PositionProfile<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let raw: Vec<f64> = (0..21).map(|_| rng.random::<f64>() - 0.5).collect();
     let mean = raw.windows(2).map(|p| 0.5 * (p[0] + p[1])).sum::<f64>() / 20.0;
     let with = |size: f64| {
         let level = raw.iter().map(|r| 1.0 + size * (r - mean)).collect();
-        TravelProfile::new(0.0, 0.1, vec![0.0; 21], level).expect("positive")
+        PositionProfile::new(0.0, 0.1, vec![0.0; 21], level).expect("positive")
     };
     let (mut low, mut high) = (0.0, 1.5);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if with(middle).is_passive(storage_length) { low = middle } else { high = middle }
+        if is_passive(&with(middle), storage_length) { low = middle } else { high = middle }
     }
     with(low)
 }
@@ -197,8 +191,8 @@ proptest! {
     }
 }
 
-/// A seal that turns over: the force rises to 1.2 times the sliding force at -c/2, falls to -0.4 of it at c/2, and rises.
-fn turns_over() -> Element {
+/// A seal that snaps through: the force rises to 1.2 times the sliding force at -c/2, falls to -0.4 of it at c/2, and rises.
+fn snaps_through() -> Element {
     let plausible = *element().params();
     let (c, f) = (8e-3, plausible.insertion.static_force);
     let bend = |from: f64, to: f64, low: f64, high: f64, bent: f64| {
@@ -213,11 +207,11 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn no_motion_yields_work_from_a_seal_that_turns_over(
+    fn no_motion_yields_work_from_a_seal_that_snaps_through(
         seed in 0..1000u64,
         moves in prop::collection::vec((0.0..0.1f64, 0.001..0.1f64), 2..20),
     ) {
-        let element = turns_over();
+        let element = snaps_through();
         let length = storage_length(&element);
         prop_assert!(length > 1e-3, "a falling curve: {length} m");
         let all: Vec<(f64, f64)> = moves.iter().chain(&moves).copied().collect();
@@ -234,25 +228,25 @@ fn a_curve_that_rises_takes_any_level() {
     let element = Element::new(ElementParams { deformation, ..plausible }).expect("a spring");
     assert_eq!(storage_length(&element), 0.0);
     // Bend where the level is low, slide a tenth of c to where it is a hundred times higher, let go.
-    let profile = TravelProfile::new(0.0, 0.1 * c, vec![0.0; 2], vec![0.02, 1.98]).expect("positive");
-    assert!(profile.is_passive(0.0));
+    let profile = PositionProfile::new(0.0, 0.1 * c, vec![0.0; 2], vec![0.02, 1.98]).expect("positive");
+    assert!(is_passive(&profile, 0.0));
     let least = least_work(&profile, &element, &[(0.0, 0.01), (1.2 * c, 0.01), (0.2 * c, 0.01)]);
     assert!(least > -ENERGY_TOLERANCE, "{least} J");
 }
 
 #[test]
 fn the_fade_outside_the_range_counts_for_passivity() {
-    let profile = TravelProfile::new(0.0, 0.1, vec![0.0; 3], vec![1.1, 0.95, 1.0]).expect("mean 1");
+    let profile = PositionProfile::new(0.0, 0.1, vec![0.0; 3], vec![1.1, 0.95, 1.0]).expect("mean 1");
     // Inside 0.15 over 50 mm, outside 0.1 over 25 mm, over the least level of 0.95.
     assert!((profile.steepness() - 0.1 / 0.025 / 0.95).abs() < 1e-12);
-    assert!(profile.is_passive(0.2) && !profile.is_passive(0.25));
+    assert!(is_passive(&profile, 0.2) && !is_passive(&profile, 0.25));
 }
 
 #[test]
 fn motion_outside_the_range_is_reported_once() {
-    let profile = TravelProfile::new(0.02, 0.1, vec![0.0, 0.3, 0.1], vec![1.1, 0.9, 1.1]).expect("mean 1");
-    assert_eq!(profile.departure(0.0195, 0.1005), None);
-    let found = profile.departure(0.01, 0.1353).expect("35.3 mm outside");
+    let profile = PositionProfile::new(0.02, 0.1, vec![0.0, 0.3, 0.1], vec![1.1, 0.9, 1.1]).expect("mean 1");
+    assert_eq!(Departure::of(&profile, 0.0195, 0.1005), None);
+    let found = Departure::of(&profile, 0.01, 0.1353).expect("35.3 mm outside");
     assert_eq!(
         found.to_string(),
         "the motion goes up to 35.3 mm outside the range from 20 mm to 100 mm in which the position profile was measured; \
@@ -265,7 +259,7 @@ fn motion_outside_the_range_is_reported_once() {
         let position: Vec<f64> = time.iter().map(|t| 0.06 + (to - 0.06) * (3.0 * t).sin()).collect();
         let force = vec![0.0; time.len()];
         let recording = Recording::from_columns("piece", time, position, force).expect("a recording");
-        validate_one([element].as_slice(), Some(&profile), &recording, 0.0)
+        validate_one(&Trocar::new(element, Some(profile.clone())), &recording, 0.0)
     };
     let both = Validation::of(vec![piece(0.12).plus(piece(0.13)).plus(piece(0.09))]);
     let warnings: Vec<&String> =
@@ -288,7 +282,7 @@ fn part(recording: &Recording, chosen: impl Fn(usize) -> bool) -> Recording {
 }
 
 #[test]
-fn held_back_strokes_of_real_seals_come_near_their_scatter() {
+fn held_out_strokes_of_real_seals_come_near_their_scatter() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings/elastomer_seals");
     if !folder.is_dir() {
         assert!(std::env::var("TROCAR_REQUIRE_SHARED").is_err(), "no recordings in {}", folder.display());
@@ -301,12 +295,12 @@ fn held_back_strokes_of_real_seals_come_near_their_scatter() {
         let [odd, even] = [1, 0].map(|rest| part(&recording, |stroke| stroke % 2 == rest));
         let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
         let found = identify(&[even], &options, &|_, _| {}).expect("strokes at constant speed");
-        let held_back = found.in_step(vec![odd]).expect("long enough");
-        let scores = validate_along(found.stages.elements(), found.profile(), &held_back, found.model.offset);
+        let held_out = found.without_delay(vec![odd]).expect("long enough");
+        let scores = validate(&found.trocar(), &held_out, found.model.offset);
         let strokes = scores.recordings[0].strokes.expect("five strokes that repeat");
         println!("{name}: {}", strokes.words());
         assert!(strokes.rms_over_scatter < MOST, "{name}: {}", strokes.words());
         // Sampled too coarsely to tell a delay from the rubber's own rate dependence.
-        assert_eq!(found.position_lag, None);
+        assert_eq!(found.position_delay, None);
     }
 }

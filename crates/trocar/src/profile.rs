@@ -1,0 +1,199 @@
+//! Position-dependent force: how a seal's friction depends on where on the shaft, or in the bore, it slides.
+//!
+//! ```text
+//! F_reading = F_0(x) + gain(x)·F_seal        x position, m
+//! ```
+//! F_0 (N) and gain (1) are straight between evenly spaced knots. A shaft that is rougher at one place raises the gain
+//! there; a slope, a cable or a bore that is not round shifts F_0. Outside the range in which a profile was measured, F_0
+//! fades linearly to 0 and the gain to 1 over [`FADE`] of the range; beyond that the force is the seal's alone.
+//!
+//! # Gauge
+//!
+//! A factor could move from the gain into the seal's own force, and a constant from F_0 into the sensor's offset. The
+//! mean gain over the range is 1, so that the seal's parameters keep their meaning; a fitted F_0 has the mean 0
+//! over the range, and the sensor's offset stands beside it ([`ProfileFit::offset_n`]).
+//!
+//! # No energy out of nothing
+//!
+//! F_0(x) is the slope of a potential: over a closed motion it does no work. For the rest let z count from a deflection
+//! at which the mid curve M is zero, u = x − z be the place where the seal grips, q its yield force, q = κ·(x − w) (see
+//! `trocar_model::elastic`), and
+//!
+//! ```text
+//! Φ = ∫_u^x gain(s)·M(s − u) ds + ∫_w^x gain(s)·κ·(s − w) ds
+//! ```
+//! the energy stored at varied gain. Driving the seal by dx takes the work gain·F·dx, of which
+//!
+//! ```text
+//! gain·F·dx − dΦ = gain·σ·dz²/dt + [gain(x)·(F − M − q)]·du
+//!                 + [∫_u^x gain(s)·M'(s − u) ds]·du + [∫_w^x gain(s)·κ ds]·dw
+//! ```
+//! is not stored. While the seal sticks, du = 0, and dw has the sign of q: nothing is given off. While it slides, du has
+//! the sign of F. So **where the mid curve rises, every positive gain is dissipative**; relaxing arms are springs of the
+//! same kind, whose end follows their force. Where the mid curve falls by D on its way to z (a seal that snaps through) and
+//! rises by R, R − D + |q| ≥ F_min while the seal slides, the smallest sliding force; with the least and the most gain
+//! over the range, the fades outside the range included, nothing is given off if least·(R + |q|) ≥ most·D, and so if most/least ≤ 1 + F_min/D:
+//!
+//! ```text
+//! max|dgain/dx|·ℓ <= min gain        ℓ = D·max(|z| at the end of the curve/F_min, 1/K)      K stiffness beyond the end
+//! ```
+//! ([`storage_length`], [`is_passive`]): sufficient, not necessary.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use trocar_model::{Element, PositionProfile, ProfileError, SlidingFriction};
+
+pub use trocar_model::profile::FADE;
+
+pub use fit::{NoProfile, ProfileFit, ProfileSample, fit, strokes};
+
+mod banded;
+mod fit;
+
+/// Largest difference from 1 of the mean gain of a profile that is read: files round.
+pub const MEAN_TOLERANCE: f64 = 1e-3;
+/// Motion outside the range by no more than this fraction of it is no [`Departure`]: identification leaves out as much at the
+/// ends of the strokes.
+pub const LEAST_DEPARTURE: f64 = 0.01;
+/// Most knots of a profile that is read.
+pub const MOST_KNOTS: usize = 10_000;
+
+/// A profile as it stands in files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ProfileText {
+    from_m: f64,
+    to_m: f64,
+    offset_n: Vec<f64>,
+    #[serde(alias = "level")]
+    gain: Vec<f64>,
+}
+
+/// Why a profile of a file cannot be used.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum BadProfile {
+    /// The values are no profile.
+    #[error(transparent)]
+    Values(#[from] ProfileError),
+    /// Too many knots.
+    #[error("{0} knots, expected at most {MOST_KNOTS}")]
+    Knots(usize),
+    /// The mean gain is not 1, so that the forces of the seal have another meaning.
+    #[error(
+        "the mean gain over the range is {0}, expected 1 (within {MEAN_TOLERANCE})\n\nhint: divide gain by it and multiply the \
+         forces of the element by it"
+    )]
+    Mean(f64),
+}
+
+impl<K: AsRef<[f64]>> From<&PositionProfile<K>> for ProfileText {
+    fn from(profile: &PositionProfile<K>) -> Self {
+        let (offset_n, gain) = (profile.offsets().to_vec(), profile.gains().to_vec());
+        Self { from_m: profile.from(), to_m: profile.to(), offset_n, gain }
+    }
+}
+
+impl TryFrom<ProfileText> for PositionProfile<Vec<f64>> {
+    type Error = BadProfile;
+
+    fn try_from(text: ProfileText) -> Result<Self, BadProfile> {
+        if text.gain.len() > MOST_KNOTS {
+            return Err(BadProfile::Knots(text.gain.len()));
+        }
+        let profile = Self::new(text.from_m, text.to_m, text.offset_n, text.gain)?;
+        let mean = mean_between_knots(profile.gains());
+        if (mean - 1.0).abs() > MEAN_TOLERANCE { Err(BadProfile::Mean(mean)) } else { Ok(profile) }
+    }
+}
+
+/// Writes a profile as files hold it.
+pub(crate) fn serialize<S: serde::Serializer>(
+    profile: &PositionProfile<Vec<f64>>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    ProfileText::from(profile).serialize(serializer)
+}
+
+/// A motion that leaves the range of positions in which a profile was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Departure {
+    /// Lower end of the range, m.
+    pub from: f64,
+    /// Upper end of the range, m.
+    pub to: f64,
+    /// Largest distance of the motion from the range, m.
+    pub outside: f64,
+}
+
+impl Departure {
+    /// How far a motion that covers `lowest` to `highest` (m) leaves the range of `profile`; `None` up to [`LEAST_DEPARTURE`] of it.
+    pub fn of<K: AsRef<[f64]>>(profile: &PositionProfile<K>, lowest: f64, highest: f64) -> Option<Self> {
+        let (from, to) = (profile.from(), profile.to());
+        let outside = (from - lowest).max(highest - to);
+        (outside > LEAST_DEPARTURE * (to - from)).then_some(Self { from, to, outside })
+    }
+}
+
+impl fmt::Display for Departure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [from, to, outside] = [self.from, self.to, self.outside].map(|m| (1e4 * m).round() / 10.0);
+        let fade = (1e4 * FADE * (self.to - self.from)).round() / 10.0;
+        write!(
+            f,
+            "the motion goes up to {outside} mm outside the range from {from} mm to {to} mm in which the position profile was \
+             measured; there the profile fades to none within {fade} mm"
+        )
+    }
+}
+
+/// Mean over the range of what is straight between evenly spaced knots.
+fn mean_between_knots(values: &[f64]) -> f64 {
+    values.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum::<f64>() / (values.len() - 1) as f64
+}
+
+/// Whether the gain varies so slowly that no closed motion of a seal with this `storage_length` (m) yields work.
+pub fn is_passive<K: AsRef<[f64]>>(profile: &PositionProfile<K>, storage_length: f64) -> bool {
+    let steepness = profile.steepness();
+    steepness == 0.0 || steepness * storage_length <= 1.0
+}
+
+/// ℓ, m: how far the seal's mid curve falls, over the least force with which it slides, times its half width; 0 for a
+/// curve that rises throughout.
+///
+/// ```text
+/// ℓ = max over both sides of D·max(|z|/min(F_c, F_s), 1/K)
+/// ```
+/// with D the sum of all falls between the deflection without force and the end at z, or where the seal slides for
+/// certain before it, and K the stiffness beyond it.
+pub fn storage_length(element: &Element) -> f64 {
+    const CELLS: usize = 2000;
+    let params = element.params();
+    let deformation = &params.deformation;
+    let least = |s: &SlidingFriction| s.coulomb_force.min(s.static_force);
+    let least_force = least(&params.insertion).min(least(&params.withdrawal));
+    let c = deformation.half_width();
+    let points: Vec<(f64, f64)> =
+        (0..=CELLS).map(|k| c * (2.0 * k as f64 / CELLS as f64 - 1.0)).map(|z| (z, deformation.mid(z))).collect();
+    let most_force = params.insertion.static_force.max(params.withdrawal.static_force);
+    let is_reached = |z: f64, mid: f64| mid.abs() <= most_force + deformation.half_gap(z);
+    let rest = points.partition_point(|(_, mid)| *mid <= 0.0).clamp(1, CELLS);
+    let reached = |&&(z, mid): &&(f64, f64)| is_reached(z, mid);
+    let last = rest + points[rest..].iter().take_while(reached).count().saturating_sub(1);
+    let first = rest - points[..rest].iter().rev().take_while(reached).count();
+    let fall = |part: &[(f64, f64)]| part.windows(2).map(|pair| (pair[0].1 - pair[1].1).max(0.0)).sum::<f64>();
+    let (low, high) = deformation.end_stiffness();
+    let side = |part: &[(f64, f64)], end: f64, stiffness: f64| {
+        let fall = fall(part);
+        // What the samples of a rising curve round.
+        let fall = if fall > 1e-9 * least_force { fall } else { 0.0 };
+        let reach =
+            ((end - points[rest].0).abs() / least_force).max(if stiffness > 0.0 { 1.0 / stiffness } else { 0.0 });
+        fall * reach
+    };
+    let length = side(&points[first..=rest], -c, low).max(side(&points[rest..=last], c, high));
+    // A contact that creeps slips at any force: no bound holds for a curve that falls.
+    if length > 0.0 && params.creep_velocity > 0.0 { f64::INFINITY } else { length }
+}
