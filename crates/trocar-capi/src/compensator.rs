@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char};
 use std::mem::offset_of;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use trocar::compensate::{self, CompensateError, CompensateOptions};
+use trocar_runtime::compensate::{self, CompensateError, CompensateOptions};
 
 use crate::message::{Failure, Message};
 use crate::model::Model;
@@ -421,7 +421,7 @@ mod tests {
 
     #[test]
     fn after_a_panic_a_compensator_is_lost_and_can_be_freed() {
-        let file = trocar::model_file::ModelFile::plausible_10_5_mm().unwrap();
+        let file = trocar_runtime::model_file::ModelFile::plausible_10_5_mm().unwrap();
         let options = CompensateOptions { force_error_n: Some(0.1), ..CompensateOptions::default() };
         let observer = compensate::Compensator::new(&file, &options).unwrap();
         let content = Content { mark: AtomicU64::new(MARK), observer: UnsafeCell::new(observer) };

@@ -5,8 +5,8 @@ use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use trocar::model_file::{ModelFile, ModelFileError};
 use trocar_model::{Seal, Trocar, Tunable as ModelTunable};
+use trocar_runtime::model_file::{ModelFile, ModelFileError};
 
 use crate::message::{Failure, Message};
 use crate::pointer::{Array, Place, looked_at, text};

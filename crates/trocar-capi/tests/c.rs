@@ -314,7 +314,7 @@ fn the_code_of_the_documentation_compiles_and_runs() {
 fn newer_model() -> PathBuf {
     let text = fs::read_to_string(conformance("models/ems.json")).unwrap();
     let path = installed().programs.join("newer.json");
-    fs::write(&path, text.replacen("\"version\": 1", "\"version\": 99", 1)).unwrap();
+    fs::write(&path, text.replacen("\"version\": 7", "\"version\": 99", 1)).unwrap();
     path
 }
 

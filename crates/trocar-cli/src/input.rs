@@ -15,17 +15,17 @@ const PEAK_TO_COLUMNS: u64 = 5;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Reading recordings")]
 pub(crate) struct Choosing {
-    /// Columns with units, in order, '-' to skip one: time_s,position_mm,-,force_n; or by name, a minus reversing the sign:
-    /// position_mm=x,force_n=-fz (a name with commas in double quotes)
+    /// Columns with their units: by name, with a minus to reverse the sign, as in position_mm=x,force_n=-fz (names with
+    /// commas in double quotes); or in order, '-' to skip one, as in time_s,position_mm,-,force_n
     #[arg(long, value_name = "NAMES")]
     columns: Option<String>,
-    /// Topic of a robot log, group of a MATLAB or HDF5 file to look in; may be repeated (`trocar inspect` shows them)
+    /// Topic of a robot log, or group of a MATLAB or HDF5 file; may be repeated (see `trocar inspect`)
     #[arg(long, value_name = "NAME")]
     pub(crate) topic: Vec<String>,
-    /// Leave out what comes earlier, in s from the first row
+    /// Leave out rows before this time, in s from the first row
     #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
     from_s: Option<f64>,
-    /// Leave out what comes then or later, in s from the first row
+    /// Leave out rows from this time on, in s from the first row
     #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
     to_s: Option<f64>,
     /// Reverse the sign of the force, for a sensor mounted the other way round
@@ -57,7 +57,7 @@ pub(crate) struct Reading {
     /// Largest force the sensor can read, in N; readings there count as saturated
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
-    /// Most samples of a recording to identify from; of a longer one excerpts are taken, spread over the whole
+    /// Most samples of a recording to identify from; of a longer recording, excerpts spread over the whole are used
     #[arg(long, default_value_t = 2_000_000, value_name = "N")]
     most_samples: usize,
     /// Most memory to use, in MB (10^6 bytes) [default: what the system has available]
@@ -132,7 +132,7 @@ impl Reading {
 /// What moves between sensor and seal.
 #[derive(clap::Args)]
 pub(crate) struct Rod {
-    /// Mass between sensor and seal, in kg: its inertia is taken out of the readings
+    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings
     #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: f64,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81 for a withdrawal

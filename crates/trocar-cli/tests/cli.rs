@@ -180,7 +180,7 @@ fn models_that_cannot_be_read_are_explained() {
         ("cut", model[..200].to_owned(), vec!["cut.json: line", "not JSON"]),
         (
             "newer",
-            model.replace("\"version\": 6", "\"version\": 99"),
+            model.replace("\"version\": 7", "\"version\": 99"),
             vec!["newer.json", "newer trocar", "hint: update"],
         ),
         ("other", "{}".to_owned(), vec!["other.json", "not a model", "format"]),

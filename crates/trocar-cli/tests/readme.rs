@@ -17,7 +17,7 @@ fn run(folder: &Path, line: &str) -> String {
 
 /// Words of a line with its numbers apart.
 fn words(line: &str) -> (Vec<&str>, Vec<f64>) {
-    let parts = line.split([' ', '[', ']', ',']).filter(|part| !part.is_empty());
+    let parts = line.split([' ', '[', ']', '(', ')', ',']).filter(|part| !part.is_empty());
     let (numbers, words): (Vec<&str>, Vec<&str>) = parts.partition(|part| part.parse::<f64>().is_ok());
     (words, numbers.iter().map(|n| n.parse().expect("a number")).collect())
 }

@@ -11,11 +11,11 @@ pub mod fleet;
 pub mod identify;
 pub mod inspect;
 pub mod many;
-pub mod model_file;
 pub mod output;
 pub mod profile;
 pub mod recording;
 pub mod replay;
+#[cfg(feature = "report")]
 pub mod report;
 pub mod scatter;
 pub mod segment;
@@ -25,6 +25,8 @@ pub mod survey;
 pub mod sweep;
 pub mod table;
 pub mod validate;
+
+pub use trocar_runtime::model_file;
 
 /// Compiles and runs the README's Rust code.
 #[cfg(doctest)]

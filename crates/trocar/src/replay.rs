@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use trocar_model::{Deformation, Friction, Mode, Seal, SealState, Trocar, TrocarState};
+use trocar_model::{Deformation, Friction, Mode, PartialReversals, Seal, SealState, Trocar, TrocarState};
 
 use crate::cancel;
 use crate::many::along;
@@ -16,35 +16,6 @@ use crate::recording::Recording;
 const FORGOTTEN: f64 = 1e-3;
 /// Starts tried, as [`Seal::rest_between`] takes them.
 const STARTS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
-
-/// Travel of the deflection back, as a part of the half width, that is a partial reversal: some ten counts of an encoder.
-const TURN: f64 = 0.02;
-
-/// Follows a deformation: whether the deflection has turned since the seal last slid. Full strokes never turn so, and tell
-/// nothing of the force after it.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Turns {
-    /// Deflection farthest along `direction`, m.
-    extreme: f64,
-    direction: f64,
-    has_turned: bool,
-}
-
-impl Turns {
-    /// Takes the next deformation of a seal with half width `half_width`, m; whether it is one after a partial reversal.
-    pub(crate) fn take(&mut self, now: Deformation, half_width: f64) -> bool {
-        let way = now.deflection - self.extreme;
-        if now.mode == Mode::Sliding {
-            *self = Self { extreme: now.deflection, ..Self::default() };
-        } else if way * self.direction > 0.0 {
-            self.extreme = now.deflection;
-        } else if way.abs() > TURN * half_width {
-            self.has_turned |= self.direction != 0.0;
-            (self.extreme, self.direction) = (now.deflection, way.signum());
-        }
-        self.has_turned
-    }
-}
 
 /// First of the steps (displacement in m, duration in s) after which the start no longer matters.
 ///
@@ -97,7 +68,7 @@ pub fn replay<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset
             out.known.push(range.start + after + 1..range.end);
         }
         let mut state = trocar.rest_at_force(x[0], recording.force[range.start] - offset);
-        let (half_width, mut turns) = (trocar.seal().half_width(), Turns::default());
+        let (half_width, mut turns) = (trocar.seal().half_width(), PartialReversals::default());
         out.push(&state, half_width, &mut turns);
         for (x, t) in x[1..].iter().zip(t.windows(2)) {
             trocar.step_to(&mut state, *x, t[1] - t[0]);
@@ -123,7 +94,7 @@ pub fn forces<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset
 }
 
 impl Replay {
-    fn push(&mut self, state: &TrocarState, half_width: f64, turns: &mut Turns) {
+    fn push(&mut self, state: &TrocarState, half_width: f64, turns: &mut PartialReversals) {
         self.force.push(state.force());
         if let Some(deformation) = state.deformation() {
             let Deformation { deflection, mode } = deformation;

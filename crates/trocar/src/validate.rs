@@ -126,7 +126,7 @@ impl AgainstStrokes {
     /// In words.
     pub fn words(&self) -> String {
         format!(
-            "{:.2} times the scatter of {:.3} N between {} strokes that repeat each other (speeds within 25 %): about the floor of any model of the motion",
+            "{:.2} times the repeatability of the recording ({:.3} N between {} repeated strokes, speeds within 25 %)",
             self.rms_over_scatter, self.stroke_scatter_n, self.strokes
         )
     }

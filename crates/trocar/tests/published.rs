@@ -1,4 +1,4 @@
-//! Numbers that README and docs print of recordings that are not part of this repository: published values, and what this
+//! Numbers that the docs print of recordings that are not part of this repository: published values, and what this
 //! program found. A change that moves one of them fails here.
 
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
     let Some(folder) = shared("emps") else { return };
     let axis = [recording(&folder, "identification.csv", MASS)];
     let found = found(&axis, IdentifyOptions { paper: true, inertia_removed: true, ..IdentifyOptions::default() });
-    // Value and interval as README prints them.
+    // Value and interval as docs/validation.md prints them.
     for (name, [value, low, high], digit) in [
         ("coulomb_force_n", [20.49, 20.01, 20.97], 0.01),
         ("viscous_damping_n_s_m", [202.7, 197.3, 208.1], 0.1),
@@ -49,7 +49,7 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
     ] {
         let estimate = parameter(&found, name);
         for (got, printed) in [(estimate.value, value), (estimate.ci95[0], low), (estimate.ci95[1], high)] {
-            assert!((got - printed).abs() <= 0.501 * digit, "{name}: {got}, README prints {printed}");
+            assert!((got - printed).abs() <= 0.501 * digit, "{name}: {got}, docs/validation.md prints {printed}");
         }
     }
 }
@@ -73,10 +73,10 @@ fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
     let Some(folder) = shared("seal_a") else { return };
     let training = ["steady.csv", "dynamic.csv"].map(|name| recording(&folder, name, 0.04));
     let found = found(&training, IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() });
-    // As README prints them.
+    // As docs/validation.md prints them.
     for (name, printed) in [("validation.csv", 0.039), ("surgeon.csv", 0.100)] {
         let held_out = found.without_delay(vec![recording(&folder, name, 0.04)]).expect("the same delay");
         let score = validate(&found.trocar(), &held_out, found.model.offset);
-        assert!((score.rms_n - printed).abs() < 6e-4, "{name}: {} N, README prints {printed}", score.rms_n);
+        assert!((score.rms_n - printed).abs() < 6e-4, "{name}: {} N, docs/validation.md prints {printed}", score.rms_n);
     }
 }

@@ -13,10 +13,10 @@ use crate::table::{Table, number};
 
 /// Check the paper's propositions for a model, and what happens where they fail
 ///
-/// Proposition III.1 (the seal reaches sliding), III.2 (steady force and deflection) and III.3 (stability), stick-slip
-/// and snap-through, the energy of closed motions, and the error of the 1 kHz step, each against simulations. A closed
-/// motion that gives work makes the model doubtful (exit code 3); the one of least work is printed in any case.
-/// All of it is about EMS elements: other models are refused.
+/// Compares with simulations: proposition III.1 (the seal reaches sliding), III.2 (steady force and deflection), III.3
+/// (stability), stick-slip and snap-through, the energy of closed motions, and the error of the 1 kHz step. A closed
+/// motion that yields work makes the model doubtful (exit code 3); the motion of least work is always printed. Applies to
+/// EMS elements only.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json)

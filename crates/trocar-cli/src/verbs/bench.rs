@@ -26,7 +26,7 @@ pub(crate) struct Args {
     /// strokes), step (one reversal), surgeon (hand-like motion)
     #[arg(required_unless_present = "print_config")]
     protocol: Option<Protocol>,
-    /// Recording to write, '-' for standard output; .parquet, .arrow, .csv.gz and .csv.zst are written as such
+    /// Recording to write, '-' for standard output; the extension selects CSV, .parquet, .arrow, .csv.gz or .csv.zst
     #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
     out: Option<PathBuf>,
     /// Rig and protocol, TOML; keys left out keep their defaults (see --print-config)

@@ -22,12 +22,11 @@ const MOST_NAMES: usize = 8;
 
 /// Compare friction models: fit them all to the same recordings, score them on the same others
 ///
-/// The EMS element beside the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven, Maxwell-Slip and
-/// Generalized Maxwell-Slip. Each is fitted to the training recordings and then run along the positions of the
-/// validation recordings. Prints a table, least validation error first; --out keeps every model as a file. All are scored
-/// on the samples that the EMS element knows the state of; validate scores each on those that it knows itself. Ends with
-/// exit code 3 when a recording lost data or a validation recording never lets the seal slide; parameters that the
-/// recordings do not determine are part of the result.
+/// The EMS element and the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven, Maxwell-Slip and
+/// Generalized Maxwell-Slip. Fits each to the training recordings and simulates it along the validation recordings.
+/// Prints a table, sorted by validation error; --out writes every model to a file. All models are scored on the samples at
+/// which the state of the EMS element is known. Exit code 3: a recording lost data, or the seal never slides in a
+/// validation recording. Parameters that the recordings do not determine are reported as such.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Recordings to fit to: CSV with time, position and force columns, '-' for standard input
@@ -36,16 +35,16 @@ pub(crate) struct Args {
     /// Recordings to score on [default: the last third of each recording, which is then not fitted]
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
-    /// Models, with commas between: ems, ems-output-error (the same by the criterion of the others), coulomb,
-    /// coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven, maxwell-slip, gms; the last three also with a number of elements or a range, as in gms:4 or gms:4-10 (otherwise
-    /// leuven has 4, the others 1 to 12)
+    /// Models, separated by commas: ems, ems-output-error (EMS fitted by the criterion of the others), coulomb,
+    /// coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven, maxwell-slip, gms. The last three take a number or a
+    /// range of elements, as in gms:4 or gms:4-10 [default: 4 for leuven, 1 to 12 for the others]
     #[arg(long, default_value = "all", value_name = "LIST", value_parser = models)]
     models: Models,
     /// Folder for compare.json, models (lugre.json, gms-4.json, for simulate and validate), report.html and figures; it
     /// need not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Measure no times: equal recordings then give equal bytes
+    /// Do not measure times: equal recordings then give equal bytes
     #[arg(long)]
     no_timing: bool,
     /// Seed of everything random

@@ -11,13 +11,13 @@ use crate::input::{Choosing, finite, not_negative, positive};
 use crate::progress::Progress;
 use crate::table::number;
 
-/// Take the trocar's force out of a force reading: what is left is the tissue's
+/// Estimate the tissue force: subtract the trocar force from the readings of a sensor outside the body
 ///
-/// For a force sensor outside the body. Runs an identified model along the measured motion and writes time_s, position_m,
-/// force_n, trocar_force_n, tissue_force_n, tissue_force_std_n and adapting, one row per input row, without looking ahead: with
-/// '-' as recording and output it answers each row at once. Friction that has changed since the identification (wetting takes 15
-/// to 45 % off) is followed over passes there and back, and never while tissue is touched. Where a reading cannot tell the
-/// tissue's force (none, saturated, frozen) it is nan, and the exit code is 3.
+/// Simulates an identified model along the measured motion and writes time_s, position_m, force_n, trocar_force_n,
+/// tissue_force_n, tissue_force_std_n and adapting, one row per input row. Causal: with '-' as recording and output, each
+/// row is answered at once. Adapts to friction that has changed since the identification (wetting lowers it by 15 to 45 %)
+/// from strokes in both directions, never while tissue is touched. Where a reading gives no tissue force (missing,
+/// saturated, frozen), the value is nan and the exit code 3.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json)
@@ -31,13 +31,13 @@ pub(crate) struct Args {
     /// Reading of the sensor without any force, in N [default: that of the model file]
     #[arg(long, value_name = "N", value_parser = finite, allow_negative_numbers = true)]
     offset_n: Option<f64>,
-    /// Mass between sensor and seal, in kg: its inertia is taken out [default: that of the model file]
+    /// Mass between sensor and seal, in kg: its inertia is subtracted [default: that of the model file]
     #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: Option<f64>,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; 0 leaves the weight in the offset
     #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
     gravity_m_s2: f64,
-    /// Largest force the sensor can read, in N: readings there tell no tissue force
+    /// Largest force the sensor can read, in N: readings there count as saturated
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
     /// Standard deviation of the model's force, in N [default: that of the model file, by phase]

@@ -23,10 +23,10 @@ use super::identify::{self, Found, Job};
 const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
 
-/// The whole chain on the virtual bench: record, identify, validate, report
+/// Demonstrate the whole workflow on the virtual bench: record, identify, validate, report
 ///
 /// Records all five experiments with a plausible, made-up seal, identifies a model from two of them, validates it on
-/// the other three and compares it with the truth. The recordings and the true model stay in the folder.
+/// the other three and compares it with the truth. The folder keeps the recordings and the true model.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder for the results; it need not exist

@@ -14,12 +14,12 @@ use crate::console::{self, BadArgument, Console};
 use crate::input::{Reading, Rod};
 use crate::progress::Progress;
 
-/// Identify every recording of a data set by itself, on all cores, to one table
+/// Identify every recording of a data set separately, on all cores, and write one table
 ///
 /// DATASET is a folder of recordings (folders called key=value become columns), a manifest (CSV or Parquet with a column
-/// 'path' and any columns beside it), or Parquet files in which recordings are rows, told apart by --group-by, also in several
-/// files or in folders by recording. A recording that fails is a row with its reason. Stopped or killed, the same command
-/// goes on where it was. Ends with exit code 3 when recordings failed.
+/// 'path' and further columns), or Parquet files whose rows belong to recordings distinguished by --group-by. A recording
+/// that fails is a row with its reason. After an interruption the same command continues. Exit code 3: some recordings
+/// failed.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder of recordings, manifest, or Parquet file
@@ -28,31 +28,31 @@ pub(crate) struct Args {
     /// Table to write: .parquet, .csv, .csv.gz, .csv.zst or .arrow
     #[arg(long, value_name = "TABLE")]
     out: PathBuf,
-    /// How far to go with each recording
+    /// Depth of the identification
     #[arg(long, value_enum, default_value_t = Far::Quick)]
     depth: Far,
-    /// Column of Parquet files, or key of folders, that tells recordings apart [default: recording, where there is one]
+    /// Column of Parquet files, or key of folders, that distinguishes recordings [default: recording, if present]
     #[arg(long, value_name = "COLUMN")]
     group_by: Option<String>,
-    /// Resamples of the bootstrap over cycles; 0 takes the quicker jackknife
+    /// Resamples of the bootstrap over cycles; 0 uses the faster jackknife
     #[arg(long, default_value_t = 0, value_name = "N")]
     bootstrap: usize,
     /// Seed of everything random
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// Recordings at a time; 0 takes one for each processor; at most four for each, or 64
+    /// Recordings at a time; 0: one per processor; at most four per processor, or 64
     #[arg(long, default_value_t = 0, value_name = "N")]
     threads: usize,
     /// Report to write [default: the table's name with .html]
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Metadata column with the type of the trocar [default: trocar_type and the like]
+    /// Metadata column with the type of the trocar [default: trocar_type or similar]
     #[arg(long = "type", value_name = "COLUMN")]
     kind: Option<String>,
-    /// Metadata column that counts uses [default: insertion_count and the like]
+    /// Metadata column that counts uses [default: insertion_count or similar]
     #[arg(long = "use", value_name = "COLUMN")]
     usage: Option<String>,
-    /// Metadata column that names specimens, or centres [default: specimen and the like]
+    /// Metadata column that names specimens, or centres [default: specimen or similar]
     #[arg(long, value_name = "COLUMN")]
     specimen: Option<String>,
     #[command(flatten)]

@@ -20,10 +20,9 @@ use crate::table::{Table, interval, number};
 
 /// Identify a model from recordings, validate it on others, and write a report
 ///
-/// Every recording is searched for what it can give; the two experiments of the paper are simply recordings. Writes
-/// model.json, summary.json, report.html and figures into the folder given with --out. Ends with exit code 3 when the
-/// recordings lost data or do not determine every parameter, or when a validation error is far above that of the
-/// identification.
+/// Takes recordings of any motion; the two experiments of the paper are the best start. Writes model.json, summary.json,
+/// report.html and figures into the folder given with --out. Exit code 3: the recordings lost data or do not determine
+/// every parameter, or a validation error is far above the identification error.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Recordings to identify from: CSV with time, position and force columns, '-' for standard input
@@ -35,7 +34,7 @@ pub(crate) struct Args {
     /// Folder for the results; it need not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Resamples of the bootstrap over cycles; 0 takes the quicker jackknife
+    /// Resamples of the bootstrap over cycles; 0 uses the faster jackknife
     #[arg(long, default_value_t = 200, value_name = "N")]
     bootstrap: usize,
     /// Seed of everything random
@@ -52,16 +51,16 @@ pub(crate) struct Args {
     /// asymmetry, second_stage
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = term)]
     without: Vec<Term>,
-    /// Known reading of the sensor without load, N (its tare); estimated from the recordings when left out
+    /// Known reading of the sensor without load, N (its tare) [default: estimated]
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite)]
     offset_n: Option<f64>,
-    /// Identify by the two steps of the paper alone: steady state, then deformation
+    /// Identify by the two steps of the paper only: steady state, then deformation
     #[arg(long)]
     paper: bool,
-    /// Deflection at which figure 7 shows the influence of the deformation velocity; can be given up to 6 times
+    /// Deflection at which figure 7 shows the influence of the deformation velocity; up to 6 times
     #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = finite)]
     figure_7_deflection_mm: Vec<f64>,
-    /// Speed of a stroke that figure 9 shows with the model's force, to the next recorded one within 10 %; can be given up to 6 times
+    /// Speed of a stroke that figure 9 shows (the nearest recorded one within 10 %); up to 6 times
     #[arg(long, value_name = "SPEED", value_parser = positive)]
     figure_9_speed_mm_s: Vec<f64>,
     #[command(flatten)]

@@ -17,11 +17,11 @@ const WIDTH: usize = 32;
 /// Columns shown of a table that has many more.
 const SHOWN: usize = 40;
 
-/// Show what is in a file: tables, topics, columns, units, rates, gaps, and what would be made of them
+/// Show what is in a file: tables, topics, columns, units, rates, gaps, and what could be identified from it
 ///
-/// Reads CSV and TSV (plain, gzip, zstd), Parquet, Arrow, MATLAB .mat, HDF5, MCAP and ROS 2 bags. Below the columns it says which
-/// of them would be taken as time, position, velocity and force, in the words of --columns and --topic, and what could be
-/// identified from them. Ends with exit code 3 when no recording can be read from the file as it stands.
+/// Reads CSV and TSV (plain, gzip, zstd), Parquet, Arrow, MATLAB .mat, HDF5, MCAP and ROS 2 bags. Prints which columns
+/// would be used as time, position, velocity and force, as options --columns and --topic. Exit code 3: the file cannot be
+/// read as a recording without further options.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// File or bag folder

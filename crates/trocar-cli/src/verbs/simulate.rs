@@ -34,8 +34,8 @@ pub(crate) struct Args {
     /// reading where the motion has one, else 0]; for EMS elements only
     #[arg(long, value_name = "MM", value_parser = finite, allow_negative_numbers = true)]
     initial_deflection_mm: Option<f64>,
-    /// Play between position and model, in m to either side: keeps the flicker of a resting encoder out of the force. 0
-    /// is none; 'auto' takes 1.5 times the resolution that the first rows of a file show
+    /// Width of a backlash filter for the position, in m to either side: keeps the flicker of a resting encoder out of the
+    /// force. 0: none; 'auto': 1.5 times the resolution found in the first rows of the file
     #[arg(long, default_value = "0", value_name = "WIDTH", value_parser = backlash_width, allow_negative_numbers = true)]
     backlash_m: BacklashWidth,
     #[command(flatten)]

@@ -15,9 +15,9 @@ use crate::table::number;
 
 /// Run a model many times with drawn parameters: Monte Carlo and grids over seals, rigs and motions
 ///
-/// Writes one row for each run: its number and seed, its parameters, and peak force, RMS force, work, break-away force, share of
-/// deforming time and, along a recording, the RMS error. The same document gives the same table on any number of cores. A run
-/// whose parameters make no model is a row with its reason in the column failure (exit code 3).
+/// Writes one row per run: number, seed, parameters, peak force, RMS force, work, break-away force, fraction of time in
+/// which the seal deforms and, along a recording, the RMS error. The same document gives the same table on any number of
+/// cores. A run with invalid parameters is a row with its reason in the column failure (exit code 3).
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// What to vary, TOML (see --print-config)
@@ -26,13 +26,13 @@ pub(crate) struct Args {
     /// Table to write: .parquet, .arrow, .csv, .csv.gz or .csv.zst, '-' for CSV to standard output
     #[arg(long, value_name = "TABLE", required_unless_present_any = ["print_config", "list"])]
     out: Option<PathBuf>,
-    /// Also write time, position and force of each run into this folder, a Parquet file each
+    /// Also write time, position and force of each run into this folder, one Parquet file each
     #[arg(long, value_name = "DIR")]
     traces: Option<PathBuf>,
     /// Print a documented example of what to vary and stop
     #[arg(long)]
     print_config: bool,
-    /// Print the parameters of a model with their values and stop; 'plausible' is the model that a sweep has without one
+    /// Print the parameters of a model with their values and stop; 'plausible' is the default model
     #[arg(long, value_name = "MODEL")]
     list: Option<PathBuf>,
 }

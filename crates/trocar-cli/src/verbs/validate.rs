@@ -14,10 +14,10 @@ use crate::table::{Table, number};
 /// Compare a model with recordings it has not seen
 ///
 /// Runs the model along each recording's positions and prints the error of its force: root mean square in N, and the
-/// fit 100 (1 - rms(error) / rms(force - mean force)) in percent. Scored are the samples at which the state of the seal
-/// is known, that is after it has slid once in each recording. A classical model does not tell deforming from sliding:
-/// its table has one column for the motion. Where strokes repeat each other, the floor is their scatter, which no model of
-/// the motion can undercut.
+/// fit 100 (1 - rms(error) / rms(force - mean force)) in percent. Only samples are scored at which the state of the seal
+/// is known, that is after it has slid once in each recording. Classical models do not distinguish deforming from
+/// sliding: their table has one column for the motion. Where strokes repeat, their scatter is the repeatability of the
+/// recording: no model of the motion can be more accurate.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json, or one of those that compare writes)
@@ -25,7 +25,7 @@ pub(crate) struct Args {
     /// Recordings: CSV with time, position and force columns, '-' for standard input
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// Mass between sensor and seal, in kg: its inertia is taken out of the readings [default: the model's sensor, or 0]
+    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings [default: the model's sensor, or 0]
     #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: Option<f64>,
     /// Reading at rest without any force of the seal, in N [default: the model's sensor, or 0]
@@ -89,7 +89,7 @@ pub(crate) fn table(validation: &Validation) -> String {
     let phases = if classical { vec!["moving N", "hold N"] } else { vec!["deforming N", "sliding N", "hold N"] };
     let common = ["recording", "rms N", "fit %", "bias N", "worst N"];
     let repeats = validation.recordings.iter().any(|r| r.strokes.is_some());
-    let floor = if repeats { vec!["floor N", "rms/floor"] } else { Vec::new() };
+    let floor = if repeats { vec!["repeatability N", "rms/repeatability"] } else { Vec::new() };
     let mut table = Table::headed(common.into_iter().chain(phases).chain(["samples"]).chain(floor));
     for r in &validation.recordings {
         let Phases { deformation, sliding, moving, hold, .. } = r.by_phase;

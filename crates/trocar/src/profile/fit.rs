@@ -8,9 +8,10 @@
 use serde::Serialize;
 use trocar_model::profile::place;
 use trocar_model::{PositionProfile, ProfileError};
+use trocar_runtime::profile::mean_between_knots;
 
 use super::banded::{Banded, Factor};
-use super::{is_passive, mean_between_knots};
+use super::is_passive;
 use crate::cancel;
 use crate::recording::Recording;
 use crate::segment::Pass;

@@ -140,6 +140,12 @@ pub struct ReadOptions {
     pub memory_limit: Option<u64>,
 }
 
+impl From<&Recording> for trocar_runtime::model_file::RecordingInfo {
+    fn from(recording: &Recording) -> Self {
+        Self { name: recording.name.clone(), sha256: recording.sha256.clone() }
+    }
+}
+
 impl Recording {
     /// A recording from columns in SI units, looked over like one from a file.
     ///

@@ -296,6 +296,7 @@ impl TableWriter {
     /// The same with `text` in place of missing numbers where the format is CSV, instead of empty cells.
     #[must_use]
     pub fn with_missing(mut self, text: &'static str) -> Self {
+        #[allow(irrefutable_let_patterns)] // the only one without formats
         if let Sink::Csv(writer) = &mut self.sink {
             writer.missing = text;
         }

@@ -18,7 +18,7 @@ const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/fmu-library"));
 /// Why there is none.
 const REASON: &str = include_str!(concat!(env!("OUT_DIR"), "/fmu-reason.txt"));
 
-/// A functional mock-up unit (FMU) for co-simulation in other programs, FMI 2.0 or 3.0
+/// Write a functional mock-up unit (FMU) for co-simulation in other programs, FMI 2.0 or 3.0
 ///
 /// Holds the model and a library that runs it: position or velocity in, force out (with deflection and mode for EMS
 /// elements), every parameter tunable. Its steps are those of 'trocar simulate'. The same model gives the same bytes.

@@ -8,7 +8,7 @@ use clap::Subcommand;
 use crate::Done;
 use crate::console::Console;
 
-/// Write a model in a form that runs without this program
+/// Export a model to C or as an FMU
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]

@@ -347,8 +347,8 @@ mod tests {
         };
         let notes = r#"1 Text("row 6"), 1 Text("row 7"), 1 Missing, 1 Text("row 149"), 1 Text("row 150")"#;
         assert_eq!(cells("note").unwrap(), notes);
-        assert_eq!(cells("is_in").unwrap(), "1 Truth(true), 2 Truth(false), 1 Truth(false), 1 Truth(true)");
-        assert_eq!(cells("small").unwrap().split(", ").next(), Some("1 Whole(-194)"));
+        assert_eq!(cells("is_in").unwrap(), "1 Boolean(true), 2 Boolean(false), 1 Boolean(false), 1 Boolean(true)");
+        assert_eq!(cells("small").unwrap().split(", ").next(), Some("1 Integer(-194)"));
         assert!(cells("kind").unwrap().starts_with(r#"1 Text("push"), 1 Text("pull")"#));
         // Beyond what fits: never another number.
         assert!(cells("unsigned").unwrap_err().contains("2^63"));

@@ -37,12 +37,12 @@
 //!   can tell.
 
 use trocar_model::{
-    Deformation, DeformationForce, Element, Friction, Mode, PositionProfile, Seal, SealState, Stages, Trocar,
+    Deformation, DeformationForce, Element, Friction, Mode, PartialReversals, PositionProfile, Seal, SealState, Stages,
+    Trocar,
 };
 
 pub use adapt::Drift;
 pub use faults::Fault;
-pub use stream::{Compensation, FaultCount, StreamOptions, compensate_file};
 
 use adapt::{Adapter, Sliding};
 use bank::Bank;
@@ -51,13 +51,11 @@ use inertia::Inertia;
 
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, ModelFileError};
 use crate::profile::Departure;
-use crate::replay::Turns;
 
 pub mod adapt;
 pub mod bank;
 mod faults;
 mod inertia;
-mod stream;
 
 /// Speed below which the instrument counts as held, m/s, and the time over which that speed is a mean, s: as in validation,
 /// from which the error of the phase comes.
@@ -184,7 +182,7 @@ pub struct Compensator {
     speed: f64,
     /// Mean over about [`SPEED_TIME`].
     mean_speed: f64,
-    turns: Turns,
+    turns: PartialReversals,
     has_turned: bool,
     minor: Option<MinorLoops>,
     inertia: Inertia,
@@ -236,7 +234,7 @@ impl Compensator {
             position: None,
             speed: 0.0,
             mean_speed: 0.0,
-            turns: Turns::default(),
+            turns: PartialReversals::default(),
             has_turned: false,
             minor: if error.partial_n.is_some() { None } else { MinorLoops::new(&seal) },
             inertia: Inertia::new(mass, gravity),
@@ -254,7 +252,7 @@ impl Compensator {
         self.state = self.setup.seal().rest_at_force(0.0);
         (self.extremes, self.position) = (None, None);
         (self.speed, self.mean_speed, self.time, self.waited) = (0.0, 0.0, 0.0, 0.0);
-        (self.turns, self.has_turned) = (Turns::default(), false);
+        (self.turns, self.has_turned) = (PartialReversals::default(), false);
         self.inertia.restart(0.0, 0.0);
         self.adapter.reset();
         self.bank.reset(self.setup.seal());

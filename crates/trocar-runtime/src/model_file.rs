@@ -19,7 +19,6 @@ use trocar_model::{
 };
 
 use crate::profile::ProfileText;
-use crate::recording::Recording;
 
 use friction::{DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText};
 
@@ -154,9 +153,8 @@ impl Origin {
     }
 
     /// Origin of a model estimated from `recordings` with everything random from `seed`.
-    pub fn identified(seed: u64, recordings: &[Recording]) -> Self {
-        let info = |r: &Recording| RecordingInfo { name: r.name.clone(), sha256: r.sha256.clone() };
-        let recordings = recordings.iter().map(info).collect();
+    pub fn identified(seed: u64, recordings: impl IntoIterator<Item = impl Into<RecordingInfo>>) -> Self {
+        let recordings = recordings.into_iter().map(Into::into).collect();
         Self { seed: Some(seed), recordings, ..Self::new(OriginKind::Identified) }
     }
 }

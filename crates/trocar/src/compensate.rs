@@ -1,8 +1,9 @@
-//! A recording, or a live stream, through the observer: row by row and in constant memory.
+//! [`trocar_runtime::compensate`], and a recording or a live stream through its observer: row by row and in constant memory.
 
 use std::path::Path;
 
-use super::{Compensator, Drift, Fault};
+pub use trocar_runtime::compensate::*;
+
 use crate::error::RecordingError;
 use crate::profile::Departure;
 use crate::recording::columns::Quantity;
@@ -140,7 +141,7 @@ impl Counter {
         self.faults[fault as usize].is_none()
     }
 
-    fn take(&mut self, line: u64, position: f64, estimate: &super::Estimate) {
+    fn take(&mut self, line: u64, position: f64, estimate: &Estimate) {
         self.rows += 1;
         if position.is_finite() && !matches!(estimate.fault, Some(Fault::Jump)) {
             (self.lowest, self.highest) = (self.lowest.min(position), self.highest.max(position));

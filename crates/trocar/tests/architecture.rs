@@ -1,0 +1,115 @@
+//! The invariants of ARCHITECTURE.md that the sources themselves show.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// All sources of the crates, without tests, examples and build scripts.
+fn sources() -> Vec<(String, String)> {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap();
+    let mut folders: Vec<PathBuf> =
+        fs::read_dir(&crates).unwrap().map(|entry| entry.unwrap().path().join("src")).filter(|p| p.is_dir()).collect();
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                let name = path.strip_prefix(&crates).unwrap().to_str().unwrap().replace('\\', "/");
+                found.push((name, code(&fs::read_to_string(&path).unwrap())));
+            }
+        }
+    }
+    assert!(found.len() > 150, "{} sources", found.len());
+    found
+}
+
+/// Without comments and unit tests.
+fn code(text: &str) -> String {
+    let own = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+    own.lines().filter(|line| !line.trim_start().starts_with("//")).map(|line| format!("{line}\n")).collect()
+}
+
+/// Files outside `allowed` (beginnings of names) that hold one of `patterns`.
+fn elsewhere(patterns: &[&str], allowed: &[&str]) -> BTreeSet<String> {
+    let holds = |(name, text): (String, String)| {
+        let is_allowed = allowed.iter().any(|start| name.starts_with(start));
+        (!is_allowed && patterns.iter().any(|pattern| text.contains(pattern))).then_some(name)
+    };
+    sources().into_iter().filter_map(holds).collect()
+}
+
+#[track_caller]
+fn only_in(patterns: &[&str], allowed: &[&str]) {
+    assert_eq!(elsewhere(patterns, allowed), BTreeSet::new(), "{patterns:?} belongs to {allowed:?}");
+    assert!(!elsewhere(patterns, &[]).is_empty(), "{patterns:?} is nowhere: the test looks for the wrong thing");
+}
+
+#[test]
+fn only_the_command_line_prints_or_exits() {
+    only_in(
+        &["println!", "eprintln!", "print!(", "process::exit", "io::stdout"],
+        &["trocar-cli/", "trocar-proof/", "trocar/src/output.rs"],
+    );
+}
+
+#[test]
+fn only_the_command_line_and_python_draw() {
+    only_in(&["trocar::report", "crate::report"], &["trocar-cli/", "trocar-py/", "trocar/src/report/"]);
+}
+
+#[test]
+fn only_the_reader_knows_formats() {
+    // A data set whose recordings are rows of Parquet files selects them there.
+    only_in(&["formats::"], &["trocar/src/recording/", "trocar/src/fleet/parts"]);
+}
+
+/// Whatever runs an identified model runs `Trocar`; these step its parts, each for a reason of its own.
+#[test]
+fn models_are_stepped_in_known_places() {
+    let parts =
+        ["stages.step(", "element.step", "seal.step(", "seal().step(", "step_parallel(", "step_beside(", "model.step("];
+    let allowed = [
+        "trocar-model/",
+        "trocar/src/analyze",                    // propositions and energy of elements
+        "trocar/src/bench/rig.rs",               // a wetted seal under a motor
+        "trocar/src/identify/",                  // derivatives of the force
+        "trocar/src/report/figures/deformation", // branches of the deformation force
+        "trocar/src/replay.rs",                  // extreme starts
+        "trocar-runtime/src/compensate",         // a seal whose friction has changed is driven by a scaled motion
+    ];
+    only_in(&parts, &allowed);
+}
+
+#[test]
+fn identification_and_bench_do_not_know_each_other() {
+    let of = |folder: &str| sources().into_iter().filter(move |(name, _)| name.starts_with(folder)).collect::<Vec<_>>();
+    let (identify, bench) = (of("trocar/src/identify"), of("trocar/src/bench"));
+    assert!(identify.len() > 20 && bench.len() > 5);
+    for (name, text) in identify {
+        assert!(!text.contains("crate::bench"), "{name} uses the bench");
+    }
+    for (name, text) in bench {
+        assert!(!text.contains("crate::identify"), "{name} uses the identification");
+    }
+}
+
+#[test]
+fn no_clock_in_results() {
+    let measured = ["trocar/src/compare/mod.rs", "trocar/src/fleet/journal.rs", "trocar-cli/src/verbs/"];
+    only_in(&["Instant::now", "SystemTime"], &measured);
+}
+
+#[test]
+fn unsafe_code_stays_at_foreign_interfaces() {
+    let edges = [
+        "trocar-capi/",
+        "trocar-fmu/src/ffi.rs",
+        "trocar-fmu/src/fmi2.rs",
+        "trocar-fmu/src/fmi3.rs",
+        "trocar-web/src/exports.rs",
+        "trocar-proof/",
+    ];
+    only_in(&["unsafe {", "unsafe fn", "unsafe impl"], &edges);
+}
