@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use trocar::recording::{Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read};
-use trocar::summary::MovingMass;
+use trocar::workflow::MovingMass;
 
 use crate::console::{BadArgument, Console};
 use crate::progress::Progress;
@@ -145,15 +145,6 @@ impl Rod {
     pub(crate) fn moving_mass(&self) -> MovingMass {
         MovingMass { mass: self.moving_mass_kg, gravity: self.gravity_m_s2 }
     }
-}
-
-/// The recording without the declared mass and without the hidden one, whose weight is part of the offset.
-pub(crate) fn without(recording: Recording, declared: MovingMass, hidden: f64) -> anyhow::Result<Recording> {
-    let mass = declared.mass + hidden;
-    if mass == 0.0 {
-        return Ok(recording);
-    }
-    Ok(recording.without_moving_mass(mass, declared.gravity * declared.mass / mass)?)
 }
 
 /// Tells the memory that the whole work needs, not only the columns.

@@ -10,12 +10,12 @@ use trocar::output::StagedFolder;
 use trocar::recording::Recording as Record;
 use trocar::report::comparison::document;
 use trocar::report::{self, Document, ReportError};
-use trocar::summary::MovingMass;
+use trocar::workflow::MovingMass;
 
 use crate::errors::{CompareError, ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::shared::{Picture, figures, moving_mass, records, without, write_page};
+use crate::shared::{Picture, figures, moving_mass, records, write_page};
 use crate::work::{How, run};
 
 /// A finished comparison.
@@ -53,9 +53,7 @@ pub(crate) fn compare(
         IdentifyOptions { bootstrap: 0, seed, inertia_removed: moving_mass.mass > 0.0, ..Default::default() };
     let options = CompareOptions { models, identify, timing };
     let task = move |report: &crate::work::Report| {
-        let corrected = |recordings: Vec<Record>| {
-            recordings.into_iter().map(|recording| without(recording, moving_mass, 0.0)).collect::<Result<Vec<_>, _>>()
-        };
+        let corrected = |recordings: Vec<Record>| moving_mass.subtracted_from_all(recordings, 0.0);
         let (mut training, mut validation) = (corrected(training)?, corrected(validation)?);
         let held_out = validation.is_empty();
         if held_out {

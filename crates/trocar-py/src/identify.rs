@@ -4,57 +4,29 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use pyo3::prelude::*;
-use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Progress, Term};
+use trocar::identify::{IdentifyOptions, Term};
 use trocar::output::StagedFolder;
-use trocar::recording::{Recording as Record, RecordingError};
-use trocar::report::identification::{FigureChoice, IdentificationReport, document};
-use trocar::report::{self, Document, ReportError};
-use trocar::summary::{MovingMass, Outcome, validated};
-use trocar::validate::Validation;
+use trocar::report::identification::FigureChoice;
+use trocar::report::{Document, ReportError};
+use trocar::workflow::{Workflow, WorkflowError};
 
-use crate::errors::{ParameterError, Raise};
+use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::shared::{Picture, figures, moving_mass, records, without, write_page};
+use crate::shared::{Picture, figures, moving_mass, records, write_page};
 use crate::validate::Validated;
 use crate::work::{How, run};
 
 /// A finished identification.
 #[pyclass(module = "trocar._core", frozen)]
-pub(crate) struct Found(Arc<Job>);
+pub(crate) struct Found(Arc<Workflow>);
 
-struct Job {
-    identification: Identification,
-    options: IdentifyOptions,
-    recordings: Vec<Record>,
-    held_out: Vec<Record>,
-    validation: Option<Validation>,
-    moving_mass: MovingMass,
-}
-
-/// Why there is none.
-enum Failure {
-    Identify(IdentifyError),
-    Recording(RecordingError),
-}
-
-impl From<IdentifyError> for Failure {
-    fn from(error: IdentifyError) -> Self {
-        Self::Identify(error)
-    }
-}
-
-impl From<RecordingError> for Failure {
-    fn from(error: RecordingError) -> Self {
-        Self::Recording(error)
-    }
-}
-
-impl Raise for Failure {
+impl Raise for WorkflowError {
     fn raise(self) -> PyErr {
         match self {
             Self::Identify(error) => error.raise(),
             Self::Recording(error) => error.raise(),
+            other => InternalError::new_err(other.to_string()),
         }
     }
 }
@@ -88,7 +60,6 @@ pub(crate) fn identify(
         bootstrap,
         seed,
         degrees,
-        inertia_removed: moving_mass.mass > 0.0,
         free_motion,
         without: without.iter().map(|name| term(name)).collect::<PyResult<_>>()?,
         offset: offset_n,
@@ -97,7 +68,7 @@ pub(crate) fn identify(
     };
     let (recordings, held_out) = (records(&recordings), records(&held_out));
     let task = move |report: &crate::work::Report| {
-        Job::run(recordings, held_out, moving_mass, options, &|stage, part| report.tell(stage, part))
+        Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| report.tell(stage, part))
     };
     let job = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
     Ok(Found(Arc::new(job)))
@@ -109,72 +80,26 @@ fn term(name: &str) -> PyResult<Term> {
     found.ok_or_else(|| ParameterError::new_err(format!("without {name:?}: expected one of {}", names())))
 }
 
-impl Job {
-    fn run(
-        recordings: Vec<Record>,
-        held_out: Vec<Record>,
-        moving_mass: MovingMass,
-        options: IdentifyOptions,
-        progress: Progress,
-    ) -> Result<Self, Failure> {
-        let corrected = |recordings: Vec<Record>, hidden: f64| {
-            recordings
-                .into_iter()
-                .map(|recording| without(recording, moving_mass, hidden))
-                .collect::<Result<Vec<_>, _>>()
-        };
-        let recordings = corrected(recordings, 0.0)?;
-        let identification = trocar::identify::identify(&recordings, &options, progress)?;
-        let recordings = identification.without_delay(recordings)?;
-        let held_out = identification.without_delay(corrected(held_out, identification.model.unmodelled_mass)?)?;
-        let validation = validated(&identification, &held_out);
-        Ok(Self { identification, options, recordings, held_out, validation, moving_mass })
-    }
+fn page(done: &Workflow) -> Document {
+    done.document(None, FigureChoice::default()).expect("the default choice is possible")
+}
 
-    fn outcome(&self) -> Outcome<'_> {
-        Outcome {
-            identification: &self.identification,
-            options: &self.options,
-            recordings: &self.recordings,
-            held_out: &self.held_out,
-            validation: self.validation.as_ref(),
-            moving_mass: self.moving_mass,
-        }
-    }
-
-    fn document(&self) -> Document {
-        document(&IdentificationReport {
-            identification: &self.identification,
-            training: &self.recordings,
-            validation: self.validation.as_ref().map(|validation| (self.held_out.as_slice(), validation)),
-            truth: None,
-            seed: self.options.seed,
-            bootstrap: self.options.bootstrap,
-            title: "Force between instrument and trocar",
-            choice: FigureChoice::default(),
-        })
-    }
-
-    fn save(&self, folder: &std::path::Path) -> Result<(), ReportError> {
-        let staged = StagedFolder::create(folder)?;
-        let outcome = self.outcome();
-        staged.write("model.json", outcome.model_file().to_json().as_bytes())?;
-        staged.write("summary.json", outcome.summary().to_json().as_bytes())?;
-        report::stage_document(&staged, &self.document())?;
-        Ok(staged.commit()?)
-    }
+fn save(done: &Workflow, folder: &std::path::Path) -> Result<(), ReportError> {
+    let staged = StagedFolder::create(folder)?;
+    done.write(&staged, None, FigureChoice::default())?;
+    Ok(staged.commit()?)
 }
 
 #[pymethods]
 impl Found {
     /// The identified model.
     fn model(&self) -> Model {
-        self.0.outcome().model_file().into()
+        self.0.model_file().into()
     }
 
     /// The text of summary.json.
     fn summary_json(&self) -> String {
-        self.0.outcome().summary().to_json()
+        self.0.summary().to_json()
     }
 
     /// Names of the parameters, in the order of their importance.
@@ -186,7 +111,7 @@ impl Found {
     fn validated(&self, py: Python<'_>) -> PyResult<Option<Validated>> {
         let job = self.0.clone();
         run(py, How::default(), move |_| {
-            let Job { identification, held_out, validation, moving_mass, .. } = &*job;
+            let Workflow { identification, held_out, validation, moving_mass, .. } = &*job;
             let offset = identification.model.offset;
             let mass = moving_mass.mass + identification.model.unmodelled_mass;
             let validation = validation.clone()?;
@@ -197,18 +122,18 @@ impl Found {
     /// The figures of the report.
     fn figures(&self, py: Python<'_>) -> PyResult<Vec<Picture>> {
         let job = self.0.clone();
-        figures(py, move || job.document())
+        figures(py, move || page(&job))
     }
 
     /// Writes the page of the report, one file with everything inside.
     fn report(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let job = self.0.clone();
-        write_page(py, path, move || job.document())
+        write_page(py, path, move || page(&job))
     }
 
     /// Writes model.json, summary.json, report.html and figures.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
         let job = self.0.clone();
-        run(py, How::default(), move |_| job.save(&folder))?.map_err(Raise::raise)
+        run(py, How::default(), move |_| save(&job, &folder))?.map_err(Raise::raise)
     }
 }

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use trocar::output::AtomicFile;
 use trocar::recording::Recording as Record;
 use trocar::report::{self, Document};
-use trocar::summary::MovingMass;
+use trocar::workflow::MovingMass;
 
 use crate::errors::{ParameterError, Raise};
 use crate::recording::Recording;
@@ -40,19 +40,6 @@ pub(crate) fn not_negative(name: &str, value: f64, unit: &str) -> PyResult<()> {
     let wrong =
         || ParameterError::new_err(format!("{name} must be finite and not negative, got {} {unit}", number(value)));
     (value.is_finite() && value >= 0.0).then_some(()).ok_or_else(wrong)
-}
-
-/// The recording without the declared mass and without the hidden one, whose weight is part of the offset.
-pub(crate) fn without(
-    recording: Record,
-    declared: MovingMass,
-    hidden: f64,
-) -> Result<Record, trocar::recording::RecordingError> {
-    let mass = declared.mass + hidden;
-    if mass == 0.0 {
-        return Ok(recording);
-    }
-    recording.without_moving_mass(mass, declared.gravity * declared.mass / mass)
 }
 
 /// A figure: name, title, caption, SVG.

@@ -7,14 +7,14 @@ use pyo3::prelude::*;
 use trocar::recording::{Recording as Record, RecordingError};
 use trocar::replay::{Replay, replay};
 use trocar::report::validation::document;
-use trocar::summary::MovingMass;
 use trocar::validate::Validation;
+use trocar::workflow::MovingMass;
 use trocar_model::Trocar;
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::shared::{Picture, figures, finite, not_negative, records, without};
+use crate::shared::{Picture, figures, finite, not_negative, records};
 use crate::work::{How, run};
 
 /// A finished validation.
@@ -53,7 +53,7 @@ pub(crate) fn validate(
     let task = move |_: &crate::work::Report| {
         // The weight of the mass is part of the offset.
         let taken_out = MovingMass { mass, gravity: 0.0 };
-        let prepared = |recording| without(recording, taken_out, 0.0)?.with_position_delay(lag);
+        let prepared = |recording| taken_out.subtracted_from(recording, 0.0)?.with_position_delay(lag);
         let recordings: Vec<Record> = recordings.into_iter().map(prepared).collect::<Result<_, RecordingError>>()?;
         let validation = trocar::validate::validate(&file.trocar, &recordings, offset);
         Ok(Validated::new(&file.trocar, recordings, validation, offset, mass))

@@ -20,7 +20,7 @@ use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::identify::{Identification, IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::{ReadOptions, Recording, read};
-use trocar::summary::{MovingMass, Outcome, validated};
+use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{DeformationForce, Element, ElementParams};
 
 /// Half-width of a 95 % band, in standard deviations.
@@ -94,9 +94,8 @@ fn model_of(
     held_out: &[Recording],
     moving_mass: MovingMass,
 ) -> ModelFile {
-    let validation = validated(found, held_out);
-    let validation = validation.as_ref();
-    Outcome { identification: found, options, recordings, held_out, validation, moving_mass }.model_file()
+    let (found, options) = (found.clone(), options.clone());
+    Workflow::of(found, options, recordings.to_vec(), held_out.to_vec(), moving_mass).model_file()
 }
 
 /// Coverage on recordings without tissue.

@@ -25,6 +25,7 @@ pub mod survey;
 pub mod sweep;
 pub mod table;
 pub mod validate;
+pub mod workflow;
 
 pub use trocar_runtime::model_file;
 

@@ -7,57 +7,29 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::identify::{
-    DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions,
-    Parameter, Phase, PositionDelay, SteadyFit, StickSlip, Warning,
+    DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Parameter, Phase, PositionDelay,
+    SteadyFit, StickSlip, Warning,
 };
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, SensorInfo};
 use crate::profile::ProfileFit;
 use crate::recording::{Quality, Recording};
 use crate::validate::{Validation, validate};
+use crate::workflow::{MovingMass, Workflow};
 
 /// Value of the key `program`.
 pub(crate) const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
 
-/// Mass between sensor and seal whose inertia and weight were taken out of the readings.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct MovingMass {
-    /// Mass, kg, ≥ 0.
-    #[serde(rename = "mass_kg")]
-    pub mass: f64,
-    /// Component of gravity along the insertion, m/s², as in
-    /// [`Recording::without_moving_mass`](crate::recording::Recording::without_moving_mass).
-    #[serde(rename = "gravity_m_s2")]
-    pub gravity: f64,
-}
-
 impl MovingMass {
-    /// The sensor of a model whose offset without the declared mass is `offset`, N; `hidden` kg were found beside it.
+    /// The sensor of a model whose offset without the declared mass is `offset`, N; `unmodelled` kg were found beside it.
     ///
     /// Its offset is the reading at rest without any force of the seal, weight of the declared mass included.
-    pub(crate) fn sensor(self, offset: f64, hidden: f64) -> SensorInfo {
+    pub(crate) fn sensor(self, offset: f64, unmodelled: f64) -> SensorInfo {
         SensorInfo {
             offset_n: offset + self.mass * self.gravity,
-            moving_mass_kg: self.mass + hidden.max(0.0),
+            moving_mass_kg: self.mass + unmodelled.max(0.0),
             position_delay_s: 0.0,
         }
     }
-}
-
-/// Everything an identification started from and came to.
-#[derive(Debug, Clone, Copy)]
-pub struct Outcome<'a> {
-    /// The result.
-    pub identification: &'a Identification,
-    /// How it was asked for.
-    pub options: &'a IdentifyOptions,
-    /// The recordings it was identified from, the moving mass taken out.
-    pub recordings: &'a [Recording],
-    /// The recordings it was validated on, the moving mass taken out.
-    pub held_out: &'a [Recording],
-    /// The validation on them; `None` without any.
-    pub validation: Option<&'a Validation>,
-    /// What was taken out.
-    pub moving_mass: MovingMass,
 }
 
 /// A recording in the summary.
@@ -156,17 +128,10 @@ pub struct Summary<'a> {
     pub warnings: Vec<Warning>,
 }
 
-/// The validation of `found` on `held_out`, positions and unmodelled mass treated as in the identification; `None` without
-/// recordings.
-pub fn validated(found: &Identification, held_out: &[Recording]) -> Option<Validation> {
-    let validate = || validate(&found.trocar(), held_out, found.model.offset);
-    (!held_out.is_empty()).then(|| validate().beside_identification(found.residual_rms, held_out))
-}
-
-impl<'a> Outcome<'a> {
+impl Workflow {
     /// The contents of `summary.json`.
-    pub fn summary(&self) -> Summary<'a> {
-        let found = self.identification;
+    pub fn summary(&self) -> Summary<'_> {
+        let found = &self.identification;
         let deformation = found.deformation.as_ref();
         Summary {
             program: PROGRAM,
@@ -184,7 +149,7 @@ impl<'a> Outcome<'a> {
             position_delay: found.position_delay,
             position_profile: found.position_profile.as_ref(),
             no_position_profile: found.no_position_profile.as_deref(),
-            validation: self.validation,
+            validation: self.validation.as_ref(),
             steady: &found.steady,
             deformation: deformation.ok().map(deformation_summary),
             deformation_missing: deformation.err().map(String::as_str),
@@ -196,8 +161,8 @@ impl<'a> Outcome<'a> {
     }
 
     /// What limits the validation, as warnings of the result.
-    fn validation_warnings(&self) -> impl Iterator<Item = Warning> {
-        let recordings = self.validation.into_iter().flat_map(|validation| &validation.recordings);
+    fn validation_warnings(&self) -> impl Iterator<Item = Warning> + '_ {
+        let recordings = self.validation.iter().flat_map(|validation| &validation.recordings);
         recordings.flat_map(|r| {
             r.warnings.iter().map(|message| Warning {
                 subject: r.path.clone(),
@@ -210,14 +175,14 @@ impl<'a> Outcome<'a> {
     /// Whether data were lost or parameters are not determined, in identification or validation.
     pub fn is_doubtful(&self) -> bool {
         let lost = self.held_out.iter().any(|recording| !recording.quality.warnings.is_empty());
-        let unknown = self.validation.is_some_and(Validation::is_doubtful);
+        let unknown = self.validation.as_ref().is_some_and(Validation::is_doubtful);
         self.identification.is_doubtful() || lost || unknown
     }
 
     /// The identified seal with its origin, sensor and intervals.
     pub fn model_file(&self) -> ModelFile {
-        let found = self.identification;
-        let mut origin = Origin::identified(self.options.seed, self.recordings);
+        let found = &self.identification;
+        let mut origin = Origin::identified(self.options.seed, &self.recordings);
         origin.note = found.deformation_note();
         let mut model = ModelFile::new(found.stages, origin);
         model.trocar = found.trocar().stored_as(<[f64]>::to_vec);
@@ -231,19 +196,19 @@ impl<'a> Outcome<'a> {
 
     /// On the recordings held out and on those identified from, by phase the worse of the two.
     fn force_error(&self) -> ForceError {
-        let found = self.identification;
+        let found = &self.identification;
         let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0).ok();
         let recordings: Vec<Recording> = match found.model.unmodelled_mass {
             0.0 => self.recordings.to_vec(),
             _ => self.recordings.iter().filter_map(without_hidden).collect(),
         };
         let own = validate(&found.trocar(), &recordings, found.model.offset).force_error(ErrorSource::Identification);
-        let validated = self.validation.map(|validation| validation.force_error(ErrorSource::Validation));
+        let validated = self.validation.as_ref().map(|validation| validation.force_error(ErrorSource::Validation));
         validated.map_or(own, |validated| own.worse(&validated, ErrorSource::Validation))
     }
 
-    fn recording_summaries(&self) -> Vec<RecordingSummary<'a>> {
-        let of = |used_for: &'static str, recordings: &'a [Recording]| {
+    fn recording_summaries(&self) -> Vec<RecordingSummary<'_>> {
+        fn of<'a>(used_for: &'static str, recordings: &'a [Recording]) -> impl Iterator<Item = RecordingSummary<'a>> {
             recordings.iter().map(move |recording| RecordingSummary {
                 name: &recording.name,
                 sha256: &recording.sha256,
@@ -252,8 +217,8 @@ impl<'a> Outcome<'a> {
                 duration_s: recording.duration(),
                 quality: &recording.quality,
             })
-        };
-        of("identification", self.recordings).chain(of("validation", self.held_out)).collect()
+        }
+        of("identification", &self.recordings).chain(of("validation", &self.held_out)).collect()
     }
 }
 

@@ -11,8 +11,8 @@ use trocar::compensate::{CompensateError, CompensateOptions, Compensator, Drift,
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::{ErrorSource, ForceError, ModelFile, Origin, OriginKind, SensorInfo};
 use trocar::recording::{ReadOptions, Recording, read};
-use trocar::summary::{MovingMass, Outcome, validated};
 use trocar::validate::validate;
+use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{
     Classical, DeformationForce, Element, ElementParams, Seal, SlidingFriction, StaticFriction, Trocar,
 };
@@ -105,16 +105,8 @@ fn stranger(seed: u64) -> ([Element; 1], ModelFile) {
     let recordings = [record(Protocol::Steady, 1), record(Protocol::Dynamic, 2)];
     let found = identify(&recordings, &options, &|_, _| {}).unwrap();
     let held_out = [record(Protocol::Validation, 3)];
-    let validation = validated(&found, &held_out);
-    let outcome = Outcome {
-        identification: &found,
-        options: &options,
-        recordings: &recordings,
-        held_out: &held_out,
-        validation: validation.as_ref(),
-        moving_mass: MovingMass { mass: config.rod.mass_kg, gravity: 0.0 },
-    };
-    (seal, outcome.model_file())
+    let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
+    (seal, Workflow::of(found, options, recordings.to_vec(), held_out.to_vec(), moving_mass).model_file())
 }
 
 /// On seals of other seeds, dry and wetted on the way, full strokes and a hand's motion that nothing was validated on: the band

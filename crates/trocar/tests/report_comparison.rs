@@ -11,7 +11,7 @@ use trocar::recording::Recording;
 use trocar::replay::forces;
 use trocar::report::comparison::document;
 use trocar::report::{Cell, Document, Family, Figure, Panel, Role, Section, Series, Table, write_document};
-use trocar::summary::MovingMass;
+use trocar::workflow::MovingMass;
 use trocar_model::{Element, ElementParams};
 
 /// A line drawn through thinned points departs from the samples by no more than this, N.

@@ -6,7 +6,7 @@ use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::identify::{Identification, IdentifyOptions, identify};
 use trocar::model_file::{ErrorSource, ForceError};
 use trocar::recording::Recording;
-use trocar::summary::{MovingMass, Outcome, validated};
+use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{Element, ElementParams};
 
 fn record(protocol: Protocol, friction: f64, seed: u64) -> Recording {
@@ -19,6 +19,7 @@ fn record(protocol: Protocol, friction: f64, seed: u64) -> Recording {
     made.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
 }
 
+#[derive(Clone)]
 struct Found {
     identification: Identification,
     options: IdentifyOptions,
@@ -33,17 +34,10 @@ static FOUND: LazyLock<Found> = LazyLock::new(|| {
 });
 
 /// What the identification leaves behind, validated on `held_out`.
-fn with_outcome<T>(held_out: &[Recording], of: impl FnOnce(&Outcome) -> T) -> T {
-    let Found { identification, options, recordings } = &*FOUND;
-    let validation = validated(identification, held_out);
-    of(&Outcome {
-        identification,
-        options,
-        recordings,
-        held_out,
-        validation: validation.as_ref(),
-        moving_mass: MovingMass { mass: BenchConfig::default().rod.mass_kg, gravity: 0.0 },
-    })
+fn with_outcome<T>(held_out: &[Recording], of: impl FnOnce(&Workflow) -> T) -> T {
+    let Found { identification, options, recordings } = FOUND.clone();
+    let moving_mass = MovingMass { mass: BenchConfig::default().rod.mass_kg, gravity: 0.0 };
+    of(&Workflow::of(identification, options, recordings, held_out.to_vec(), moving_mass))
 }
 
 fn error(held_out: &[Recording]) -> ForceError {
@@ -103,7 +97,7 @@ fn a_validation_that_agrees_is_not_doubtful() {
     for protocol in [Protocol::Validation, Protocol::Step, Protocol::Surgeon] {
         let held_out = [record(protocol, 1.0, 4)];
         with_outcome(&held_out, |outcome| {
-            let times = outcome.validation.unwrap().rms_n / outcome.identification.residual_rms;
+            let times = outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
             assert!(times < 2.0 && !outcome.is_doubtful(), "{protocol}: {times}, {:?}", outcome.summary().warnings);
         });
     }
@@ -120,7 +114,7 @@ fn a_validation_that_contradicts_is_doubtful() {
             assert!(summary.doubtful);
             let warning = summary.warnings.iter().find(|w| w.subject == "validation.csv").expect("a warning");
             assert!(warning.doubtful);
-            let times = outcome.validation.unwrap().rms_n / outcome.identification.residual_rms;
+            let times = outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
             println!("friction {friction}: {times:.1} times: {}", warning.message);
             let said = format!(
                 "is {} times the identification error",

@@ -9,10 +9,10 @@ use trocar::recording::Recording;
 use trocar::report;
 use trocar::survey::Survey;
 
-use super::identify::say_survey;
+use super::identify::print_survey;
 use crate::Done;
 use crate::console::{self, BadArgument, Console};
-use crate::input::{Reading, Rod, without};
+use crate::input::{Reading, Rod};
 use crate::models::{Models, models};
 use crate::progress::Progress;
 use crate::table::{Table, number};
@@ -65,7 +65,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let lost = training.iter().any(|r| !r.quality.warnings.is_empty());
     let moving_mass = args.rod.moving_mass();
     refuse_twice(&training)?;
-    training = training.into_iter().map(|r| without(r, moving_mass, 0.0)).collect::<anyhow::Result<_>>()?;
+    training = moving_mass.subtracted_from_all(training, 0.0)?;
     let mut validation = training.split_off(args.recordings.len());
     let held_out = validation.is_empty();
     if held_out {
@@ -80,7 +80,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         inertia_removed: moving_mass.mass > 0.0,
         ..Default::default()
     };
-    say_survey(console, &Survey::new(&training, &identify.segment));
+    print_survey(console, &Survey::new(&training, &identify.segment));
     let options = CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
     let progress = Progress::new(console);
     let comparison = compare(&training, &validation, &options, &|stage, part| progress.report(stage, part))?;

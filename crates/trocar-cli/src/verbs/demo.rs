@@ -8,7 +8,7 @@ use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::FigureChoice;
-use trocar::summary::MovingMass;
+use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::ElementParams;
 
 use crate::Done;
@@ -17,7 +17,7 @@ use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
 use super::bench::write_recording;
-use super::identify::{self, Found, Job};
+use super::identify;
 
 /// Experiments that the model is identified from; the others validate it.
 const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
@@ -47,14 +47,13 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let held_out = HELD_OUT.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
     // On a rig the rod has been weighed; its weight may stay in the offset.
     let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
-    let options = IdentifyOptions { seed: args.seed, inertia_removed: true, ..IdentifyOptions::default() };
-    let found = Job { recordings, held_out, moving_mass, options }.run(console)?;
-    let outcome = found.outcome();
-    identify::write(&staged, &outcome, Some(truth.stages()?.elements()), FigureChoice::default())?;
+    let options = IdentifyOptions { seed: args.seed, ..IdentifyOptions::default() };
+    let done = identify::run_workflow(console, recordings, held_out, moving_mass, options)?;
+    done.write(&staged, Some(truth.stages()?.elements()), FigureChoice::default())?;
     staged.commit()?;
-    console::print(&in_brief(&found, truth.stages()?.first().params(), &config))?;
+    console::print(&in_brief(&done, truth.stages()?.first().params(), &config))?;
     console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
-    Ok(Done::doubtful_if(outcome.is_doubtful()))
+    Ok(Done::doubtful_if(done.is_doubtful()))
 }
 
 /// Runs one experiment and reads its recording back from its file, as a recording of a rig would be read.
@@ -77,7 +76,7 @@ fn record(
 }
 
 /// Ten lines: what was found beside what it was made with.
-fn in_brief(found: &Found, truth: &ElementParams, config: &BenchConfig) -> String {
+fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> String {
     let mut table = Table::headed(["parameter", "truth", "found", "95 % interval", "unit"]);
     for row in identify::main_parameters(&found.identification) {
         let Some(true_value) = true_value(row.name, truth, config) else { continue };

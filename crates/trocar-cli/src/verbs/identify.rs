@@ -2,19 +2,17 @@
 
 use std::path::PathBuf;
 
-use trocar::identify::{Estimate, Identification, IdentifyOptions, Term, Warning, identify};
+use trocar::identify::{Estimate, Identification, IdentifyOptions, Term, Warning};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
-use trocar::report;
-use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
-use trocar::summary::{MovingMass, Outcome, validated};
+use trocar::report::identification::FigureChoice;
 use trocar::survey::Survey;
-use trocar::validate::Validation;
-use trocar_model::{Element, MAX_DEGREE};
+use trocar::workflow::{MovingMass, Workflow};
+use trocar_model::MAX_DEGREE;
 
 use crate::Done;
 use crate::console::{self, Console};
-use crate::input::{Reading, Rod, without};
+use crate::input::{Reading, Rod};
 use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
@@ -113,7 +111,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         bootstrap: args.bootstrap,
         seed: args.seed,
         degrees: args.degrees.0,
-        inertia_removed: moving_mass.mass > 0.0,
         free_motion: !args.no_free_motion,
         without: args.without.clone(),
         offset: args.offset_n,
@@ -122,57 +119,36 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     };
     // Better to learn now than after the work that nothing can be written there.
     let staged = StagedFolder::create(&args.out)?;
-    let job = Job { recordings, held_out, moving_mass, options };
-    let found = job.run(console)?;
-    let outcome = found.outcome();
+    let done = run_workflow(console, recordings, held_out, moving_mass, options)?;
     let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
     let (deflections, speeds) = (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
-    write(&staged, &outcome, None, FigureChoice { deflections: &deflections, speeds: &speeds })?;
+    done.write(&staged, None, FigureChoice { deflections: &deflections, speeds: &speeds })?;
     staged.commit()?;
-    let text = if args.json { outcome.summary().to_json() } else { found.in_brief() };
+    let text = if args.json { done.summary().to_json() } else { in_brief(&done) };
     console::print(&text)?;
     console.remark(&format!("report: {}", args.out.join("report.html").display()));
-    Ok(Done::doubtful_if(overlaps || outcome.is_doubtful()))
+    Ok(Done::doubtful_if(overlaps || done.is_doubtful()))
 }
 
-/// Recordings and what to do with them.
-pub(crate) struct Job {
-    pub(crate) recordings: Vec<Recording>,
-    pub(crate) held_out: Vec<Recording>,
-    pub(crate) moving_mass: MovingMass,
-    pub(crate) options: IdentifyOptions,
-}
-
-/// A finished job.
-pub(crate) struct Found {
-    job: Job,
-    pub(crate) identification: Identification,
-    pub(crate) validation: Option<Validation>,
-}
-
-impl Job {
-    /// Identifies and validates; says beforehand what the recordings can give, and afterwards what is doubtful.
-    pub(crate) fn run(mut self, console: &Console) -> anyhow::Result<Found> {
-        let taken_out = self.moving_mass;
-        let lost = std::mem::take(&mut self.recordings).into_iter().map(|r| without(r, taken_out, 0.0));
-        self.recordings = lost.collect::<anyhow::Result<_>>()?;
-        say_survey(console, &Survey::new(&self.recordings, &self.options.segment));
-        let progress = Progress::new(console);
-        let identification = identify(&self.recordings, &self.options, &|stage, part| progress.report(stage, part))?;
-        drop(progress);
-        self.recordings = identification.without_delay(self.recordings)?;
-        let hidden = identification.model.unmodelled_mass;
-        let held_out = std::mem::take(&mut self.held_out).into_iter().map(|r| without(r, taken_out, hidden));
-        self.held_out = identification.without_delay(held_out.collect::<anyhow::Result<_>>()?)?;
-        let validation = validated(&identification, &self.held_out);
-        let found = Found { job: self, identification, validation };
-        found.say_warnings(console);
-        Ok(found)
-    }
+/// Runs the workflow; prints before what the recordings can give, and after what is doubtful.
+pub(crate) fn run_workflow(
+    console: &Console,
+    recordings: Vec<Recording>,
+    held_out: Vec<Recording>,
+    moving_mass: MovingMass,
+    options: IdentifyOptions,
+) -> anyhow::Result<Workflow> {
+    print_survey(console, &Survey::new(&recordings, &options.segment));
+    let progress = Progress::new(console);
+    let report = |stage: &str, part: f64| progress.report(stage, part);
+    let done = Workflow::run(recordings, held_out, moving_mass, options, &report)?;
+    drop(progress);
+    print_warnings(console, &done);
+    Ok(done)
 }
 
 /// What the recordings can and cannot give.
-pub(crate) fn say_survey(console: &Console, survey: &Survey) {
+pub(crate) fn print_survey(console: &Console, survey: &Survey) {
     for r in &survey.recordings {
         console.remark(&format!(
             "{}: {} samples, {:.1} s, stroke {:.1} mm, {}, {}; constant velocity {}",
@@ -208,98 +184,54 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     }
 }
 
-/// Stages everything that the folder gets.
-///
-/// `truth` are the elements of a virtual bench, drawn and listed beside what was found; `choice` is what figures show.
-pub(crate) fn write(
-    staged: &StagedFolder,
-    outcome: &Outcome,
-    truth: Option<&[Element]>,
-    choice: FigureChoice,
-) -> anyhow::Result<()> {
-    let input = IdentificationReport {
-        identification: outcome.identification,
-        training: outcome.recordings,
-        validation: outcome.validation.map(|v| (outcome.held_out, v)),
-        truth,
-        seed: outcome.options.seed,
-        bootstrap: outcome.options.bootstrap,
-        title: "Force between instrument and trocar",
-        choice,
-    };
-    check_choice(&input)?;
-    staged.write("model.json", outcome.model_file().to_json().as_bytes())?;
-    staged.write("summary.json", outcome.summary().to_json().as_bytes())?;
-    report::stage_document(staged, &document(&input))?;
-    Ok(())
+/// Warnings about files were printed when they were read; one reason for several parameters is given once.
+fn print_warnings(console: &Console, done: &Workflow) {
+    let read = |subject: &str| done.recordings.iter().any(|recording| recording.name == subject);
+    let mut left: Vec<&Warning> = done.identification.warnings.iter().filter(|w| !read(&w.subject)).collect();
+    while let Some(&first) = left.first() {
+        let (same, others): (Vec<&Warning>, Vec<&Warning>) =
+            left.into_iter().partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
+        let subjects: Vec<&str> = same.iter().map(|w| w.subject.as_str()).collect();
+        let text = format!("{}: {}", subjects.join(", "), first.message);
+        if first.doubtful {
+            console.warn(&text)
+        } else {
+            console.remark(&format!("note: {text}"))
+        }
+        left = others;
+    }
+    let results = done.validation.iter().flat_map(|validation| &validation.recordings);
+    for result in results {
+        for warning in &result.warnings {
+            console.warn(&format!("{}: {warning}", result.path));
+        }
+    }
 }
 
-impl Found {
-    pub(crate) fn outcome(&self) -> Outcome<'_> {
-        Outcome {
-            identification: &self.identification,
-            options: &self.job.options,
-            recordings: &self.job.recordings,
-            held_out: &self.job.held_out,
-            validation: self.validation.as_ref(),
-            moving_mass: self.job.moving_mass,
+/// The main parameters and the errors, for people.
+fn in_brief(done: &Workflow) -> String {
+    let mut table = Table::headed(["parameter", "value", "95 % interval", "unit"]);
+    for row in main_parameters(&done.identification) {
+        let [low, high] = row.estimate.ci95.map(|bound| row.scale * bound);
+        table.row([row.words, number(row.scale * row.estimate.value), interval([low, high]), row.unit.to_owned()]);
+    }
+    let mut text = table.to_text();
+    text.push_str(&format!(
+        "\nerror over the recordings identified from: {} N rms\n",
+        number(done.identification.residual_rms)
+    ));
+    let names: Vec<&str> = done.recordings.iter().map(|recording| recording.name.as_str()).collect();
+    if let Some(words) = done.identification.friction_scale.in_words(&names) {
+        text.push_str(&format!("{words}\n"));
+    }
+    text.push_str(&along_in_words(&done.identification));
+    for r in done.validation.iter().flat_map(|validation| &validation.recordings) {
+        text.push_str(&format!("validation on {}: {} N rms, fit {:.2} %\n", r.path, number(r.rms_n), r.fit_percent));
+        if let Some(strokes) = &r.strokes {
+            text.push_str(&format!("  {}\n", strokes.words()));
         }
     }
-
-    /// Warnings about files were printed when they were read; one reason for several parameters is given once.
-    fn say_warnings(&self, console: &Console) {
-        let read = |subject: &str| self.job.recordings.iter().any(|recording| recording.name == subject);
-        let mut left: Vec<&Warning> = self.identification.warnings.iter().filter(|w| !read(&w.subject)).collect();
-        while let Some(&first) = left.first() {
-            let (same, others): (Vec<&Warning>, Vec<&Warning>) =
-                left.into_iter().partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
-            let subjects: Vec<&str> = same.iter().map(|w| w.subject.as_str()).collect();
-            let text = format!("{}: {}", subjects.join(", "), first.message);
-            if first.doubtful {
-                console.warn(&text)
-            } else {
-                console.remark(&format!("note: {text}"))
-            }
-            left = others;
-        }
-        let results = self.validation.iter().flat_map(|validation| &validation.recordings);
-        for result in results {
-            for warning in &result.warnings {
-                console.warn(&format!("{}: {warning}", result.path));
-            }
-        }
-    }
-
-    /// The main parameters and the errors, for people.
-    fn in_brief(&self) -> String {
-        let mut table = Table::headed(["parameter", "value", "95 % interval", "unit"]);
-        for row in main_parameters(&self.identification) {
-            let [low, high] = row.estimate.ci95.map(|bound| row.scale * bound);
-            table.row([row.words, number(row.scale * row.estimate.value), interval([low, high]), row.unit.to_owned()]);
-        }
-        let mut text = table.to_text();
-        text.push_str(&format!(
-            "\nerror over the recordings identified from: {} N rms\n",
-            number(self.identification.residual_rms)
-        ));
-        let names: Vec<&str> = self.job.recordings.iter().map(|recording| recording.name.as_str()).collect();
-        if let Some(words) = self.identification.friction_scale.in_words(&names) {
-            text.push_str(&format!("{words}\n"));
-        }
-        text.push_str(&along_in_words(&self.identification));
-        for r in self.validation.iter().flat_map(|validation| &validation.recordings) {
-            text.push_str(&format!(
-                "validation on {}: {} N rms, fit {:.2} %\n",
-                r.path,
-                number(r.rms_n),
-                r.fit_percent
-            ));
-            if let Some(strokes) = &r.strokes {
-                text.push_str(&format!("  {}\n", strokes.words()));
-            }
-        }
-        text
-    }
+    text
 }
 
 /// Delay of the positions and position profile, where strokes repeat.

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use trocar::model_file::{ModelFile, SensorInfo};
-use trocar::summary::MovingMass;
 use trocar::validate::{Part, Phases, Scored, Validation, validate_one};
+use trocar::workflow::MovingMass;
 
 use crate::Done;
 use crate::console::{self, Console};
-use crate::input::{Reading, finite, not_negative, without};
+use crate::input::{Reading, finite, not_negative};
 use crate::table::{Table, number};
 
 /// Compare a model with recordings it has not seen
@@ -55,8 +55,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         args.reading.pieces(console, path, |piece| {
             lost |= !piece.quality.warnings.is_empty();
             // The weight of the mass is part of the offset.
-            let piece =
-                without(piece, MovingMass { mass, gravity: 0.0 }, 0.0)?.with_position_delay(sensor.position_delay_s)?;
+            let piece = MovingMass { mass, gravity: 0.0 }
+                .subtracted_from(piece, 0.0)?
+                .with_position_delay(sensor.position_delay_s)?;
             let one = validate_one(&model.trocar, &piece, offset);
             all = Some(match all.take() {
                 Some(before) => before.plus(one),

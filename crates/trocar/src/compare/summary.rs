@@ -11,8 +11,9 @@ use trocar_model::Trocar;
 use crate::identify::{Estimate, Identification, Parameter, Warning};
 use crate::model_file::{ModelFile, Origin};
 use crate::recording::Recording;
-use crate::summary::{MovingMass, PROGRAM, intervals};
+use crate::summary::{PROGRAM, intervals};
 use crate::validate::{Phases, RecordingValidation, validate};
+use crate::workflow::MovingMass;
 
 use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
 

@@ -13,7 +13,8 @@ use crate::cancel;
 use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Warning, identify};
 use crate::recording::rows::Crop;
 use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
-use crate::summary::{MovingMass, PROGRAM};
+use crate::summary::PROGRAM;
+use crate::workflow::MovingMass;
 
 /// Memory that an identification holds at its peak, in units of the recording's columns.
 const PEAK_TO_COLUMNS: u64 = 5;

@@ -46,6 +46,9 @@ const FIGURES_AT_A_TIME: usize = 4;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
+    /// A figure cannot show what was chosen.
+    #[error(transparent)]
+    Choice(#[from] identification::ChoiceError),
     /// A figure's id is not a file stem made of lower-case letters, digits and hyphens.
     #[error("figure id {id:?} must consist of a-z, 0-9 and hyphens")]
     InvalidId {

@@ -1,0 +1,158 @@
+//! From recordings to a folder of results: what `trocar identify` does, for every interface.
+//!
+//! ```text
+//! recordings ─▶ without the moving mass ─▶ identify ─▶ without the delay ─▶ validate ─▶ model.json, summary.json, report.html, figures
+//! ```
+
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
+use crate::recording::{Recording, RecordingError};
+use crate::validate::{Validation, validate};
+
+/// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct MovingMass {
+    /// Mass, kg, ≥ 0.
+    #[serde(rename = "mass_kg")]
+    pub mass: f64,
+    /// Component of gravity along the insertion, m/s², as in [`Recording::without_moving_mass`].
+    #[serde(rename = "gravity_m_s2")]
+    pub gravity: f64,
+}
+
+impl MovingMass {
+    /// `recording` without this mass and without `unmodelled` kg beside it, whose weight is part of the offset.
+    ///
+    /// # Errors
+    /// As for [`Recording::without_moving_mass`].
+    pub fn subtracted_from(self, recording: Recording, unmodelled: f64) -> Result<Recording, RecordingError> {
+        let mass = self.mass + unmodelled;
+        if mass == 0.0 {
+            return Ok(recording);
+        }
+        recording.without_moving_mass(mass, self.gravity * self.mass / mass)
+    }
+
+    /// The same for several recordings.
+    ///
+    /// # Errors
+    /// That of the first recording that has one.
+    pub fn subtracted_from_all(self, all: Vec<Recording>, unmodelled: f64) -> Result<Vec<Recording>, RecordingError> {
+        all.into_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
+    }
+}
+
+/// Everything that a finished identification started from and came to.
+#[derive(Debug, Clone)]
+pub struct Workflow {
+    /// The result.
+    pub identification: Identification,
+    /// How it was asked for.
+    pub options: IdentifyOptions,
+    /// The recordings it was identified from, without the moving mass and the delay of the positions.
+    pub recordings: Vec<Recording>,
+    /// The recordings it was validated on, without the moving mass, the unmodelled mass and the delay.
+    pub held_out: Vec<Recording>,
+    /// The validation on them; `None` without any.
+    pub validation: Option<Validation>,
+    /// What was subtracted.
+    pub moving_mass: MovingMass,
+}
+
+/// Why there is no result.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WorkflowError {
+    /// Nothing can be identified.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A recording cannot be corrected for mass or delay.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+impl Workflow {
+    /// Identifies from `recordings` and validates on `held_out`, both as read.
+    ///
+    /// # Errors
+    /// [`WorkflowError`]; a result that is merely doubtful is none.
+    pub fn run(
+        recordings: Vec<Recording>,
+        held_out: Vec<Recording>,
+        moving_mass: MovingMass,
+        options: IdentifyOptions,
+        progress: Progress,
+    ) -> Result<Self, WorkflowError> {
+        let options = IdentifyOptions { inertia_removed: moving_mass.mass > 0.0, ..options };
+        let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
+        let identification = identify(&recordings, &options, progress)?;
+        let recordings = identification.without_delay(recordings)?;
+        let held_out = moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
+        let held_out = identification.without_delay(held_out)?;
+        Ok(Self::of(identification, options, recordings, held_out, moving_mass))
+    }
+
+    /// The same with an identification at hand and corrected recordings: validates.
+    pub fn of(
+        identification: Identification,
+        options: IdentifyOptions,
+        recordings: Vec<Recording>,
+        held_out: Vec<Recording>,
+        moving_mass: MovingMass,
+    ) -> Self {
+        let validation = (!held_out.is_empty()).then(|| {
+            let scores = validate(&identification.trocar(), &held_out, identification.model.offset);
+            scores.beside_identification(identification.residual_rms, &held_out)
+        });
+        Self { identification, options, recordings, held_out, validation, moving_mass }
+    }
+}
+
+#[cfg(feature = "report")]
+mod results {
+    use trocar_model::Element;
+
+    use super::Workflow;
+    use crate::output::StagedFolder;
+    use crate::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
+    use crate::report::{Document, ReportError, stage_document};
+
+    impl Workflow {
+        /// The report; `truth` are the elements of a virtual bench, shown beside the result, `choice` what figures show.
+        ///
+        /// # Errors
+        /// [`ReportError`] for a choice that the recordings do not allow.
+        pub fn document(&self, truth: Option<&[Element]>, choice: FigureChoice) -> Result<Document, ReportError> {
+            let input = IdentificationReport {
+                identification: &self.identification,
+                training: &self.recordings,
+                validation: self.validation.as_ref().map(|scores| (self.held_out.as_slice(), scores)),
+                truth,
+                seed: self.options.seed,
+                bootstrap: self.options.bootstrap,
+                title: "Force between instrument and trocar",
+                choice,
+            };
+            check_choice(&input)?;
+            Ok(document(&input))
+        }
+
+        /// Stages model.json, summary.json, report.html and figures.
+        ///
+        /// # Errors
+        /// As for [`Workflow::document`], or when something cannot be written.
+        pub fn write(
+            &self,
+            staged: &StagedFolder,
+            truth: Option<&[Element]>,
+            choice: FigureChoice,
+        ) -> Result<(), ReportError> {
+            let document = self.document(truth, choice)?;
+            staged.write("model.json", self.model_file().to_json().as_bytes())?;
+            staged.write("summary.json", self.summary().to_json().as_bytes())?;
+            stage_document(staged, &document)
+        }
+    }
+}
