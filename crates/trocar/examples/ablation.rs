@@ -164,7 +164,7 @@ fn makeup(row: &Row, recording: &Recording) -> Makeup {
 fn print_rest(data: &Data, rows: &[&Row]) -> Result<(), Box<dyn Error>> {
     println!("\n### What is left\n");
     println!(
-        "| fit | recording | rms, N | deforming, N | sliding, N | held, N | worst, N | noise, N | level of a pass, N | within a pass, N |"
+        "| fit | recording | rms, N | deforming, N | sliding, N | held, N | worst, N | noise, N | mean error of a stroke, N | within a stroke, N |"
     );
     println!("|{}", "---|".repeat(10));
     for row in rows {

@@ -112,7 +112,7 @@ fn draw(record: &BenchRun, ems: &ModelFile) -> Result<Figure, Box<dyn Error>> {
         .series(line("truth", Role::Reference, &|k| record.truth.tissue_force[k]))
         .aspect(0.3);
     let spread = |k: usize| BAND * said[k].1.level_std;
-    let level = panel("level of friction", "1")
+    let level = panel("friction scale", "1")
         .series(band("95 % band", &|k| said[k].1.level - spread(k), &|k| said[k].1.level + spread(k)))
         .series(line("followed", Role::Model, &|k| said[k].1.level))
         .series(line("truth", Role::Reference, &|k| record.truth.wetting[k]))

@@ -385,7 +385,7 @@ function stretchOf(compressed) {
 const MODES = { recorded: "Recorded motion", drag: "Drag the instrument", draw: "Draw a motion" };
 const HINTS = {
   drag: "Drag the handle under the loop, or focus it and use the arrow keys. Time runs while you hold it; the purple bar is the seal, " +
-    "bent from where it grips.",
+    "deformed from where it grips.",
   draw: "Draw position over time in the upper chart with pointer or finger; draw over what you would change. The seal starts undeformed.",
 };
 
