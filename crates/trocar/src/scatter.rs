@@ -150,7 +150,7 @@ impl StrokeScatter {
     }
 }
 
-/// Root mean of the finite values.
+/// Square root of the mean of the finite values.
 fn root_mean(squares: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = squares.filter(|s| s.is_finite()).fold((0.0, 0usize), |(sum, n), s| (sum + s, n + 1));
     (count > 0).then(|| (sum / count as f64).sqrt())
