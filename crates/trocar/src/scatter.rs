@@ -23,7 +23,7 @@
 //! # What a model can reach
 //!
 //! A model that knows the mean of infinitely many repeats has the error s on a held-out stroke. One
-//! that has learnt the mean from n repeats has the error s·√(1 + 1/n) at best: for n = 5 that is
+//! that estimates the mean from n repeats has the error s·√(1 + 1/n) at best: for n = 5 that is
 //! 1.095·s.
 
 use serde::Serialize;

@@ -125,7 +125,7 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// Saw tooth of `passes` passes over 50 mm, one speed for each pass in turn, with a force that nobody looks at.
+    /// Saw tooth of `passes` passes over 50 mm, with the speeds in turn; the force is irrelevant.
     fn saw(passes: usize, speeds: &[f64]) -> Recording {
         let (mut time, mut position) = (vec![0.0], vec![0.0]);
         for pass in 0..passes {

@@ -111,8 +111,8 @@ pub struct AgainstStrokes {
     pub without_drift_n: Option<f64>,
     /// Root mean square error, N, over the same samples.
     pub rms_n: f64,
-    /// `rms_n` over `stroke_scatter_n`: 1 at best; the mean of n strokes learnt without any error
-    /// gives √(1 + 1/n).
+    /// `rms_n` over `stroke_scatter_n`: 1 at best; the mean of n strokes, estimated without
+    /// further error, gives √(1 + 1/n).
     pub rms_over_scatter: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Delay of the position readings relative to the forces.
 //!
-//! A position delay shifts the whole simulated force in time: F(t) becomes F(t + T). Thus ∂F/∂T =
-//! dF/dt is one more column of the normal equations. The delay is tested together with an
+//! A position delay shifts the whole simulated force in time: F(t) becomes F(t + T). Thus
+//! ∂F/∂T = dF/dt is one more column of the normal equations. The delay is tested together with an
 //! unmodelled mass and the damping of the deformation, which it could be mistaken for, and so only
 //! where the sampling resolves these. A delay of the *force* is not estimated: it may belong to the
 //! seal.

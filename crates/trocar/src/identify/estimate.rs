@@ -1,4 +1,5 @@
-//! An estimated parameter with its 95 % interval, and the linear least squares behind most of them.
+//! An estimated parameter with its 95 % interval, and the linear least squares used for
+//! most of them.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;

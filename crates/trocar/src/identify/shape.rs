@@ -73,8 +73,8 @@ impl BranchShape {
     }
 
     /// Visits every free parameter. `force` (N) is the step of forces, `sliding` (N) the sliding
-    /// force, which bounds their range, and `bend` (N) the prior standard deviation of the
-    /// curvature terms.
+    /// force, of which ten times bounds their range, and `bend` (N) the prior standard deviation of
+    /// the curvature terms.
     pub(super) fn visit(&mut self, force: f64, [sliding, bend]: [f64; 2], on: &mut impl FnMut(&mut f64, Span)) {
         on(&mut self.join, Span::new(1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
         let of_force = Span::new(force, -10.0 * sliding, 10.0 * sliding);

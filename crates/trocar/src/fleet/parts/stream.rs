@@ -17,7 +17,7 @@ struct Chosen<'a> {
 }
 
 /// Reads the recording in the files `parts`, with columns chosen among those `offered`; only
-/// excerpts of one that is too long for the memory.
+/// excerpts of one with too many samples.
 pub(super) fn input(
     name: &str,
     parts: &[Taken<'_>],
