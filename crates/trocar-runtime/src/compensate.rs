@@ -1,40 +1,44 @@
-//! The force on the tissue, from a force sensor outside the body: what the sensor reads less what the trocar takes.
+//! The force on the tissue, from a force sensor outside the body: the sensor reading less the
+//! trocar force.
 //!
 //! ```text
 //! F_tissue = reading − F_offset − m·(a + g) − F_trocar           force of the instrument on the tissue, N
-//! F_trocar = F_0(x) + level(x)·λ·[F − F_β + ν·F_β]                F of the model driven by x/λ, F_β its viscous part
+//! F_trocar = F_0(x) + gain(x)·λ·[F − F_β + ν·F_β]                 F of the model driven by x/λ, F_β its viscous part
 //! ```
 //!
 //! | symbol | meaning | unit |
 //! |--------|---------|------|
-//! | λ | friction of the seal over that of the model; wetting lowers it | 1 |
-//! | ν | viscous part over that of the model | 1 |
+//! | λ | friction of the seal relative to that of the model; wetting lowers it | 1 |
+//! | ν | viscous part relative to that of the model | 1 |
 //! | m, a, g | mass between sensor and seal, its acceleration, gravity on the reading | kg, m/s² |
 //!
-//! λ scales forces and deflections alike, since wetting changes the friction and not the stiffness of the rubber:
-//! F_wet(x) = λ·F(x/λ). Both are followed in use ([`adapt`]) and are 1 without adaptation.
+//! λ scales forces and deflections alike, since wetting changes the friction but not the stiffness
+//! of the rubber: F_wet(x) = λ·F(x/λ). λ and ν are estimated online ([`adapt`]) and are 1 without
+//! adaptation.
 //!
-//! # The band
+//! # Uncertainty
 //!
 //! ```text
 //! std² = σ_phase² + f²·var λ + b²·var ν + 2·f·b·cov(λ, ν) + spread² + minor² + doubt²        f = F − F_β, b = λ·F_β
 //! ```
-//! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]); var λ and var ν are those of the
-//! estimates, or come from the intervals of the parameters where no recordings were held out; spread is how far apart the
-//! forces of extreme starts are as long as the seal has not slid; minor is half of what the softest and the stiffest law between
-//! the branches differ, as long as no recording showed partial reversals; doubt is by how much the last strokes there and back
-//! contradict the present λ ([`bank`]). A change of the friction is not in the band before the first place is crossed against
-//! the direction of its last crossing after it.
+//! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]). var λ and
+//! var ν are those of the estimates; without validation recordings they come from the intervals of
+//! the parameters. spread is the difference between the forces of extreme initial states until the
+//! seal has slid. minor is half the difference between the softest and the stiffest law between the
+//! branches, as long as no recording contains partial reversals. doubt is the amount by which the
+//! last strokes there and back contradict the present λ ([`bank`]). After a change of the friction,
+//! std does not cover it until a position is crossed in the direction opposite to its last
+//! crossing.
 //!
 //! # Faults
 //!
-//! A step never fails. What cannot be right is named ([`Fault`]), and the tissue force is NaN where the reading cannot tell it.
-//! The model goes on with the motion as long as there is one.
+//! A step never fails. A [`Fault`] names an invalid sample, and the tissue force is NaN where the
+//! reading cannot determine it. The model continues with the motion as long as there is one.
 //!
-//! - **Real time**: after [`Compensator::new`] nothing is allocated, and the work of a step is bounded. An observer owns what it
-//!   needs of the model file.
-//! - **Limits**: a tissue force that turns with the motion and is as large both ways is friction by all that a sensor outside
-//!   can tell.
+//! - **Real time**: after [`Compensator::new`] nothing is allocated, and the work of a step is
+//!   bounded. An observer owns all that it needs of the model file.
+//! - **Limits**: a tissue force that reverses with the motion and has the same magnitude in both
+//!   directions cannot be distinguished from friction by a sensor outside the body.
 
 use trocar_model::{
     Deformation, DeformationForce, Element, Friction, Mode, PartialReversals, PositionProfile, Seal, SealState, Stages,
@@ -57,25 +61,26 @@ pub mod bank;
 mod faults;
 mod inertia;
 
-/// Speed below which the instrument counts as held, m/s, and the time over which that speed is a mean, s: as in validation,
-/// from which the error of the phase comes.
+/// Speed below which the instrument counts as held, m/s, and the averaging time of that speed, s:
+/// as in validation, from which the error of the phase comes.
 const HOLD_SPEED: f64 = 1e-3;
 const SPEED_TIME: f64 = 0.025;
-/// Error in a phase that no recording showed, over the largest of the other phases. What full strokes leave open between the
-/// branches is in the band apart (`MinorLoops`); of what else a rest or a partial reversal adds nothing is known, and a
-/// factor of 2 makes its variance three times that of all the rest. On random seals of the virtual bench, validated on full
-/// strokes, the band then holds the truth in 95 % of the held samples.
+/// Error in a phase that no recording contains, relative to the largest of the other phases. The
+/// uncertainty of full strokes between the branches is included separately (`MinorLoops`). Any
+/// further contribution of a rest or a partial reversal is unknown, and a factor of 2 makes its
+/// variance three times that of all the rest. On random seals of the virtual bench, validated on
+/// full strokes, the band then contains the true force in 95 % of the held samples.
 const UNKNOWN: f64 = 2.0;
 /// Times between samples shorter than this, s, are added to the next one.
 const SHORTEST: f64 = 1e-5;
-/// Least standard deviation of a model, N, that is believed.
+/// Least standard deviation of a model, N.
 const LEAST_ERROR: f64 = 1e-3;
-/// Extreme starts count as one when their forces agree within this, N.
+/// Extreme initial states count as one when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;
-/// 95 % quantile of a normal law, half-sided.
+/// 95 % quantile of a normal distribution, two-sided.
 const NORMAL_95: f64 = 1.96;
 
-/// How a compensator is set up; everything that is `None` comes from the model file.
+/// Options of a compensator; all that are `None` come from the model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompensateOptions {
     /// Reading without any force, N.
@@ -88,12 +93,12 @@ pub struct CompensateOptions {
     pub sensor_limit_n: Option<f64>,
     /// Standard deviation of the model's force in all phases, N.
     pub force_error_n: Option<f64>,
-    /// Whether λ and ν follow the readings.
+    /// Whether λ and ν are adapted to the readings.
     pub adaptation: bool,
 }
 
 impl Default for CompensateOptions {
-    /// Everything as the model file says, with adaptation.
+    /// All values from the model file, with adaptation.
     fn default() -> Self {
         Self {
             offset_n: None,
@@ -113,7 +118,7 @@ pub enum CompensateError {
     /// The model cannot be run.
     #[error(transparent)]
     Model(#[from] ModelFileError),
-    /// Nothing says how far off the model's force is.
+    /// The error of the model's force is not stated.
     #[error(
         "the model does not say how far off its force is (force_error)\n\nhint: identify it again with --validate, or state the \
          standard deviation with --force-error-n"
@@ -131,18 +136,19 @@ pub enum CompensateError {
     },
 }
 
-/// What a compensator says after each sample.
+/// Output of a compensator for each sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// Force of the instrument on seal and trocar, N.
     pub trocar_force: f64,
-    /// Force of the instrument on the tissue, N; NaN where the reading cannot tell.
+    /// Force of the instrument on the tissue, N; NaN where the reading cannot determine it.
     pub tissue_force: f64,
     /// Standard deviation of both, N.
     pub std: f64,
-    /// Whether λ and ν are being followed: frozen while tissue is touched or the motion tells nothing of them.
+    /// Whether λ and ν are being adapted: frozen during tissue contact or when the motion contains
+    /// no information about them.
     pub adapting: bool,
-    /// What cannot be right about this sample.
+    /// The fault of this sample, if any.
     pub fault: Option<Fault>,
 }
 
@@ -151,7 +157,7 @@ impl Estimate {
     const NONE: Self = Self { trocar_force: 0.0, tissue_force: f64::NAN, std: f64::NAN, adapting: false, fault: None };
 }
 
-/// What the observer holds fixed.
+/// Constants of the observer.
 #[derive(Debug, Clone)]
 struct Setup {
     trocar: Trocar<Vec<f64>>,
@@ -174,9 +180,9 @@ impl Setup {
 #[derive(Debug, Clone)]
 pub struct Compensator {
     setup: Setup,
-    /// Of the model driven by x/λ.
+    /// State of the model driven by x/λ.
     state: SealState,
-    /// The same from extreme starts, as long as they differ.
+    /// The same from extreme initial states, as long as they differ.
     extremes: Option<[SealState; 2]>,
     position: Option<f64>,
     speed: f64,
@@ -204,10 +210,10 @@ impl Compensator {
         Self::with_seal(file, *file.trocar.seal(), options)
     }
 
-    /// The same with `seal`, such as a tuned one, in place of that of `file`.
+    /// The same with `seal`, such as an adjusted one, in place of that of `file`.
     ///
     /// # Errors
-    /// As for [`Compensator::new`], of the file but for its elements.
+    /// As for [`Compensator::new`], except for the elements of the file.
     pub fn with_seal(file: &ModelFile, seal: Seal, options: &CompensateOptions) -> Result<Self, CompensateError> {
         let sensor = file.sensor;
         let offset = finite("offset_n", options.offset_n.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
@@ -223,7 +229,8 @@ impl Compensator {
             }
         };
         let sigma = error.in_phase(Phase::Sliding).max(LEAST_ERROR);
-        // Recordings held out show the error of the parameters, too; those identified from do not.
+        // Validation recordings also contain the error of the parameters; those used for
+        // identification do not.
         let shown = options.force_error_n.is_some() || error.source != ErrorSource::Identification;
         let of = |name| if shown { 0.0 } else { relative_std(file, name) };
         let spread = [of("coulomb_force_n"), of("viscous_damping_n_s_m")];
@@ -247,7 +254,7 @@ impl Compensator {
         })
     }
 
-    /// Starts again as new, with the next sample; allocates nothing.
+    /// Resets the observer; it starts again with the next sample. Allocates nothing.
     pub fn reset(&mut self) {
         self.state = self.setup.seal().rest_at_force(0.0);
         (self.extremes, self.position) = (None, None);
@@ -260,30 +267,32 @@ impl Compensator {
         self.last = Estimate::NONE;
     }
 
-    /// How far the positions from `lowest` to `highest` (m) leave the range of the model's position profile.
+    /// By how far the positions from `lowest` to `highest` (m) leave the range of the model's
+    /// position profile.
     pub fn departure(&self, lowest: f64, highest: f64) -> Option<Departure> {
         Departure::of(self.setup.profile()?, lowest, highest)
     }
 
-    /// Where λ and ν stand.
+    /// Current estimates of λ and ν.
     pub fn drift(&self) -> Drift {
         self.adapter.drift()
     }
 
-    /// Whether the last pair of passes told that tissue is touched.
+    /// Whether the last pair of crossings indicated tissue contact.
     pub fn is_in_contact(&self) -> bool {
         self.adapter.is_in_contact()
     }
 
-    /// What was said last.
+    /// The last output.
     pub fn last(&self) -> Estimate {
         self.last
     }
 
-    /// Takes the next sample: `position` (m) and reading `force` (N), `duration` (s) after the last one.
+    /// Processes the next sample: `position` (m) and reading `force` (N), `duration` (s) after the
+    /// last one.
     ///
-    /// The first sample starts the observer, whatever its duration. A duration that is not positive and finite, or a
-    /// position that is not finite, leaves the model where it is.
+    /// The first sample starts the observer, whatever its duration. The model is not stepped if the
+    /// duration is not positive and finite or the position is not finite.
     pub fn step(&mut self, position: f64, force: f64, duration: f64) -> Estimate {
         let goes_on = duration > 0.0 && duration.is_finite();
         self.waited += if goes_on { duration } else { 0.0 };
@@ -291,7 +300,7 @@ impl Compensator {
         let found = self.watch.look(self.position, position, force, elapsed);
         match (self.position, found.motion) {
             (None, _) if position.is_finite() => self.start(position, force),
-            // A sample too soon after the last one moves the model with the next.
+            // A sample too soon after the last one is stepped together with the next.
             (Some(_), None) if self.waited < SHORTEST => {}
             (Some(before), None) => self.move_to(position, position - before),
             (Some(before), Some(Fault::Gap)) => {
@@ -305,7 +314,8 @@ impl Compensator {
         self.last
     }
 
-    /// At rest with the first reading; extreme starts beside it tell what that leaves open.
+    /// At rest with the first reading; extreme initial states in parallel bound the remaining
+    /// uncertainty.
     fn start(&mut self, position: f64, force: f64) {
         let reading = if force.is_finite() { force - self.setup.offset } else { 0.0 };
         let own = self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
@@ -318,7 +328,7 @@ impl Compensator {
         self.forget();
     }
 
-    /// The position was set anew; what moved meanwhile is unknown.
+    /// The position was redefined; the motion in between is unknown.
     fn rebase(&mut self, position: f64) {
         self.position = Some(position);
         self.time += std::mem::take(&mut self.waited);
@@ -326,7 +336,7 @@ impl Compensator {
         self.forget();
     }
 
-    /// The state is anybody's guess until the seal has slid.
+    /// The state is unknown until the seal has slid.
     fn forget(&mut self) {
         self.extremes = Some(extremes(self.setup.seal()));
         self.adapter.break_off();
@@ -409,7 +419,7 @@ impl Compensator {
         }
     }
 
-    /// The stiff law goes on from where the model stands.
+    /// Restarts the stiff law from the state of the model.
     fn follow_minor(&mut self) {
         if let Some(minor) = &mut self.minor {
             minor.state = self.state;
@@ -427,7 +437,7 @@ impl Compensator {
         }
     }
 
-    /// Direction of a slide that is beyond doubt.
+    /// Direction of a slide once it is certain.
     fn settled(&mut self) -> Option<bool> {
         let deforms = matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
         let slides = self.extremes.is_none() && self.speed.abs() >= HOLD_SPEED && !deforms;
@@ -440,8 +450,9 @@ impl Compensator {
     }
 }
 
-/// The seal with the stiffest law between its branches beside the model, whose law is the softest that follows both branches
-/// exactly. After a partial reversal the force of a seal may be anywhere between the two, and full strokes do not show where.
+/// The seal with the stiffest law between its branches, run in parallel with the model, whose law
+/// is the softest that follows both branches exactly. After a partial reversal the force of a seal
+/// may lie anywhere between the two, and full strokes do not determine where.
 #[derive(Debug, Clone)]
 struct MinorLoops {
     seal: Seal,
@@ -449,8 +460,8 @@ struct MinorLoops {
 }
 
 impl MinorLoops {
-    /// Part of the half width over which the stiffest law crosses from one branch to the other: some ten counts of an
-    /// encoder, whose flicker must not turn it.
+    /// Fraction of the half width over which the stiffest law crosses from one branch to the other:
+    /// some ten encoder counts, so that their flicker does not reverse it.
     const CROSSING: f64 = 0.02;
     /// Deflections at which the gap is measured.
     const POINTS: u32 = 64;
@@ -473,20 +484,21 @@ impl MinorLoops {
         Some(Self { seal, state: seal.rest_at_force(0.0) })
     }
 
-    /// Half of what the two laws differ, N: the band of 95 % then reaches from one to the other.
+    /// Half the difference between the two laws, N: the 95 % band then reaches from one to the
+    /// other.
     fn std(&self, model: &SealState) -> f64 {
         0.5 * (Seal::force(&self.state) - Seal::force(model)).abs()
     }
 }
 
-/// What the seal does, as far as the error of a model depends on it.
+/// State of the motion on which the error of a model depends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     /// The seal deforms after a full reversal.
     Deforming,
     /// The seal deforms after a partial reversal.
     Partial,
-    /// The instrument slides; all motion of a model that knows no deflection.
+    /// The instrument slides; all motion for a model without deflection.
     Sliding,
     /// The instrument is held.
     Held,
@@ -495,33 +507,35 @@ pub enum Phase {
 }
 
 impl ForceError {
-    /// The error in `phase`, N; where it is unknown [`UNKNOWN`] times the largest of the others.
+    /// The error in `phase`, N; if it is unknown, [`UNKNOWN`] times the largest of the others.
     fn in_phase(&self, phase: Phase) -> f64 {
         let known = match phase {
             Phase::Deforming => self.deforming_n,
             Phase::Partial => self.partial_n,
             Phase::Sliding => self.sliding_n,
             Phase::Held => self.held_n,
-            // The rests of full strokes do not stand for those after partial reversals.
+            // The rests of full strokes do not represent those after partial reversals.
             Phase::PartialHeld => self.partial_n.and(self.held_n),
         };
         known.unwrap_or_else(|| UNKNOWN * self.largest().unwrap_or(0.0))
     }
 }
 
-/// As far apart as the seal can be.
+/// The two extreme initial states of the seal.
 fn extremes(seal: &Seal) -> [SealState; 2] {
     [-1.0, 1.0].map(|part| seal.rest_between(part))
 }
 
-/// Half the range of the forces, N: at most the standard deviation of anything between.
+/// Half the range of the forces, N: an upper bound of the standard deviation of any force in
+/// between.
 fn spread(extremes: &[SealState; 2], state: &SealState) -> f64 {
     let forces = [Seal::force(&extremes[0]), Seal::force(&extremes[1]), Seal::force(state)];
     let (low, high) = forces.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
     0.5 * (high - low)
 }
 
-/// Standard deviation over value from the 95 % intervals of a parameter, the larger of both directions; 0 without bounds.
+/// Relative standard deviation from the 95 % intervals of a parameter, the larger of both
+/// directions; 0 without bounds.
 fn relative_std(file: &ModelFile, name: &str) -> f64 {
     let of = |interval: &Interval| {
         let [Some(low), Some(high)] = interval.ci95 else { return 0.0 };

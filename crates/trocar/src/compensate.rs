@@ -15,49 +15,51 @@ use crate::table::{Cell, Field, Kind, TableWriter};
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
 
-/// Rows with one fault.
+/// Number of rows with one fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FaultCount {
     /// The fault.
     pub fault: Fault,
-    /// Line of the first.
+    /// Line of its first occurrence.
     pub first_line: u64,
-    /// How many.
+    /// Number of rows.
     pub rows: u64,
 }
 
-/// What a stream came to.
+/// Result of a stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compensation {
     /// Rows read and written.
     pub rows: u64,
-    /// Rows in which level and viscosity were followed.
+    /// Rows in which friction scale and viscosity were adapted.
     pub adapting_rows: u64,
-    /// Faults met, in the order of [`Fault::ALL`].
+    /// Faults found, in the order of [`Fault::ALL`].
     pub faults: Vec<FaultCount>,
-    /// Where level and viscosity ended.
+    /// Final friction scale and viscosity.
     pub drift: Drift,
-    /// How far the motion left the range of the position profile.
+    /// By how far the motion left the range of the position profile.
     pub departure: Option<Departure>,
 }
 
-/// How a stream is read and written.
+/// Options for reading and writing a stream.
 #[derive(Debug, Clone, Copy)]
 pub struct StreamOptions<'a> {
-    /// What to take from it.
+    /// Quantities to read.
     pub choice: &'a Choice,
-    /// Hand on each row at once: for a stream that a person or a controller waits for.
+    /// Write each row immediately: for a stream that is used in real time.
     pub live: bool,
 }
 
 /// Runs `observer` along the file at `path` and writes `output`; `-` is standard input or output.
 ///
-/// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress` is told now and then
-/// which part of the file has been read, 0 to 1 (0 for a stream), and how many rows; `on_fault` the first line of each kind of fault, when it comes.
+/// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress`
+/// regularly receives the fraction of the file read, 0 to 1 (0 for a stream), and the number of
+/// rows; `on_fault` the first line of each kind of fault when it occurs.
 ///
 /// # Errors
-/// [`SimulateError::Motion`] for a file that cannot be read, a time that is not finite or goes back;
-/// [`SimulateError::Output`] when the result cannot be written. Neither leaves an output file.
+/// [`SimulateError::Motion`] for a file that cannot be read, or a time that is not finite or
+/// decreases; [`SimulateError::Output`] when the result cannot be written. Neither leaves an output
+/// file.
 pub fn compensate_file(
     path: &Path,
     options: StreamOptions,
@@ -74,7 +76,8 @@ pub fn compensate_file(
     let mut before = None;
     while let Some(row) = rows.next_row()? {
         let [time, position, force, _] = row.values;
-        // Nobody can mend a live stream: a time that is none is a fault there, and the model waits.
+        // A live stream cannot be corrected: an invalid time is a fault there, and the model is not
+        // stepped.
         let duration = match duration(file, rows.place(row), before, time) {
             Err(_) if options.live => f64::NAN,
             other => other?,

@@ -1,8 +1,10 @@
-//! Many models under one motion, or one along whole arrays, with the widest vectors of the processor and on all its cores.
+//! Many models under one motion, or one model along whole arrays, with the widest vectors of the
+//! processor and on all its cores.
 //!
-//! [`trocar_model::batch`] does the work; this module chooses at run time among machine codes for the vectors that processors
-//! have (on x86-64: SSE2, AVX2). All give the same bits, and so does any number of threads. [`ensemble`] runs whole trocars, with
-//! their position profiles, made from columns of parameters.
+//! [`trocar_model::batch`] does the work. This module chooses at run time among machine codes for
+//! the available vector instructions (on x86-64: SSE2, AVX2). All give the same bits, and so does
+//! any number of threads. [`ensemble`] runs whole trocars with their position profiles, constructed
+//! from columns of parameters.
 
 pub mod ensemble;
 
@@ -11,15 +13,15 @@ use rayon::prelude::*;
 use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, Squares, blocks};
 use trocar_model::{Trocar, TrocarState};
 
-/// Models that one task of a thread takes at least: several blocks, so that a task is worth its start.
+/// Least number of models per task: several blocks, so that a task is worth its overhead.
 const TASK: usize = 4 * LANES;
 
-/// [`Batch::run`] on the present thread.
+/// [`Batch::run`] on the current thread.
 pub fn run<M: Many>(batch: &mut Batch<'_, M>, motion: &[(f64, f64)], observer: &mut impl Observe) {
     pulp::Arch::new().dispatch(Run { batch, motion, observer });
 }
 
-/// What is compiled once for each kind of processor.
+/// Code compiled once for each kind of processor.
 struct Run<'r, 'a, M: Many, O> {
     batch: &'r mut Batch<'a, M>,
     motion: &'r [(f64, f64)],
@@ -35,7 +37,8 @@ impl<M: Many, O: Observe> NullaryFnOnce for Run<'_, '_, M, O> {
     }
 }
 
-/// [`Trocar::run`]: one model along arrays of positions (m) and durations (s), on the present thread.
+/// [`Trocar::run`]: one model along arrays of positions (m) and durations (s), on the current
+/// thread.
 pub fn along<K: AsRef<[f64]>>(
     trocar: &Trocar<K>,
     state: &mut TrocarState,
@@ -46,7 +49,7 @@ pub fn along<K: AsRef<[f64]>>(
     pulp::Arch::new().dispatch(Along { trocar: &trocar.borrowed(), state, positions, durations, forces });
 }
 
-/// What is compiled once for each kind of processor.
+/// Code compiled once for each kind of processor.
 struct Along<'r, 'a> {
     trocar: &'r Trocar<&'a [f64]>,
     state: &'r mut TrocarState,
@@ -94,7 +97,7 @@ where
     forces
 }
 
-/// A batch of `models` from copies of `states`, along the whole motion.
+/// Runs a batch of `models` from copies of `states` along the whole motion.
 pub(crate) fn alone<M: Many>(models: &[M], states: &[M::State], motion: &[(f64, f64)], observer: &mut impl Observe) {
     let mut states = states.to_vec();
     let mut places = vec![Lanes::EMPTY; blocks(models.len())];
@@ -104,7 +107,7 @@ pub(crate) fn alone<M: Many>(models: &[M], states: &[M::State], motion: &[(f64, 
     }
 }
 
-/// Writes the forces model by model.
+/// Writes the forces, model by model.
 struct Traces<'a> {
     forces: &'a mut [f64],
     samples: usize,
@@ -133,7 +136,7 @@ mod tests {
     use super::*;
     use trocar_model::{Element, ElementParams, SlidingFriction};
 
-    /// Dry and viscous, and a few that no lane can run.
+    /// Dry and viscous elements, and a few that no lane can run.
     fn elements() -> Vec<Element> {
         let plausible = ElementParams::plausible_10_5_mm().expect("made for it");
         let element = |k: u32| {

@@ -1,26 +1,30 @@
-//! How far repeats of one stroke differ: the floor under the error of any model of the position alone.
+//! Differences between repeats of one stroke: a lower bound for the error of any model of the
+//! position alone.
 //!
-//! Passes are *repeats* when they go the same way, over the same range of positions, at a like speed. A reading is
-//! compared with what the other repeats read at the same place:
+//! Passes are *repeats* when they have the same direction, the same range of positions and similar
+//! speeds. A reading is compared with those of the other repeats at the same place:
 //!
 //! ```text
 //! e_i = F_i − mean of the others at the place of i        s² = mean of e²/(1 + 1/m)        m others
 //! ```
-//! so that s is the standard deviation of a single reading about the mean of endless repeats. A reading itself is never
-//! smoothed; the others are interpolated between two of theirs, which makes s too small by 1/(6m) of itself at most.
+//! Thus s is the standard deviation of a single reading about the mean of infinitely many repeats.
+//! The reading itself is not smoothed; the others are interpolated linearly, which makes s too
+//! small by at most the fraction 1/(6m).
 //!
 //! # The same place
 //!
-//! While the seal slides, the place is the position. After a reversal the force depends on the travel since, and
-//! strokes turn at somewhat different positions; short of the next reversal the instrument slows down, and the place is
-//! the distance left. Over which lengths the reversals count is chosen so that the squares are least, among a few parts
-//! of the range; lengths of zero mean that the position alone is as repeatable. Within these lengths of a start or an end
-//! that is no reversal (of the recording, at a gap) nothing is compared.
+//! While the seal slides, the place is the position. After a reversal the force depends on the
+//! travel since then, and strokes reverse at slightly different positions. Before the next reversal
+//! the instrument slows down, and the place is the remaining distance. The lengths over which
+//! reversals count are chosen to minimise the squared error, among a few fractions of the range;
+//! zero lengths mean that the position alone is as repeatable. Within these lengths of a start or
+//! an end without reversal (of the recording, at a gap) nothing is compared.
 //!
 //! # What a model can reach
 //!
-//! A model that knows the mean of endless repeats scores s on a held-out stroke. One that has learnt the mean from n
-//! repeats scores s·√(1 + 1/n) at best: for n = 5 that is 1.095·s.
+//! A model that knows the mean of infinitely many repeats has the error s on a held-out stroke. One
+//! that estimates the mean from n repeats has the error s·√(1 + 1/n) at best: for n = 5 that is
+//! 1.095·s.
 
 use serde::Serialize;
 
@@ -29,16 +33,16 @@ use crate::segment::{Direction, Pass, passes, reversal_threshold};
 
 /// Largest relative difference of the median speeds of repeats.
 pub const LIKE_SPEED: f64 = 0.25;
-/// Least part of the longer range of positions that two repeats share.
+/// Least fraction of the longer range of positions that two repeats share.
 pub const LIKE_RANGE: f64 = 0.5;
 /// Window of the velocity, s.
 const VELOCITY_WINDOW: f64 = 0.05;
-/// Lengths tried about a reversal, as parts of the median range of the repeats.
+/// Lengths tried about a reversal, as fractions of the median range of the repeats.
 const LENGTHS: [f64; 8] = [0.0025, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12];
 /// Most repeats that one pass is compared with.
 const MOST_OTHERS: usize = 32;
 
-/// Why there is no scatter to give.
+/// The scatter could not be determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "no two of the {passes} passes repeat each other: same direction, median speeds within 25 %, more than half of the \
@@ -52,39 +56,40 @@ pub struct NoRepeats {
 /// Scatter between the repeats of one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct DirectionScatter {
-    /// Which.
+    /// Direction.
     pub direction: Direction,
-    /// Standard deviation of a reading about the mean of endless repeats, N.
+    /// Standard deviation of a reading about the mean of infinitely many repeats, N.
     pub scatter_n: f64,
-    /// The same with a line over the repeats, at every place its own, taken out, N; `None` below four repeats.
+    /// The same with a line over the repeats removed at each place, N; `None` below four repeats.
     pub without_drift_n: Option<f64>,
     /// Passes that have a repeat.
     pub passes: usize,
 }
 
-/// Scatter between strokes that repeat each other, in one recording.
+/// Scatter between repeated strokes in one recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StrokeScatter {
-    /// Standard deviation of a reading about the mean of endless repeats, N.
+    /// Standard deviation of a reading about the mean of infinitely many repeats, N.
     pub scatter_n: f64,
-    /// The same with a drift taken out that is linear in the number of the repeat, N; `None` below four repeats. Well
-    /// below `scatter_n`, the strokes were no repeats but a run-in.
+    /// The same with a drift removed that is linear in the number of the repeat, N; `None` below
+    /// four repeats. If it is well below `scatter_n`, the strokes were a run-in, not repeats.
     pub without_drift_n: Option<f64>,
     /// Groups of repeats.
     pub groups: usize,
     /// Passes in them.
     pub passes: usize,
-    /// Passes less groups: what the variance at one place is known from. Neighbouring places are not independent.
+    /// Passes less groups: degrees of freedom of the variance at one place. Neighbouring places are
+    /// not independent.
     pub degrees_of_freedom: usize,
     /// Readings compared.
     pub samples: usize,
-    /// By direction, insertion first; a direction without repeats is missing.
+    /// By direction, insertion first; a direction without repeats is omitted.
     pub by_direction: Vec<DirectionScatter>,
-    /// Longest travel after a reversal over which repeats are compared at equal travel, m.
+    /// Travel after a reversal up to which repeats are compared at equal travel, m.
     pub after_reversals_m: f64,
-    /// Longest distance short of a reversal over which repeats are compared at equal distance, m.
+    /// Distance before a reversal up to which repeats are compared at equal distance, m.
     pub before_reversals_m: f64,
-    /// e²/(1 + 1/m) of every sample of the recording, N²; NaN where nothing repeats.
+    /// e²/(1 + 1/m) of every sample of the recording, N²; NaN without a repeat.
     #[serde(skip)]
     squares: Vec<f64>,
 }
@@ -127,13 +132,14 @@ impl StrokeScatter {
         })
     }
 
-    /// Scatter, N, over the samples that `chosen` lets through; `None` when nothing repeats there.
+    /// Scatter, N, over the samples selected by `chosen`; `None` when nothing repeats there.
     pub fn over(&self, chosen: impl Fn(usize) -> bool) -> Option<f64> {
         root_mean((0..self.squares.len()).filter(|i| chosen(*i)).map(|i| self.squares[i]))
     }
 
-    /// Whether half of the recording's samples or more have a repeat: it was made of strokes that repeat each other. Of
-    /// hand-like motion some passes are alike by chance; what went before them is not.
+    /// Whether at least half of the recording's samples have a repeat: the recording consists of
+    /// repeated strokes. In hand-like motion some passes are similar by chance, but the motion
+    /// before them is not.
     pub fn rules(&self, recording: &Recording) -> bool {
         2 * self.samples >= recording.len()
     }
@@ -144,7 +150,7 @@ impl StrokeScatter {
     }
 }
 
-/// Root of the mean of what is finite.
+/// Square root of the mean of the finite values.
 fn root_mean(squares: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = squares.filter(|s| s.is_finite()).fold((0.0, 0usize), |(sum, n), s| (sum + s, n + 1));
     (count > 0).then(|| (sum / count as f64).sqrt())
@@ -154,7 +160,7 @@ fn pooled(compared: &[&Compared], of: fn(&Reading) -> f64) -> Option<f64> {
     root_mean(compared.iter().flat_map(|c| &c.readings).map(of))
 }
 
-/// With a line over the repeats taken out; `None` unless every group has four.
+/// Scatter with a line over the repeats removed; `None` unless every group has four.
 fn without_drift(compared: &[&Compared]) -> Option<f64> {
     let enough = compared.iter().all(|c| c.repeats >= 4);
     enough.then(|| pooled(compared, |reading| reading.steady_square)).flatten()
@@ -171,17 +177,17 @@ fn by_direction(groups: &[Group], compared: &[Compared]) -> Vec<DirectionScatter
     [Direction::Positive, Direction::Negative].into_iter().filter_map(of).collect()
 }
 
-/// A pass along its own direction: `way` = ±position grows along it.
+/// A pass along its own direction: `way` = ±position increases along it.
 struct Track {
     /// Number of the pass in the recording.
     order: f64,
     pass: Pass,
-    /// Whether it ends at a reversal that the recording shows.
+    /// Whether it ends at a reversal within the recording.
     ends_at_reversal: bool,
     speed: f64,
     start: f64,
     end: f64,
-    /// Way and reading, in the order of the way.
+    /// `way` and reading, in ascending order of `way`.
     points: Vec<(f64, f64)>,
 }
 
@@ -207,7 +213,7 @@ impl Track {
         shared >= LIKE_RANGE * longer && faster <= (1.0 + LIKE_SPEED) * self.speed.min(other.speed)
     }
 
-    /// Reading at `way`, interpolated; `None` outside.
+    /// Reading at `way`, interpolated; `None` outside the range.
     fn reading(&self, way: f64) -> Option<f64> {
         let after = self.points.partition_point(|p| p.0 < way);
         let &(right, high) = self.points.get(after)?;
@@ -224,7 +230,7 @@ struct Group {
     tracks: Vec<Track>,
 }
 
-/// Each pass goes to the first group whose first pass it repeats.
+/// Assigns each pass to the first group whose first pass it repeats.
 fn groups(recording: &Recording, passes: &[Pass]) -> Vec<Group> {
     let velocity = local_velocity(recording, VELOCITY_WINDOW);
     let mut groups: Vec<Group> = Vec::new();
@@ -239,10 +245,10 @@ fn groups(recording: &Recording, passes: &[Pass]) -> Vec<Group> {
     groups
 }
 
-/// One reading against the repeats.
+/// One reading compared with the repeats.
 struct Reading {
     sample: usize,
-    /// e²/(1 + 1/m), N², at the place that counts.
+    /// e²/(1 + 1/m), N², at the applicable place.
     square: f64,
     /// The same about a line over the repeats.
     steady_square: f64,
@@ -254,15 +260,15 @@ impl Reading {
     }
 }
 
-/// A group's readings against each other.
+/// Comparison of a group's readings.
 struct Compared {
     readings: Vec<Reading>,
     repeats: usize,
-    /// Lengths behind and before reversals, m.
+    /// Lengths after and before reversals, m.
     lengths: [f64; 2],
 }
 
-/// What 'the same place' means.
+/// Definition of 'the same place'.
 #[derive(Clone, Copy)]
 enum Place {
     Position,
@@ -289,7 +295,8 @@ impl Group {
         Compared { readings, repeats: self.tracks.len(), lengths }
     }
 
-    /// All samples at each kind of place; by position only against what lies farther than `lengths` from either end.
+    /// All samples at each kind of place; by position only against samples farther than `lengths`
+    /// from either end.
     fn candidates(&self, recording: &Recording, lengths: [f64; 2]) -> Vec<Candidate> {
         let of_track = |own: usize| {
             let track = &self.tracks[own];
@@ -342,7 +349,8 @@ impl Group {
 }
 
 impl Candidate {
-    /// The reading at the place that counts; `None` near a start or end of a pass that is no reversal.
+    /// The reading at the applicable place; `None` near a start or end of a pass that is no
+    /// reversal.
     fn reading(&self, lengths: [f64; 2]) -> Option<Reading> {
         let kind = if self.distances[0] < lengths[0] {
             1
@@ -376,7 +384,7 @@ impl OverOrder {
         self.joint += by_order * (reading - self.mean);
     }
 
-    /// Squares of what `reading` is off the mean and off the line, over 1 and the leverage.
+    /// Squared deviations of `reading` from the mean and from the line, divided by 1 + leverage.
     fn against(&self, order: f64, reading: f64) -> Option<[f64; 2]> {
         if self.count == 0.0 {
             return None;
@@ -389,7 +397,8 @@ impl OverOrder {
     }
 }
 
-/// Distance from the reversal, m, below which it gives the better place; 0 when the position is as good.
+/// Distance from the reversal, m, within which it defines the better place; 0 when the position is
+/// as good.
 fn length(candidates: &[Candidate], side: usize, range: f64) -> f64 {
     let gain = |length: f64| -> f64 {
         let near = candidates.iter().filter(|c| c.distances[side] < length);

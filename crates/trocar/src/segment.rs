@@ -1,19 +1,20 @@
-//! Finds what a recording can give: passes between reversals and stretches of constant velocity.
+//! Segmentation of a recording: passes between reversals and stretches of constant velocity.
 //!
-//! A *pass* is the motion from one reversal of the instrument to the next (EMS section IV: one insertion or one
-//! withdrawal). A *stretch* is a part of a pass over which the velocity is constant; its mean force is one datum of
-//! the steady-state identification. Nothing here needs to know which experiment was recorded: the paper's two
-//! experiments are simply recordings, and a free motion gives whatever it holds.
+//! A *pass* is the motion from one reversal of the instrument to the next (EMS section IV: one
+//! insertion or one withdrawal). A *stretch* is a part of a pass with constant velocity; its mean
+//! force is one datum of the steady-state identification. The segmentation does not depend on the
+//! experiment: the two experiments of the paper are recordings like any other, and free motion is
+//! segmented in the same way.
 
 use crate::recording::{Recording, local_velocity};
 
-/// Sense of a motion along the instrument's axis.
+/// Direction of a motion along the instrument's axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
-    /// Position grows: insertion, v > 0.
+    /// Position increases: insertion, v > 0.
     Positive,
-    /// Position falls: withdrawal, v < 0.
+    /// Position decreases: withdrawal, v < 0.
     Negative,
 }
 
@@ -32,15 +33,17 @@ impl Direction {
 /// Invariant: `start < end`, no gap, clock reset or encoder reset lies inside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pass {
-    /// First sample: the extreme position at which the motion turned.
+    /// First sample: the extreme position at which the motion reversed.
     pub start: usize,
     /// Last sample: the extreme position at the other end.
     pub end: usize,
     /// Sense of the motion.
     pub direction: Direction,
-    /// Whether the pass begins at a reversal that the recording shows (not at its start or after a gap).
+    /// Whether the pass starts at a reversal within the recording (not at its start or after a
+    /// gap).
     pub starts_at_reversal: bool,
-    /// Number of the motion it belongs to: a gap or a reset of the encoder cuts a pass, not the motion.
+    /// Number of the motion to which it belongs: a gap or a reset of the encoder splits a pass, not
+    /// the motion.
     pub motion: usize,
 }
 
@@ -55,9 +58,9 @@ pub struct Stretch {
     pub end: usize,
     /// Index of the pass it lies in.
     pub pass: usize,
-    /// Number of the plateau of velocity it belongs to.
+    /// Number of the velocity plateau to which it belongs.
     pub plateau: usize,
-    /// Part of the motion's time that the plateau holds, 0 to 1.
+    /// Fraction of the motion's time spent on the plateau, 0 to 1.
     pub dwell: f64,
     /// Mean velocity, m/s: displacement over duration.
     pub velocity: f64,
@@ -66,14 +69,14 @@ pub struct Stretch {
 /// Tolerances of the segmentation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SegmentOptions {
-    /// Largest relative departure of the local velocity from the stretch's median (0.02).
+    /// Largest relative deviation of the local velocity from the stretch's median (0.02).
     pub velocity_tolerance: f64,
     /// Shortest stretch, s (0.05).
     pub minimum_duration: f64,
-    /// Least part of a motion's time that a plateau holds (0.15).
+    /// Least fraction of a motion's time spent on a plateau (0.15).
     ///
-    /// A smooth stroke (half a sine) spends 0.128 of its time within 2 % of its top speed, a minimum-jerk stroke
-    /// 0.10: neither is a plateau.
+    /// A smooth stroke (half a sine) spends 0.128 of its time within 2 % of its top speed, a
+    /// minimum-jerk stroke 0.10: neither is a plateau.
     pub minimum_dwell: f64,
 }
 
@@ -83,14 +86,15 @@ impl Default for SegmentOptions {
     }
 }
 
-/// Smallest retreat of the position, m, that counts as a reversal: above the encoder's steps, its noise and the
-/// vibration of a drive (a hundredth of the stroke).
+/// Smallest retreat of the position, m, that counts as a reversal: larger than the encoder's steps,
+/// its noise and the vibration of a drive (a hundredth of the stroke).
 pub fn reversal_threshold(recording: &Recording) -> f64 {
     let q = &recording.quality;
     (8.0 * q.position_resolution).max(8.0 * q.position_noise).max(0.01 * q.stroke)
 }
 
-/// Cuts a recording into passes; `threshold` is the smallest retreat, m, that counts as a reversal.
+/// Splits a recording into passes; `threshold` is the smallest retreat, m, that counts as a
+/// reversal.
 ///
 /// The sample of the extreme position ends one pass and starts the next. Gaps and resets end a pass too.
 pub fn passes(recording: &Recording, threshold: f64) -> Vec<Pass> {
@@ -149,7 +153,7 @@ fn passes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, fou
     }
 }
 
-/// Window, s, over which a local velocity is good to a quarter of the tolerance at `speed`.
+/// Window, s, over which a local velocity is accurate to a quarter of the tolerance at `speed`.
 ///
 /// The slope of n positions with error e over the time T has the standard deviation e·√(12/n)/T; the encoder's
 /// rounding counts as an error of resolution/√12.
@@ -163,10 +167,10 @@ fn velocity_window(recording: &Recording, speed: f64, pass_duration: f64, option
 
 /// Finds the stretches of constant velocity in `passes`, in the order of their start.
 ///
-/// The local velocity (slope of the positions over a window that the position noise asks for) is searched for the
-/// speeds at which a motion dwells: a plateau holds at least `minimum_dwell` of the motion's time within
-/// `velocity_tolerance`. Several plateaus may lie in one motion; each gives one or more stretches of at least
-/// `minimum_duration`.
+/// The local velocity is the slope of the positions over a window determined by the position noise.
+/// It is searched for the speeds at which a motion dwells: a plateau contains at least
+/// `minimum_dwell` of the motion's time within `velocity_tolerance`. A motion may have several
+/// plateaus; each gives one or more stretches of at least `minimum_duration`.
 pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOptions) -> Vec<Stretch> {
     let mut found = Vec::new();
     let mut cached: Option<(f64, Vec<f64>)> = None;
@@ -179,7 +183,8 @@ pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOption
             continue;
         }
         let wanted = velocity_window(recording, travel / duration, duration, options);
-        // Windows in steps of a factor 1.5, so that motions of like speed share one differentiation.
+        // Windows in steps of a factor of 1.5, so that motions of similar speed share one
+        // differentiation.
         let window = 1.5f64.powf(wanted.log(1.5).round());
         if cached.as_ref().is_none_or(|(w, _)| *w != window) {
             cached = Some((window, local_velocity(recording, window)));
@@ -200,10 +205,11 @@ pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOption
     found
 }
 
-/// Relative difference from which two speeds of one motion count as two.
+/// Relative difference above which two speeds of one motion are distinct.
 const DISTINCT: f64 = 0.25;
 
-/// Speeds, m/s, at which a motion dwells, with the part of its time, most time first.
+/// Speeds, m/s, at which a motion dwells, with the fraction of its time, in descending order of
+/// time.
 fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -> Vec<(f64, f64)> {
     const MOST_SAMPLES: usize = 4000;
     let sign = motion[0].direction.sign();
@@ -232,7 +238,7 @@ fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -
             break;
         }
         plateaus.push((speed, count as f64 / all));
-        // Ripple about a plateau is no plateau of its own.
+        // Ripple about a plateau is not a separate plateau.
         speeds.retain(|v| (v / speed - 1.0).abs() > DISTINCT);
     }
     plateaus
@@ -240,8 +246,8 @@ fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -
 
 /// Runs of at least the minimum duration within the tolerance of `speed`.
 ///
-/// A run goes on across samples outside the tolerance when the mean speed over them is the plateau's: vibration, or a
-/// position that a logger held for a moment.
+/// A run continues across samples outside the tolerance when the mean speed over them is the
+/// plateau's: vibration, or a position briefly held by a logger.
 fn runs(
     recording: &Recording,
     velocity: &[f64],
@@ -277,13 +283,13 @@ fn runs(
     close(run);
 }
 
-/// Travel, m, of sample `i` since the start of its pass; grows along the motion.
+/// Travel, m, of sample `i` since the start of its pass; increases along the motion.
 pub fn travel(recording: &Recording, pass: &Pass, i: usize) -> f64 {
     pass.direction.sign() * (recording.position[i] - recording.position[pass.start])
 }
 
-/// The part of each stretch that lies `needed(|v|)` metres or more after the start of its pass; what has none is left
-/// out.
+/// The part of each stretch that lies at least `needed(|v|)` metres after the start of its pass;
+/// stretches without such a part are omitted.
 pub fn after_start(
     recording: &Recording,
     passes: &[Pass],

@@ -1,17 +1,17 @@
-//! What recordings can give, seen before anything is fitted.
+//! Content of recordings, determined before any fit.
 //!
-//! Passes and stretches of constant velocity decide what an identification can pin. Whoever records learns here what
-//! to record, without waiting for the fit.
+//! Passes and stretches of constant velocity decide which parameters an identification can
+//! determine. The survey shows what is still to be recorded, without waiting for the fit.
 
 use rayon::prelude::*;
 
 use crate::recording::Recording;
 use crate::segment::{Direction, SegmentOptions, passes, reversal_threshold, stretches};
 
-/// Speeds closer than this part of each other count as one.
+/// Speeds with a relative difference below this count as one.
 const SAME_SPEED: f64 = 0.05;
 
-/// What one recording holds.
+/// Content of one recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordingSurvey {
     /// File name without its folder.
@@ -24,27 +24,27 @@ pub struct RecordingSurvey {
     pub stroke: f64,
     /// Passes between reversals.
     pub passes: usize,
-    /// Passes that begin at a reversal.
+    /// Passes that start at a reversal.
     pub reversals: usize,
     /// Stretches of constant velocity.
     pub stretches: usize,
-    /// Different speeds of insertion, m/s, in rising order.
+    /// Different speeds of insertion, m/s, in ascending order.
     pub insertion_speeds: Vec<f64>,
-    /// Different speeds of withdrawal, m/s, in rising order.
+    /// Different speeds of withdrawal, m/s, in ascending order.
     pub withdrawal_speeds: Vec<f64>,
 }
 
-/// What all recordings hold together.
+/// Content of all recordings together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
-    /// One entry a recording.
+    /// One entry per recording.
     pub recordings: Vec<RecordingSurvey>,
-    /// What they cannot pin, in words.
+    /// Parameters that they cannot determine, as messages.
     pub limits: Vec<String>,
 }
 
 impl Survey {
-    /// Looks `recordings` over.
+    /// Surveys `recordings`.
     pub fn new(recordings: &[Recording], options: &SegmentOptions) -> Self {
         let recordings: Vec<RecordingSurvey> =
             recordings.par_iter().map(|r| RecordingSurvey::new(r, options)).collect();
@@ -75,7 +75,7 @@ impl RecordingSurvey {
     }
 }
 
-/// Speeds in rising order, one for each group that lies together.
+/// Speeds in ascending order, one for each group of similar ones.
 fn different(mut speeds: Vec<f64>) -> Vec<f64> {
     speeds.sort_by(f64::total_cmp);
     speeds.dedup_by(|next, kept| *next <= *kept * (1.0 + SAME_SPEED));
@@ -125,7 +125,7 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// Saw tooth of `passes` passes over 50 mm, one speed for each pass in turn, with a force that nobody looks at.
+    /// Saw tooth of `passes` passes over 50 mm, with the speeds in turn; the force is irrelevant.
     fn saw(passes: usize, speeds: &[f64]) -> Recording {
         let (mut time, mut position) = (vec![0.0], vec![0.0]);
         for pass in 0..passes {

@@ -1,12 +1,14 @@
-//! Validation on recordings the model has not seen: free-run simulation against readings (EMS section IV-C).
+//! Validation on recordings not used for identification: free-run simulation against readings (EMS
+//! section IV-C).
 //!
 //! ```text
 //! rms = √(mean (F_measured − F_0 − F_model)²)        fit = 100·(1 − rms / sd(F_measured)) %
 //! ```
-//! Scored are the samples whose state is known: before the seal has slid once, its deflection is anybody's guess. Which
-//! these are is up to the model: two models may be scored on a few samples more or less of one recording. The figure
-//! over all samples stands beside it. Time dwells on slow passes, so the error is also given by speed and by
-//! phase. At 1 kHz residuals are never white; they are decimated to their correlation time before the Ljung-Box test.
+//! Only samples with a known state are scored: before the seal has slid once, its deflection is
+//! unknown. The set of these samples depends on the model, so two models may be scored on slightly
+//! different samples of one recording. The figure over all samples is reported as well. Slow passes
+//! take most of the time, so the error is also given by speed and by phase. At 1 kHz residuals are
+//! never white; they are decimated to their correlation time before the Ljung-Box test.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -21,20 +23,22 @@ use crate::segment::{passes, reversal_threshold};
 
 /// Speed below which the instrument counts as held, m/s.
 const HOLD_SPEED: f64 = 1e-3;
-/// Width of the groups of speeds, m/s.
+/// Width of the speed groups, m/s.
 const SPEED_STEP: f64 = 5e-3;
-/// Part of the scored samples from which on a phase counts as seen: less than 1 % of a recording of full strokes is slow
-/// at its reversals, and stands for no rest.
+/// Fraction of the scored samples above which a phase counts as present. In a recording of full
+/// strokes less than 1 % is slow, at the reversals, which does not represent a rest.
 const SEEN: f64 = 0.01;
-/// Validation error over identification error, and over the sensor's noise, from which on the model does not describe a
-/// recording. On the virtual bench a single pair of strokes reaches 1.7 times the identification error, because the friction
-/// varies from stroke to stroke; friction that is 10 % lower gives 6.6 times. An error within 3 times the noise is small,
-/// however small that of the identification.
+/// Ratio of the validation error to the identification error, and to the sensor noise, above which
+/// the model does not describe a recording. On the virtual bench a single pair of strokes reaches
+/// 1.7 times the identification error, because the friction varies from stroke to stroke; friction
+/// that is 10 % lower gives 6.6 times. An error within 3 times the noise is small, however small
+/// the identification error.
 const FAR: f64 = 3.0;
 /// Fit, %, below which a model explains little of a recording: its error is more than half of the readings' standard
 /// deviation.
 const LEAST_FIT: f64 = 50.0;
-/// Part of the error from which on its mean counts as its cause: with 0.9 of the rms it is 80 % of the squares.
+/// Ratio of the mean error to the rms above which the mean counts as its cause: with 0.9 it is 80 %
+/// of the squared error.
 const MOSTLY_BIAS: f64 = 0.9;
 /// Lags of the Ljung-Box test.
 const LAGS: usize = 10;
@@ -46,7 +50,7 @@ pub struct Part {
     pub rms_n: f64,
     /// Samples.
     pub samples: usize,
-    /// Part of all squared error, 0 to 1.
+    /// Fraction of all squared error, 0 to 1.
     pub share_of_squares: f64,
 }
 
@@ -57,13 +61,14 @@ pub struct Phases {
     pub deformation: Part,
     /// The instrument slides; without samples for a classical model.
     pub sliding: Part,
-    /// The instrument moves, for a classical model: it does not tell deforming from sliding.
+    /// The instrument moves, for a classical model, which does not distinguish deforming from
+    /// sliding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moving: Option<Part>,
     /// The instrument is held (slower than 1 mm/s).
     pub hold: Part,
-    /// The part of `deformation` after a partial reversal: the deflection has turned since the seal last slid. `None` without
-    /// such samples.
+    /// The part of `deformation` after a partial reversal: the deflection has reversed since the
+    /// seal last slid. `None` without such samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub partial: Option<Part>,
     /// The same part of `hold`.
@@ -74,7 +79,7 @@ pub struct Phases {
 /// Error of the passes around one speed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpeedPart {
-    /// Speed, m/s, to the next 5 mm/s.
+    /// Speed, m/s, rounded to 5 mm/s.
     pub speed_m_s: f64,
     /// Root mean square error, N.
     pub rms_n: f64,
@@ -87,23 +92,27 @@ pub struct SpeedPart {
 pub struct Whiteness {
     /// Time, s, over which the residuals' autocorrelation falls below 1/e.
     pub correlation_time_s: f64,
-    /// p value of the Ljung-Box test on residuals decimated to that time; small means structure is left.
+    /// p value of the Ljung-Box test on residuals decimated to that time; a small value means that
+    /// structure remains.
     pub ljung_box_p_value: f64,
 }
 
-/// The error beside the scatter between strokes that repeat each other: about what no model of the motion can undercut, for the
-/// motion was the same but for speeds up to 25 % apart, whose difference a model may know.
+/// The error compared with the scatter between repeated strokes. No model of the motion can be much
+/// better than this scatter, since the motion was the same except for speeds up to 25 % apart,
+/// whose effect a model may describe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AgainstStrokes {
     /// Strokes (passes from reversal to reversal) that have a repeat.
     pub strokes: usize,
-    /// Scatter between them, N: standard deviation of a reading about the mean of endless repeats, where scored.
+    /// Scatter between them, N: standard deviation of a reading about the mean of infinitely many
+    /// repeats, over the scored samples.
     pub stroke_scatter_n: f64,
-    /// Scatter with a drift over the strokes taken out, N; `None` for fewer than four repeats.
+    /// Scatter with a drift over the strokes removed, N; `None` for fewer than four repeats.
     pub without_drift_n: Option<f64>,
     /// Root mean square error, N, over the same samples.
     pub rms_n: f64,
-    /// `rms_n` over `stroke_scatter_n`: 1 at best; the mean of n strokes learnt without any error gives √(1 + 1/n).
+    /// `rms_n` over `stroke_scatter_n`: 1 at best; the mean of n strokes, estimated without
+    /// further error, gives √(1 + 1/n).
     pub rms_over_scatter: f64,
 }
 
@@ -123,7 +132,7 @@ impl AgainstStrokes {
         })
     }
 
-    /// In words.
+    /// Message.
     pub fn words(&self) -> String {
         format!(
             "{:.2} times the repeatability of the recording ({:.3} N between {} repeated strokes, speeds within 25 %)",
@@ -135,7 +144,7 @@ impl AgainstStrokes {
 /// Validation on one recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordingValidation {
-    /// The recording's file.
+    /// Path of the recording.
     pub path: String,
     /// Root mean square error, N, where the state is known.
     pub rms_n: f64,
@@ -143,13 +152,13 @@ pub struct RecordingValidation {
     pub fit_percent: f64,
     /// Mean error, N: measured minus model.
     pub bias_n: f64,
-    /// Largest error in amount, N.
+    /// Largest absolute error, N.
     pub worst_n: f64,
-    /// Root mean square error, N, with the start of unknown state.
+    /// Root mean square error, N, including the start with unknown state.
     pub rms_with_start_n: f64,
     /// Samples scored.
     pub samples: usize,
-    /// Samples left out because the seal had not slid yet.
+    /// Samples omitted because the seal had not slid yet.
     pub samples_before_known: usize,
     /// Error by speed of the pass.
     pub by_speed: Vec<SpeedPart>,
@@ -157,16 +166,16 @@ pub struct RecordingValidation {
     pub by_phase: Phases,
     /// Whiteness of the residuals; `None` when too short.
     pub whiteness: Option<Whiteness>,
-    /// The error beside the scatter between strokes; `None` where no strokes repeat.
+    /// The error compared with the scatter between strokes; `None` where no strokes repeat.
     #[serde(default)]
     pub strokes: Option<AgainstStrokes>,
-    /// What limits the figures.
+    /// Limitations of the figures.
     pub warnings: Vec<String>,
 }
 
 impl RecordingValidation {
-    /// In what the recording contradicts a model identified with the error `identification_rms`, N, where the sensor's noise is
-    /// `noise`, N.
+    /// How the recording contradicts a model identified with the error `identification_rms`, N, for
+    /// a sensor noise of `noise`, N.
     fn contradiction(&self, identification_rms: f64, noise: f64) -> Option<String> {
         let (rms, times) = (self.rms_n, self.rms_n / identification_rms);
         let is_far = times > FAR;
@@ -200,7 +209,7 @@ impl RecordingValidation {
     }
 }
 
-/// Two significant digits.
+/// Formats with two significant digits.
 fn significant(value: f64) -> String {
     let digits = (1.0 - value.abs().max(1e-6).log10().floor()).max(0.0) as usize;
     format!("{value:.digits$}")
@@ -213,25 +222,25 @@ pub struct Validation {
     pub rms_n: f64,
     /// 100·(1 − rms/sd of the readings), %, over all scored samples.
     pub fit_percent: f64,
-    /// One entry a recording.
+    /// One entry per recording.
     pub recordings: Vec<RecordingValidation>,
 }
 
-/// What became of one recording, with the sums that it rests on.
+/// Validation of one recording, with the sums on which it is based.
 #[derive(Debug, Clone)]
 pub struct Scored {
     result: RecordingValidation,
     sums: Sums,
     pieces: usize,
-    /// Whether the seal's state was known anywhere in it.
+    /// Whether the seal's state was known in any part of it.
     known: bool,
-    /// How far its motion leaves the range of the position profile.
+    /// By how far its motion leaves the range of the position profile.
     departure: Option<Departure>,
 }
 
 impl Scored {
-    /// This and the next piece of the same recording. Every piece starts with a seal of unknown state; whiteness and the scatter
-    /// between strokes stay those of the first.
+    /// Combines this and the next piece of the same recording. Every piece starts with a seal of
+    /// unknown state. Whiteness and the scatter between strokes remain those of the first.
     #[must_use]
     pub fn plus(self, next: Self) -> Self {
         let (pieces, known) = (self.pieces + next.pieces, self.known || next.known);
@@ -265,7 +274,8 @@ impl Scored {
         Self { result, sums, pieces, known, departure }
     }
 
-    /// One piece in which the state of the seal is known, and one in which it never is: only the first is scored.
+    /// Combines one piece in which the state of the seal is known and one in which it never is:
+    /// only the first is scored.
     fn beside_unknown(self, next: Self) -> Self {
         let path = self.result.path.clone();
         let (mut scored, other) = if self.known { (self, next) } else { (next, self) };
@@ -278,14 +288,14 @@ impl Scored {
         scored
     }
 
-    /// The figures, with the warning that concerns all pieces together.
+    /// The results, with the warning that concerns all pieces together.
     fn conclude(self) -> RecordingValidation {
         let mut result = self.result;
         result.warnings.extend(self.departure.map(|departure| departure.to_string()));
         result
     }
 
-    /// Number of pieces put together.
+    /// Number of pieces combined.
     pub fn pieces(&self) -> usize {
         self.pieces
     }
@@ -338,7 +348,7 @@ impl Validation {
             rms(&|phases| without(phases.hold, phases.partial_hold)),
             rms(&|phases| phases.partial_hold.map_or((0.0, 0), sums)),
         ];
-        // A model that knows no deflection has one error for all motion.
+        // A model without deflection has one error for all motion.
         ForceError {
             source,
             deforming_n: rms(&|phases| match phases.moving {
@@ -351,8 +361,9 @@ impl Validation {
         }
     }
 
-    /// The validation of a model whose error over the recordings it was identified from is `identification_rms`, N: a recording
-    /// whose error is far above that, or that the model explains badly, gets a warning. `recordings` are those validated on.
+    /// The validation of a model whose error over the recordings used for identification is
+    /// `identification_rms`, N. A recording gets a warning if its error is far above that or if the
+    /// model explains it badly. `recordings` are those used for validation.
     #[must_use]
     pub fn beside_identification(mut self, identification_rms: f64, recordings: &[Recording]) -> Self {
         for (result, recording) in self.recordings.iter_mut().zip(recordings) {
@@ -361,14 +372,14 @@ impl Validation {
         self
     }
 
-    /// Whether a recording has a warning: it never let the seal forget its unknown start, left the range of the position
-    /// profile, or contradicts the model (exit code 3).
+    /// Whether a recording has a warning: its seal never forgot the unknown initial state, the
+    /// motion left the range of the position profile, or it contradicts the model (exit code 3).
     pub fn is_doubtful(&self) -> bool {
         self.recordings.iter().any(|recording| !recording.warnings.is_empty())
     }
 }
 
-/// Sums over samples, from which root mean squares and fits follow.
+/// Sums over samples, from which root mean squares and fits are computed.
 #[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Sums {
     n: f64,
@@ -404,12 +415,12 @@ impl Sums {
     }
 }
 
-/// Replays `trocar` over `recordings`, whose readings hold the sensor offset `offset`, N.
+/// Replays `trocar` over `recordings`, whose readings include the sensor offset `offset`, N.
 pub fn validate<K: AsRef<[f64]>>(trocar: &Trocar<K>, recordings: &[Recording], offset: f64) -> Validation {
     Validation::of(recordings.iter().map(|recording| validate_one(trocar, recording, offset)).collect())
 }
 
-/// Validates one recording, or one piece of it; [`Scored::plus`] puts pieces together.
+/// Validates one recording, or one piece of it; [`Scored::plus`] combines pieces.
 pub fn validate_one<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Scored {
     let run = replay(trocar, recording, offset);
     let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
@@ -490,10 +501,11 @@ pub(crate) enum Phase {
     PartialHold,
 }
 
-/// Phases of the `scored` samples, as far as the replay tells them.
+/// Phases of the `scored` samples, as far as the replay determines them.
 pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
-    // Rests after a partial reversal belong to it: those at the ends of full strokes do not stand for them.
+    // Rests after a partial reversal are separate: those at the ends of full strokes do not
+    // represent them.
     let phase = |i: &usize| match (velocity[*i].abs() < HOLD_SPEED, run.sliding.get(*i)) {
         (true, _) if run.turned.get(*i) == Some(&true) => Phase::PartialHold,
         (true, _) => Phase::Hold,
@@ -506,7 +518,7 @@ pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -
 }
 
 impl Phases {
-    /// Of both parts of one recording together.
+    /// Combination of two parts of one recording.
     fn plus(&self, other: &Self) -> Self {
         let squares = |part: &Part| part.rms_n * part.rms_n * part.samples as f64;
         let none = Part { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
@@ -516,7 +528,7 @@ impl Phases {
             [deformation, sliding, moving, hold, partial, partial_hold]
         };
         let pairs = || parts(self).into_iter().zip(parts(other));
-        // The last two are parts of others.
+        // The last two are subsets of others.
         let total: f64 = pairs().take(4).map(|(a, b)| squares(&a) + squares(&b)).sum();
         let mut both = pairs().map(|(a, b)| Part {
             rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
@@ -537,7 +549,7 @@ impl Phases {
         }
     }
 
-    /// Errors, N, summed up by phase.
+    /// Errors, N, summed by phase.
     pub(crate) fn of(errors: impl Iterator<Item = (Phase, f64)>) -> Self {
         let mut sums = [Sums::default(); 6];
         for (phase, error) in errors {

@@ -1,64 +1,69 @@
-//! Level and viscosity of the friction, followed in use.
+//! Online estimation of the friction scale and the viscosity.
 //!
-//! A force sensor outside the body cannot tell friction from tissue at one moment. It can over a pass there and back: at one
-//! place x the friction turns with the motion, an elastic tissue, a constant load, a weight do not. So the track is divided into
-//! cells of 1 mm, and whenever a cell is crossed against the direction of its last crossing, both sliding, the pair gives
+//! A force sensor outside the body cannot separate friction from tissue force in a single sample.
+//! It can do so over a stroke there and back: at the same position x the friction reverses with the
+//! motion, whereas an elastic tissue force, a constant load or a weight does not. The track is
+//! therefore divided into cells of 1 mm. Whenever a cell is crossed in the direction opposite to
+//! its last crossing, both times while sliding, the pair gives
 //!
 //! ```text
-//! y₊ − y₋     = λ·(f₊ − f₋) + ν·(b₊ − b₋) + noise          what turns: learnt
-//! (y₊ + y₋)/2 = [λ·(f₊ + f₋) + ν·(b₊ + b₋)]/2 + load       what does not: tissue, if it is more than 3 σ
+//! y₊ − y₋     = λ·(f₊ − f₋) + ν·(b₊ − b₋) + noise          reverses: friction, used for the update
+//! (y₊ + y₋)/2 = [λ·(f₊ + f₋) + ν·(b₊ + b₋)]/2 + load       does not: tissue, if above 3 σ
 //! ```
-//! y reading, f and b the model's sliding force without and with its viscous part alone (of λ = ν = 1), N. Learnt is only from
-//! three crossings in turn, there, back and there again, of which the first and the last agree: a tissue force that came or changed
-//! between them is no friction. A pair with load is not learnt from, nor is anything for some seconds after it.
+//! y reading, f and b the model's sliding force without its viscous part and its viscous part alone
+//! (for λ = ν = 1), N. An update needs three successive crossings, there, back and there again, of
+//! which the first and the last agree: a tissue force that appeared or changed between them is not
+//! friction. A pair with load is not used, nor is any pair for some seconds after it.
 //!
 //! λ and ν are the states of a Kalman filter (key KALMAN) whose prior is the identified model:
 //!
 //! ```text
-//! θ⁺ = θ + w     var w = q·Δt          P bounded by the prior: what is not observed is forgotten at a bounded rate
+//! θ⁺ = θ + w     var w = q·Δt          P bounded by the prior: unobserved states are forgotten at a bounded rate
 //! ```
 //!
 //! - **Bounds**: λ in [0.1, 2], ν in [0, 4].
-//! - **Outliers**: an innovation beyond 3 standard deviations is left out; eight in a row without load are a change of the
-//!   friction, and the prior is opened. A change that leaves no slides to learn from is found by [`super::bank`].
-//! - **Memory** is fixed: 512 cells of either direction, the oldest are overwritten.
-//! - **Limit**: a tissue force that turns with the motion and is as large both ways is taken for friction.
+//! - **Outliers**: an innovation beyond 3 standard deviations is discarded. Eight in a row without
+//!   load indicate a change of the friction, and the prior is widened. A change after which there
+//!   are no more slides is detected by [`super::bank`].
+//! - **Memory** is fixed: 512 cells for each direction; the oldest are overwritten.
+//! - **Limit**: a tissue force that reverses with the motion and has the same magnitude in both
+//!   directions is attributed to friction.
 
 /// Length of a cell, m.
 pub(super) const CELL: f64 = 1e-3;
-/// Cells remembered.
+/// Number of cells stored.
 pub(super) const CELLS: usize = 512;
 /// Longest time between the crossings of a pair, s.
 pub(super) const LONGEST_AGE: f64 = 20.0;
-/// Time after the last pair that was learnt from during which λ and ν count as followed, s.
+/// Time after the last pair used for an update during which λ and ν count as being tracked, s.
 const EXCITED: f64 = 5.0;
-/// Errors of the model are correlated over the position: as many neighbouring pairs count as one.
+/// Errors of the model are correlated over the position: this many neighbouring pairs count as one.
 const CORRELATED: f64 = 32.0;
-/// Load, over its standard deviation, from which on tissue is touched.
+/// Ratio of the load to its standard deviation above which tissue contact is detected.
 pub(super) const CONTACT: f64 = 3.0;
-/// Time after a load during which nothing is learnt, s.
+/// Time after a load during which there are no updates, s.
 const LATCH: f64 = 4.0;
-/// Innovation over its standard deviation that is no longer believed.
+/// Ratio of the innovation to its standard deviation above which it is an outlier.
 const OUTLIER: f64 = 3.0;
-/// Outliers in a row that are a change.
+/// Successive outliers that indicate a change.
 const CHANGE: u32 = 8;
-/// Standard deviations of the prior: wetting takes 15 to 45 % off.
+/// Standard deviations of the prior: wetting lowers friction by 15 to 45 %.
 const PRIOR: [f64; 2] = [0.15, 0.3];
-/// The same once a change was seen: silicone oil takes 75 % off.
+/// The same after a change was detected: silicone oil lowers friction by 75 %.
 const OPENED: [f64; 2] = [0.5, 0.5];
-/// Growth of the standard deviations within a second.
+/// Growth of the standard deviations per second.
 const GROWTH: [f64; 2] = [0.0015, 0.01];
 /// Bounds of λ and ν.
 const BOUNDS: [[f64; 2]; 2] = [[0.1, 2.0], [0.0, 4.0]];
-/// Part of the deformation range that must be slid before the slide is beyond doubt.
+/// Sliding travel, as a fraction of the deformation range, after which sliding is certain.
 const SETTLED: f64 = 0.25;
 
-/// Where level and viscosity stand.
+/// Current estimate of friction scale and viscosity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drift {
-    /// λ: friction over that of the model, without the viscous part.
+    /// λ: friction relative to that of the model, without the viscous part.
     pub level: f64,
-    /// ν: viscous part over that of the model.
+    /// ν: viscous part relative to that of the model.
     pub viscosity: f64,
     /// Standard deviation of λ.
     pub level_std: f64,
@@ -66,10 +71,10 @@ pub struct Drift {
     pub viscosity_std: f64,
 }
 
-/// One moment of a slide, all in N and without what depends on the way.
+/// One sample while sliding, all in N and without the position-dependent force.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sliding {
-    /// Reading without offset, inertia and way.
+    /// Reading without offset, inertia and position-dependent force.
     pub(super) reading: f64,
     /// f: force of the model without its viscous part.
     pub(super) dry: f64,
@@ -87,7 +92,7 @@ impl Sliding {
     }
 }
 
-/// The mean of one crossing of one cell.
+/// The mean over one crossing of one cell.
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     cell: i64,
@@ -95,7 +100,7 @@ struct Crossing {
     mean: Sliding,
 }
 
-/// A crossing under way.
+/// A crossing in progress.
 #[derive(Debug, Clone, Copy)]
 struct Current {
     cell: i64,
@@ -104,7 +109,7 @@ struct Current {
     samples: f64,
 }
 
-/// Where a slide began.
+/// Start of a slide.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Slide {
     from: f64,
@@ -122,14 +127,14 @@ pub(super) struct Adapter {
     covariance: [[f64; 2]; 2],
     /// Error of the model while sliding, N.
     sigma: f64,
-    /// By direction (withdrawal, insertion) and cell.
+    /// Last crossing by direction (withdrawal, insertion) and cell.
     memory: Box<[[Option<Crossing>; CELLS]; 2]>,
     current: Option<Current>,
     slide: Option<Slide>,
     time: f64,
     learnt: f64,
     contact: bool,
-    /// When the last load was seen, s.
+    /// Time at which the last load was detected, s.
     loaded: f64,
     outliers: u32,
 }
@@ -159,7 +164,7 @@ impl Adapter {
         }
     }
 
-    /// As new.
+    /// Resets the filter.
     pub(super) fn reset(&mut self) {
         self.break_off();
         self.estimate = [1.0; 2];
@@ -185,7 +190,7 @@ impl Adapter {
         self.is_on && !self.is_latched() && self.time - self.learnt < EXCITED
     }
 
-    /// Whether tissue was touched of late.
+    /// Whether tissue contact was detected recently.
     fn is_latched(&self) -> bool {
         self.contact || self.time - self.loaded < LATCH
     }
@@ -195,7 +200,7 @@ impl Adapter {
         self.covariance[0][1]
     }
 
-    /// Time goes on: what is known of λ and ν fades.
+    /// Advances the time: the uncertainty of λ and ν grows.
     pub(super) fn pass(&mut self, duration: f64) {
         self.time += duration;
         if !self.is_on {
@@ -209,13 +214,14 @@ impl Adapter {
         }
     }
 
-    /// The motion was interrupted: crossings of before are crossings of another motion.
+    /// The motion was interrupted: earlier crossings belong to another motion.
     pub(super) fn break_off(&mut self) {
         (self.current, self.slide) = (None, None);
         self.memory.iter_mut().for_each(|side| side.fill(None));
     }
 
-    /// Follows a slide; tells its direction once it has gone on for a part of the deformation `width`, m.
+    /// Tracks a slide; returns its direction once it has lasted for a fraction of the deformation
+    /// `width`, m.
     pub(super) fn settle(&mut self, slides: bool, inserts: bool, position: f64, width: f64) -> Option<bool> {
         if !slides {
             self.slide = None;
@@ -228,7 +234,7 @@ impl Adapter {
         ((position - slide.from).abs() >= SETTLED * width).then_some(inserts)
     }
 
-    /// Takes a moment of a slide at `position`, m.
+    /// Adds a sample of a slide at `position`, m.
     pub(super) fn take(&mut self, position: f64, inserts: bool, now: Sliding) {
         let cell = (position / CELL).floor() as i64;
         let same = self.current.filter(|current| current.cell == cell && current.inserts == inserts);
@@ -258,13 +264,15 @@ impl Adapter {
         of.reading - self.estimate[0] * of.dry - self.estimate[1] * of.viscous
     }
 
-    /// Variance of the model's force, N², that λ and ν leave: of a seal that is not the same both ways, of unequal speeds.
+    /// Variance of the model's force, N², due to λ and ν: for an asymmetric seal, and for unequal
+    /// speeds.
     fn variance(&self, of: &Sliding) -> f64 {
         let [[level, both], [_, viscosity]] = self.covariance;
         level * of.dry * of.dry + 2.0 * both * of.dry * of.viscous + viscosity * of.viscous * of.viscous
     }
 
-    /// Learns from a crossing, the one back before it, and the one of its own direction before that.
+    /// Updates the filter from a crossing, the opposite one before it, and the one in its own
+    /// direction before that.
     fn learn(&mut self, now: Sliding, across: Sliding, first: Option<Sliding>) {
         let mean = now.plus(across).times(0.5);
         let load = self.residual(&mean);
@@ -283,7 +291,7 @@ impl Adapter {
         self.update(&now.plus(across.times(-1.0)));
     }
 
-    /// One step of the filter with what turned.
+    /// One filter update with the part that reverses.
     fn update(&mut self, turns: &Sliding) {
         let row = [turns.dry, turns.viscous];
         let innovation = self.residual(turns);
@@ -308,7 +316,7 @@ impl Adapter {
         }
     }
 
-    /// Goes over to another level of friction, which the prior's spread leaves open again.
+    /// Switches to another friction scale, with the variance of the prior.
     pub(super) fn restart_at(&mut self, level: f64) {
         self.break_off();
         self.outliers = 0;
@@ -316,7 +324,7 @@ impl Adapter {
         self.covariance = diagonal(PRIOR.map(|std| std * std));
     }
 
-    /// A change was seen: the prior is as wide as any change may be.
+    /// A change was detected: widens the prior to cover any change.
     fn open(&mut self) {
         self.outliers = 0;
         self.covariance = diagonal(OPENED.map(|std| std * std));

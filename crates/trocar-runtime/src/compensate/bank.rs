@@ -1,40 +1,48 @@
-//! Whether another level of friction explains the readings better than the present one.
+//! Tests whether another friction scale explains the readings better than the present one.
 //!
-//! The filter of [`super::adapt`] learns from slides, and a seal that is suddenly oiled may slide all the time while the model
-//! still believes that it deforms. So the model also runs at several levels side by side, each with its own state. Whenever a
-//! cell of the way is crossed against the direction of its last crossing, deforming or sliding, the levels tell which one would have
-//! turned as the reading did, and what load it leaves:
+//! The filter of [`super::adapt`] uses sliding samples only, and after a sudden lubrication the
+//! seal may slide all the time while the model still predicts deformation. The model is therefore
+//! also run at several friction scales in parallel, each with its own state. Whenever a cell of the
+//! position is crossed in the direction opposite to its last crossing, deforming or sliding, the
+//! bank determines the scale whose force would have reversed as the reading did, and the load that
+//! it leaves:
 //!
 //! ```text
 //! y₊ − y₋ = F_h₊ − F_h₋              h between two levels       an elastic tissue or a constant load is in neither
 //! load    = (y₊ + y₋ − F_h₊ − F_h₋)/2
 //! ```
-//! The observer goes over to the level h only if 24 pairs in a row, of at least three passes, agree about it and leave no load. A tissue
-//! force that varies makes them disagree.
+//! The observer switches to the scale h only if 24 pairs in a row, from at least three strokes,
+//! agree about it and leave no load. A varying tissue force makes them disagree.
 
 use trocar_model::{Friction, Seal, SealState};
 
 use super::adapt::{CELL, CELLS, CONTACT, LONGEST_AGE};
 
-/// Levels side by side, evenly spaced in proportion.
+/// Friction scales run in parallel, evenly spaced on a logarithmic scale.
 const LEVELS: [f64; COUNT] = [0.18, 0.25, 0.35, 0.5, 0.71, 1.0, 1.41];
 const COUNT: usize = 7;
-/// Pairs that must agree, the most of them that may not, and the fewest passes that they come from.
+/// Pairs considered, the number of them that may disagree, and the fewest passes that they come
+/// from.
 const PAIRS: usize = 24;
 const MOST_APART: usize = 4;
 const PASSES: u64 = 3;
-/// Pairs behind the doubt: those that follow a change within 3 mm of travel, and those that still remember it afterwards.
+/// Pairs used for the doubt: those after a change within 3 mm of travel, and those affected by it
+/// afterwards.
 const NEWEST: usize = 3;
 const RECENT: usize = 12;
-/// Error of a pair, over what the model's error in both of its crossings explains, that is no doubt.
+/// Ratio of a pair's error to that explained by the model's error in both crossings, below which
+/// there is no doubt.
 const NOISE: f64 = 2.0;
-/// Range of F_h₊ − F_h₋ over the standard deviation of the model from which on a pair tells levels apart.
+/// Ratio of the range of F_h₊ − F_h₋ to the standard deviation of the model above which a pair
+/// distinguishes scales.
 const TELLING: f64 = 12.0;
-/// Largest departure from the middle level, in proportion, that is agreement; and the least change worth going over for.
+/// Largest relative deviation from the median scale that counts as agreement; and the least
+/// relative change for a switch.
 const APART: f64 = 0.12;
 const WORTH: f64 = 0.2;
 
-/// The mean of one crossing of one cell: reading and forces by level, N; variance of the model's error, N².
+/// The mean over one crossing of one cell: reading and forces by friction scale, N; variance of the
+/// model's error, N².
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     cell: i64,
@@ -44,7 +52,7 @@ struct Crossing {
     forces: [f64; COUNT],
 }
 
-/// A crossing under way.
+/// A crossing in progress.
 #[derive(Debug, Clone, Copy)]
 struct Current {
     cell: i64,
@@ -55,32 +63,32 @@ struct Current {
     forces: [f64; COUNT],
 }
 
-/// What one pair says.
+/// Result of one pair.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
-    /// Level that turns as the reading did; NaN outside those tried.
+    /// Friction scale at which the force reverses as the reading did; NaN outside those tried.
     level: f64,
-    /// What that level leaves in the mean, N.
+    /// Mean load that remains at that scale, N.
     load: f64,
     /// y₊ − y₋ and F_h₊ − F_h₋, N.
     turn: f64,
     turns: [f64; COUNT],
-    /// Variance that the model's error in both crossings gives `turn`, N².
+    /// Variance of `turn` due to the model's error in both crossings, N².
     variance: f64,
     pass: u64,
 }
 
-/// The model at several levels.
+/// The model at several friction scales.
 #[derive(Debug, Clone)]
 pub(super) struct Bank {
     states: [SealState; COUNT],
     sigma: f64,
     memory: Box<[[Option<Crossing>; CELLS]; 2]>,
     current: Option<Current>,
-    /// A ring.
+    /// Ring buffer.
     pairs: [Option<Pair>; PAIRS],
     next: usize,
-    /// Counts the changes of direction between pairs.
+    /// Number of direction changes between pairs.
     pass: u64,
     inserted: bool,
     time: f64,
@@ -101,20 +109,20 @@ impl Bank {
         }
     }
 
-    /// As new.
+    /// Resets the bank.
     pub(super) fn reset(&mut self, seal: &Seal) {
         self.start(seal, 0.0);
         (self.time, self.pass, self.inserted) = (0.0, 0, false);
     }
 
-    /// All at rest with `force`, N.
+    /// All models at rest with `force`, N.
     pub(super) fn start(&mut self, seal: &Seal, force: f64) {
         let states = LEVELS.map(|level| seal.rest_at_force(force / level));
         self.states = states;
         self.break_off();
     }
 
-    /// Crossings of before are crossings of another motion.
+    /// Earlier crossings belong to another motion.
     pub(super) fn break_off(&mut self) {
         self.current = None;
         self.memory.iter_mut().for_each(|side| side.fill(None));
@@ -132,8 +140,9 @@ impl Bank {
         self.time += duration;
     }
 
-    /// Takes a reading (without offset, inertia, way and what the viscous part has grown by, N) at `position`, m, on the
-    /// way in or out; the model's error there has `variance`, N².
+    /// Adds a reading (without offset, inertia, position-dependent force and the increase of the
+    /// viscous part, N) at `position`, m, during insertion or withdrawal; the model's error there
+    /// has `variance`, N².
     pub(super) fn take(&mut self, position: f64, inserts: bool, reading: f64, variance: f64) {
         let cell = (position / CELL).floor() as i64;
         if self.current.is_some_and(|current| (current.cell, current.inserts) != (cell, inserts)) {
@@ -186,8 +195,9 @@ impl Bank {
         self.next = (self.next + 1) % PAIRS;
     }
 
-    /// Variance of the force, N², by which the last pairs contradict the level `present` beyond the noise. A pair may lie on
-    /// either side of a change, so the whole of its error may be that of the later crossing.
+    /// Variance of the force, N², by which the last pairs contradict the scale `present` beyond the
+    /// noise. A change may lie between the two crossings of a pair, so its whole error may belong
+    /// to the later one.
     pub(super) fn doubt(&self, present: f64) -> f64 {
         let (h, part) = place(present);
         let beyond = |pair: Pair| {
@@ -202,7 +212,8 @@ impl Bank {
         over(RECENT).max(over(NEWEST)).max(0.0)
     }
 
-    /// A level that the last pairs agree about and that is not `present`, with a state near its own; once.
+    /// A friction scale on which the last pairs agree and that differs from `present`, with the
+    /// nearest state of the bank; returned once.
     pub(super) fn better_than(&mut self, present: f64) -> Option<(f64, SealState)> {
         let mut levels = [0.0; PAIRS];
         for (level, pair) in levels.iter_mut().zip(&self.pairs) {
@@ -229,7 +240,7 @@ impl Bank {
     }
 }
 
-/// The level of the bank below `level`, and the part of the way to the next.
+/// Index of the scale of the bank below `level`, and the fraction of the distance to the next.
 fn place(level: f64) -> (usize, f64) {
     let h = LEVELS.iter().rposition(|below| *below <= level).unwrap_or(0).min(COUNT - 2);
     (h, (level - LEVELS[h]) / (LEVELS[h + 1] - LEVELS[h]))

@@ -1,37 +1,41 @@
-//! What cannot be right about a sample.
+//! Invalid samples.
 
-/// Fastest motion of an instrument, m/s; beyond it, and over more than this way, m, the encoder has jumped.
+/// Fastest motion of an instrument, m/s. If it is exceeded over more than this distance, m, the
+/// encoder has jumped.
 const FASTEST: f64 = 1.0;
 const JUMP: f64 = 1e-3;
-/// Largest reading that is one, N.
+/// Largest valid reading, N.
 const LARGEST: f64 = 1e6;
-/// Longest time between samples over which the way is known, s.
+/// Longest time between samples over which the motion is known, s.
 const LONGEST_GAP: f64 = 0.2;
-/// A force reading that stays the same for as long, s, ten times as long as usual, and for as many samples ...
+/// A force reading is frozen if it stays constant for this time, s, for ten times the usual time,
+/// and for this many samples ...
 const FROZEN_FOR: f64 = 0.04;
 const FROZEN_USUAL: f64 = 10.0;
 const FROZEN_SAMPLES: u32 = 20;
-/// ... while the model's force changes by more than this, N, and by as many standard deviations, is frozen.
+/// ... while the model's force changes by more than this, N, and by this many standard deviations.
 const FROZEN_CHANGE: f64 = 0.2;
 const FROZEN_SIGMAS: f64 = 5.0;
-/// Usual time between changes of the reading, s, as long as none was seen, and the part of each new one in the mean.
+/// Usual time between changes of the reading, s, before the first is observed, and the weight of
+/// each new one in the mean.
 const USUAL: f64 = 0.02;
 const NEWEST: f64 = 0.02;
 
-/// What cannot be right about a sample.
+/// Fault of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fault {
     /// The reading is not a finite number.
     NoReading,
-    /// The position is not a finite number: the model waits.
+    /// The position is not a finite number: the model is not stepped.
     NoPosition,
-    /// Time stands still or runs backwards: the model waits.
+    /// The time is constant or runs backwards: the model is not stepped.
     NoDuration,
     /// The reading is at the sensor's limit: the force is larger.
     Saturated,
     /// The reading has not changed although the force must have.
     Frozen,
-    /// The position moved faster than 1 m/s, and by more than 1 mm: taken as a new zero of the encoder, not as a motion.
+    /// The position moved faster than 1 m/s, and by more than 1 mm: treated as a new zero of the
+    /// encoder, not as a motion.
     Jump,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap,
@@ -42,12 +46,12 @@ impl Fault {
     pub const ALL: [Self; 7] =
         [Self::NoReading, Self::NoPosition, Self::NoDuration, Self::Saturated, Self::Frozen, Self::Jump, Self::Gap];
 
-    /// Whether the reading tells nothing of the tissue.
+    /// Whether the reading contains no information about the tissue.
     pub fn spoils_reading(self) -> bool {
         matches!(self, Self::NoReading | Self::NoPosition | Self::Saturated | Self::Frozen)
     }
 
-    /// In words.
+    /// Message.
     pub fn words(self) -> &'static str {
         match self {
             Self::NoReading => "no force reading: no tissue force",
@@ -63,7 +67,7 @@ impl Fault {
     }
 }
 
-/// Looks after the samples.
+/// Monitors the samples.
 #[derive(Debug, Clone)]
 pub(super) struct Watch {
     limit: f64,
@@ -73,17 +77,17 @@ pub(super) struct Watch {
     usual: f64,
 }
 
-/// What is wrong with a sample.
+/// Faults of one sample.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Found {
-    /// With position or time.
+    /// Of position or time.
     pub(super) motion: Option<Fault>,
-    /// With the reading.
+    /// Of the reading.
     pub(super) reading: Option<Fault>,
 }
 
 impl Found {
-    /// The graver one.
+    /// The more severe one.
     pub(super) fn first(self) -> Option<Fault> {
         match self.motion {
             Some(Fault::NoPosition) => self.motion,
@@ -92,7 +96,7 @@ impl Found {
     }
 }
 
-/// A stretch of equal readings.
+/// A run of equal readings.
 #[derive(Debug, Clone, Copy)]
 struct Same {
     reading: f64,
@@ -109,12 +113,12 @@ impl Watch {
         Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None, usual: USUAL }
     }
 
-    /// As new.
+    /// Resets the monitor.
     pub(super) fn reset(&mut self) {
         (self.same, self.usual) = (None, USUAL);
     }
 
-    /// What is wrong with a sample `duration`, s, after the last one with a position `before`, m.
+    /// Faults of a sample `duration`, s, after the last one at position `before`, m.
     pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> Found {
         Found { motion: motion(before, position, duration), reading: self.reading(force, duration) }
     }
@@ -143,7 +147,7 @@ impl Watch {
         long && same.high - same.low > self.least_change
     }
 
-    /// Takes note of the model's force, N, behind a reading.
+    /// Records the model's force, N, that corresponds to a reading.
     pub(super) fn follow(&mut self, model: f64, force: f64) {
         let same = self.same.get_or_insert(Same { reading: force, time: 0.0, samples: 1, low: model, high: model });
         (same.low, same.high) = (same.low.min(model), same.high.max(model));

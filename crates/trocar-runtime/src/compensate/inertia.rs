@@ -3,22 +3,23 @@
 //! ```text
 //! x(t) ~ a0 + a1·(t − t_now) + a2·(t − t_now)²   least squares over the last 30 ms, or 8 samples       a = 2·a2
 //! ```
-//! That is the acceleration at the middle of the window: 15 ms late, which a hand (below 5 Hz) hardly notices. The variance
-//! is 720·s²/(h⁴·n⁵) for n positions every h seconds with standard deviation s: 0.01 m/s² for a 4 µm encoder at 1 kHz.
+//! This is the acceleration at the middle of the window: a delay of 15 ms, which is negligible for
+//! hand motion (below 5 Hz). The variance is 720·s²/(h⁴·n⁵) for n positions every h seconds with
+//! standard deviation s: 0.01 m/s² for a 4 µm encoder at 1 kHz.
 
 /// Length of the window, s.
 const WINDOW: f64 = 0.03;
-/// Most positions kept.
+/// Most positions stored.
 const MOST: usize = 128;
-/// Fewest for an acceleration.
+/// Fewest positions for an acceleration.
 const FEWEST: usize = 8;
 
-/// Inertia and weight of what moves between sensor and seal.
+/// Inertia and weight of the mass between sensor and seal.
 #[derive(Debug, Clone)]
 pub(super) struct Inertia {
     mass: f64,
     gravity: f64,
-    /// Time, s, and position, m; a ring.
+    /// Time, s, and position, m; a ring buffer.
     past: [(f64, f64); MOST],
     next: usize,
     count: usize,
@@ -53,7 +54,7 @@ impl Inertia {
         self.count = (self.count + 1).min(MOST);
     }
 
-    /// Sums of the quadratic fit about the newest sample, with time in windows.
+    /// Quadratic fit about the newest sample, with time in units of the window.
     fn fit(&self, now: f64, here: f64) -> Option<f64> {
         if self.count < FEWEST {
             return None;
@@ -83,7 +84,7 @@ impl Inertia {
 mod tests {
     use super::*;
 
-    /// A constant acceleration is found to the rounding of the sums, whatever the sampling.
+    /// A constant acceleration is recovered to within rounding, whatever the sampling.
     #[test]
     fn a_constant_acceleration_is_found() {
         let mut inertia = Inertia::new(0.5, -9.81);

@@ -1,4 +1,5 @@
-//! What there is to identify: a folder, a manifest, or a Parquet data set in which recordings are rows.
+//! The input of a fleet run: a folder, a manifest, or a Parquet data set in which recordings are
+//! rows.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
@@ -15,40 +16,40 @@ use crate::error::TableError;
 use crate::recording::{ReadOptions, RecordingError};
 use crate::table::{self, Column, Table};
 
-/// Endings of files that may be recordings.
+/// Extensions of files that may be recordings.
 const ENDINGS: [&str; 18] = [
     "csv", "tsv", "txt", "dat", "gz", "zst", "parquet", "pq", "arrow", "feather", "ipc", "mat", "h5", "hdf5", "mcap",
     "db3", "bag", "log",
 ];
 
-/// Endings of files that may hold rows of several recordings.
+/// Extensions of files that may hold rows of several recordings.
 const ROWS: [&str; 2] = ["parquet", "pq"];
 
 /// Name that Hive gives to a missing value.
 const HIVE_NONE: &str = "__HIVE_DEFAULT_PARTITION__";
 
-/// Column that tells recordings apart where none is named.
+/// Column that distinguishes recordings if none is named.
 const RECORDING: &str = "recording";
 
-/// Columns that come with a recording, by name.
+/// Metadata of a recording by column name.
 pub type Metadata = BTreeMap<String, Cell>;
 
-/// Why there is nothing to identify.
+/// Why a data set cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatasetError {
     /// A folder or file cannot be read.
     #[error("{}: cannot read: {source}", path.display())]
     Read {
-        /// Which.
+        /// The folder or file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// No recording in it.
+    /// The data set contains no recording.
     #[error(
         "{}: no recordings, expected files that end in {}\n\nhint: a manifest, a CSV or Parquet file with a column 'path', names files \
          with other extensions",
@@ -58,7 +59,7 @@ pub enum DatasetError {
         /// The data set.
         path: PathBuf,
     },
-    /// A file that is neither manifest nor data set.
+    /// A file that is neither a manifest nor a data set.
     #[error(
         "{}: no manifest and no data set: neither a column 'path' nor a column '{group}' among {found}\n\nhint: one recording by itself is \
          identified with `trocar identify`; recordings that are rows of one table are told apart with --group-by COLUMN",
@@ -67,46 +68,47 @@ pub enum DatasetError {
     NoDataset {
         /// The file.
         path: PathBuf,
-        /// Column looked for.
+        /// Column that was expected.
         group: String,
         /// Columns found.
         found: String,
     },
-    /// A manifest's row that cannot be used.
+    /// A row of the manifest that cannot be used.
     #[error("{} row {row}: {problem}", path.display())]
     Row {
         /// The manifest.
         path: PathBuf,
-        /// Its row, from 1, without the header.
+        /// Row number, from 1, without the header.
         row: usize,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
 }
 
-/// What is to be identified.
+/// The recordings to identify.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
     /// Files with recordings, in the order of their names or of the manifest.
     pub sources: Vec<Source>,
-    /// Files of the folder that are left out for their extension.
+    /// Files of the folder that are omitted because of their extension.
     pub left_out: Vec<String>,
 }
 
-/// The unit of work: a file with one recording, or with several, and what they have in other files.
+/// The unit of work: a file with one or several recordings, and the rows that these have in other
+/// files.
 ///
 /// A recording with rows in several files belongs to the source of the first of them by name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Source {
-    /// Name in the table: the path as seen from the data set.
+    /// Name in the table: the path relative to the data set.
     pub name: String,
-    /// Where it is.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What is known about it beside what it holds.
+    /// Metadata that come in addition to the content of the file.
     pub metadata: Metadata,
-    /// The column that tells several recordings apart.
+    /// The column that distinguishes several recordings.
     pub group_by: Option<String>,
-    /// All files that its recordings have rows in, in the order of their names; empty where it is one file.
+    /// All files with rows of its recordings, in the order of their names; empty for a single file.
     pub parts: Vec<Part>,
     /// Recordings with rows in it that belong to another source.
     pub elsewhere: Vec<String>,
@@ -115,11 +117,11 @@ pub struct Source {
 /// A file of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Part {
-    /// The path as seen from the data set.
+    /// The path relative to the data set.
     pub name: String,
-    /// Where it is.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What the folders say.
+    /// Metadata from the names of the folders.
     pub metadata: Metadata,
 }
 
@@ -128,20 +130,20 @@ pub(super) struct Job {
     pub(super) name: String,
     pub(super) path: PathBuf,
     pub(super) metadata: Metadata,
-    /// What is doubtful about how it was put together.
+    /// Warning about how its rows were combined.
     pub(super) warning: Option<String>,
     /// `None` for a file that is one recording.
     pub(super) group: Option<Group>,
 }
 
 impl Dataset {
-    /// What there is at `path`; `group_by` names the column of Parquet files, or the key of folders, that tells recordings apart
-    /// (`recording` where there is that), and `without` are files that are no part of it.
+    /// Opens `path`. `group_by` names the column of Parquet files, or the key of folders, that
+    /// distinguishes recordings (`recording` if that exists). The files in `without` are ignored.
     ///
-    /// Of Parquet files with that column, the column is read.
+    /// In Parquet files with that column, the column is read.
     ///
     /// # Errors
-    /// [`DatasetError`] when there is nothing to identify, or a manifest is wrong.
+    /// [`DatasetError`] when there is nothing to identify, or a manifest is invalid.
     pub fn open(path: &Path, group_by: Option<&str>, without: &[PathBuf]) -> Result<Self, DatasetError> {
         let failed = |source| DatasetError::Read { path: path.to_owned(), source };
         if std::fs::metadata(path).map_err(failed)?.is_dir() {
@@ -226,8 +228,8 @@ fn is_bag(folder: &Path) -> bool {
     folder.join("metadata.yaml").is_file()
 }
 
-/// All files below `folder`, hidden ones left out; a bag folder counts as one. A folder that is reached twice, through a link, counts
-/// once.
+/// All files below `folder` except hidden ones; a bag folder counts as one. A folder that is
+/// reached twice, through a link, counts once.
 fn walk(folder: &Path, files: &mut Vec<PathBuf>, seen: &mut BTreeSet<PathBuf>) -> Result<(), DatasetError> {
     let failed = |source| DatasetError::Read { path: folder.to_owned(), source };
     if !seen.insert(folder.canonicalize().map_err(failed)?) {
@@ -246,17 +248,17 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>, seen: &mut BTreeSet<PathBuf>) -
     Ok(())
 }
 
-/// What tells the recordings of a file apart.
+/// How the recordings of a file are distinguished.
 enum Holds {
-    /// It is one recording, or does not say.
+    /// The file is one recording, or does not specify any.
     One,
-    /// It is a part of the recording that this folder is.
+    /// The file is a part of the recording stored in this folder.
     PartOf(String),
-    /// Values of a column, in the order in which they appear; `None` where they cannot be read.
+    /// Values of a column, in order of appearance; `None` if they cannot be read.
     Several(Option<Vec<String>>),
 }
 
-/// The files as units of work: each recording belongs to the first file that has rows of it.
+/// Groups the files into units of work: each recording belongs to the first file with rows of it.
 fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
     let holds: Vec<Holds> = files.par_iter().map(|file| holds(file, by)).collect();
     let mut folders: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -266,7 +268,7 @@ fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
     for (k, holds) in holds.iter().enumerate() {
         match holds {
             Holds::PartOf(folder) => folders.entry(folder).or_default().push(k),
-            // Rows without a value are not those of another file without one.
+            // Rows without a value in different files are not the same recording.
             Holds::Several(Some(values)) => values.iter().filter(|value| !value.is_empty()).for_each(|value| {
                 let first = *begun.entry((keys(&files[k].name), value)).or_insert(k);
                 if first != k {
@@ -298,12 +300,12 @@ fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
     sources
 }
 
-/// What a file holds, as far as that is told by the column or the folder's key called `by`.
+/// Content of a file according to the column or folder key `by`.
 fn holds(file: &Part, by: &str) -> Holds {
     if !ends_in(&file.path, &ROWS) {
         return Holds::One;
     }
-    // A file that cannot be read becomes a row that says so.
+    // A file that cannot be read becomes a row with the reason.
     let names = table::names(&file.path).unwrap_or_default();
     if names.iter().any(|name| name == by) {
         return Holds::Several(parts::values(file, by).ok());
@@ -316,24 +318,25 @@ fn holds(file: &Part, by: &str) -> Holds {
     }
 }
 
-/// What folders called `key=value` say; inner ones go first.
+/// Metadata from folders named `key=value`; inner folders take precedence.
 fn hive(name: &str) -> Metadata {
     name.split('/').rev().skip(1).filter_map(key_value).collect()
 }
 
-/// The folders called `key=value` that a file lies in: equal values elsewhere are other recordings.
+/// The folders named `key=value` above a file: equal values elsewhere are other recordings.
 fn keys(name: &str) -> Vec<&str> {
     name.split('/').rev().skip(1).filter(|folder| key_value(folder).is_some()).collect()
 }
 
-/// What a folder called `key=value` says.
+/// Key and value of a folder named `key=value`.
 fn key_value(folder: &str) -> Option<(String, Cell)> {
     let (key, value) = folder.split_once('=')?;
     let cell = if value == HIVE_NONE || value.is_empty() { Cell::Empty } else { Cell::text(unescaped(value)) };
     Some((unescaped(key), cell))
 }
 
-/// With `%20` and the like, which engines write for what a folder's name may not hold, taken back.
+/// Decodes `%20` and similar escapes, which engines write for characters that a folder name must
+/// not contain.
 fn unescaped(text: &str) -> String {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();
@@ -346,7 +349,7 @@ fn unescaped(text: &str) -> String {
     String::from_utf8(bytes).unwrap_or_else(|_| text.to_owned())
 }
 
-/// Text columns that hold numbers throughout become numbers.
+/// Converts text columns that contain only numbers to numbers.
 fn settle_kinds(files: &mut [Part]) {
     let mut names: Vec<String> = files.iter().flat_map(|file| file.metadata.keys().cloned()).collect();
     names.sort_unstable();
@@ -394,7 +397,7 @@ fn header(path: &Path) -> Result<Vec<String>, DatasetError> {
     Ok(fields(line).into_iter().next().unwrap_or_default())
 }
 
-/// A CSV file of words; empty cells are missing ones.
+/// A CSV file of strings; empty cells are missing values.
 fn text_table(path: &Path) -> Result<Table, DatasetError> {
     let bytes = std::fs::read(path).map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
     let mut lines = fields(&bytes).into_iter();
@@ -411,7 +414,7 @@ fn text_table(path: &Path) -> Result<Table, DatasetError> {
     Ok(Table { fields: names, columns: columns.into_iter().map(Column::Text).collect() })
 }
 
-/// Cells of all lines of a CSV file, quotes taken off; lines without anything are left out.
+/// Cells of all lines of a CSV file, without quotes; empty lines are omitted.
 fn fields(bytes: &[u8]) -> Vec<Vec<String>> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut reader = csv_core::Reader::new();
@@ -440,7 +443,7 @@ impl Source {
         Self { name, path, metadata, group_by, parts: Vec::new(), elsewhere: Vec::new() }
     }
 
-    /// A folder whose files are one recording.
+    /// A folder whose files form one recording.
     fn folder(name: &str, parts: Vec<Part>) -> Self {
         let depth = name.split('/').count();
         let first = &parts[0];
@@ -467,7 +470,7 @@ impl Source {
     }
 }
 
-/// What all of them say alike, and the names of what they say differently.
+/// The metadata common to all of them, and the names of those that differ.
 pub(super) fn in_common<'a>(all: impl Iterator<Item = &'a Metadata>) -> (Metadata, BTreeSet<String>) {
     let mut all = all.peekable();
     let mut common = all.peek().map_or_else(Metadata::new, |first| (*first).clone());
@@ -489,10 +492,10 @@ impl Job {
         self.group.is_none()
     }
 
-    /// What is handed to the identification; the constant columns of a group become metadata.
+    /// The input of the identification; the constant columns of a group become metadata.
     ///
     /// # Errors
-    /// [`RecordingError`] where a group has no columns of time, position and force, or cannot be read.
+    /// [`RecordingError`] if a group has no columns of time, position and force, or cannot be read.
     pub(super) fn input(&mut self, reading: &ReadOptions) -> Result<Input, RecordingError> {
         match &self.group {
             Some(group) => group.input(&self.name, reading, &mut self.metadata),

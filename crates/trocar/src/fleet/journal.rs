@@ -1,7 +1,8 @@
-//! What is done already: one line of JSON a recording, appended as they finish, beside the table.
+//! Journal of finished recordings: one line of JSON per recording, appended as they finish, next to
+//! the table.
 //!
-//! A line counts only with its end; a torn last one is cut off. It is taken over when name, hash of the recording and hash
-//! of the configuration are still the same.
+//! A line counts only if it is complete; a truncated last line is removed. An entry is reused if
+//! the name, the hash of the recording and the hash of the configuration are unchanged.
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -14,20 +15,20 @@ use serde::{Deserialize, Serialize};
 use super::row::{Row, columns};
 use crate::error::OutputError;
 
-/// Longest time that a finished recording waits to be safe from a power cut.
+/// Longest time until a finished recording is safe from a power failure.
 const SYNC: Duration = Duration::from_secs(1);
 
 /// One finished recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Entry {
     pub(super) name: String,
-    /// Hash of the recording; empty where it could not be read.
+    /// Hash of the recording; empty if it could not be read.
     pub(super) sha256: String,
     pub(super) config: String,
     pub(super) row: Row,
 }
 
-/// Where in the journal an entry stands, and for which recording.
+/// Position of an entry in the journal, and the hash of its recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Place {
     pub(super) at: u64,
@@ -35,7 +36,7 @@ pub(super) struct Place {
     pub(super) sha256: String,
 }
 
-/// The journal, open for one process alone.
+/// The journal, opened exclusively by one process.
 pub(super) struct Journal {
     path: PathBuf,
     file: File,
@@ -43,7 +44,7 @@ pub(super) struct Journal {
     synced: Instant,
 }
 
-/// Where the journal of a table stands.
+/// Path of the journal of a table.
 pub fn journal_path(table: &Path) -> PathBuf {
     let mut name = table.as_os_str().to_owned();
     name.push(".journal");
@@ -51,10 +52,10 @@ pub fn journal_path(table: &Path) -> PathBuf {
 }
 
 impl Journal {
-    /// Opens the journal at `path`, and finds what it holds for `config`, by name.
+    /// Opens the journal at `path` and finds its entries for `config`, by name.
     ///
     /// # Errors
-    /// [`OutputError`] when it cannot be written, or another process writes it.
+    /// [`OutputError`] when it cannot be written, or another process is writing it.
     pub(super) fn open(path: &Path, config: &str) -> Result<(Self, HashMap<String, Place>), OutputError> {
         let create = |source| OutputError::Create { path: path.to_owned(), source };
         let file = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path).map_err(create)?;
@@ -64,7 +65,8 @@ impl Journal {
         Ok((Self { path: path.to_owned(), file, end, synced: Instant::now() }, places))
     }
 
-    /// Appends a finished recording: safe from the end of this process at once, from the machine's within a second.
+    /// Appends a finished recording. It survives the end of this process immediately, and a power
+    /// failure after at most a second.
     ///
     /// # Errors
     /// [`OutputError::Write`], for example on a full disk.
@@ -86,10 +88,10 @@ impl Journal {
         Ok(place)
     }
 
-    /// The row that stands at `place`.
+    /// The row stored at `place`.
     ///
     /// # Errors
-    /// [`OutputError::Write`] when the file has been changed by somebody else.
+    /// [`OutputError::Write`] when the file was modified externally.
     pub(super) fn row(&mut self, place: &Place) -> Result<Row, OutputError> {
         let mut line = vec![0; place.length];
         let read = self.file.seek(SeekFrom::Start(place.at)).and_then(|_| self.file.read_exact(&mut line));
@@ -97,7 +99,7 @@ impl Journal {
         entry.map(|entry| entry.row).map_err(|source| self.failed(source))
     }
 
-    /// Removes it, once the table is there.
+    /// Removes the journal once the table is complete.
     ///
     /// # Errors
     /// [`OutputError::Write`] when it cannot be removed.
@@ -110,7 +112,8 @@ impl Journal {
     }
 }
 
-/// Keeps others out; one that was killed a moment ago may take another to be gone.
+/// Locks the file. Waits a little, since the lock of a process that has just been killed may
+/// persist for a short time.
 fn lock(file: &File) -> io::Result<()> {
     const PATIENCE: Duration = Duration::from_secs(2);
     let begun = Instant::now();
@@ -128,7 +131,7 @@ fn lock(file: &File) -> io::Result<()> {
     }
 }
 
-/// The entries for `config`, and where the last whole line ends.
+/// The entries for `config`, and the end of the last complete line.
 fn read(file: &File, config: &str) -> io::Result<(HashMap<String, Place>, u64)> {
     let mut lines = BufReader::new(file);
     let (mut places, mut line, mut at) = (HashMap::new(), Vec::new(), 0);
@@ -139,7 +142,7 @@ fn read(file: &File, config: &str) -> io::Result<(HashMap<String, Place>, u64)> 
         if line.last() != Some(&b'\n') {
             return Ok((places, at));
         }
-        // A line that is none is passed over: its recording is done again.
+        // An invalid line is skipped: its recording is identified again.
         if let Ok(Entry { name, sha256, config: own, row }) = serde_json::from_slice(&line)
             && own == config
             && row.cells.len() == cells

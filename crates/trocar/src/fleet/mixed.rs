@@ -1,19 +1,20 @@
-//! Mixed effects: what differs between types of trocar, between specimens of one type, and between recordings of one
-//! specimen.
+//! Mixed-effects model: differences between types of trocar, between specimens of one type, and
+//! between recordings of one specimen.
 //!
 //! ```text
 //! y_ij = μ_type(i) + b_i + e_ij,   b_i ~ N(0, τ²),   e_ij ~ N(0, σ² + s_ij²)        i specimen, j recording
 //! ```
-//! s_ij is the standard error that the identification gives for y_ij, taken as known. τ and σ are those of restricted
-//! maximum likelihood (REML), the means those of generalised least squares (LAIRD-WARE); their intervals take Student's t
-//! with the specimens of the type less one as degrees of freedom. ICC = τ²/(τ² + σ²), without the measurement.
+//! s_ij is the standard error that the identification gives for y_ij; it is treated as known. τ and
+//! σ are estimated by restricted maximum likelihood (REML), the means by generalised least squares
+//! (LAIRD-WARE). Intervals of the means use Student's t with the number of specimens of the type
+//! less one as degrees of freedom. ICC = τ²/(τ² + σ²), without the measurement error.
 
 use crate::identify::t_quantile;
 
 /// Fewest specimens of a type for a mean with an interval.
 pub const FEWEST_SPECIMENS: usize = 3;
 
-/// One value: the type and the specimen it belongs to, by number, and its standard error.
+/// One value: the indices of its type and specimen, and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation {
     /// Type, from 0.
@@ -37,27 +38,28 @@ pub struct TypeMean {
     pub standard_error: f64,
     /// 95 % interval; `None` with fewer than [`FEWEST_SPECIMENS`] specimens.
     pub ci95: Option<[f64; 2]>,
-    /// Specimens.
+    /// Number of specimens.
     pub specimens: usize,
-    /// Recordings.
+    /// Number of recordings.
     pub recordings: usize,
 }
 
-/// What the model finds.
+/// Result of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MixedEffects {
     /// Means, in the order of the types.
     pub means: Vec<TypeMean>,
     /// τ: standard deviation between specimens of a type.
     pub between: f64,
-    /// σ: standard deviation between recordings of a specimen, without the error of measurement.
+    /// σ: standard deviation between recordings of a specimen, without the measurement error.
     pub within: f64,
     /// Twice the negative restricted log-likelihood, without its constant.
     pub deviance: f64,
 }
 
 impl MixedEffects {
-    /// τ²/(τ² + σ²): part of the variance that is between specimens; `None` where nothing varies.
+    /// τ²/(τ² + σ²): fraction of the variance that is between specimens; `None` without any
+    /// variance.
     pub fn intraclass_correlation(&self) -> Option<f64> {
         let (between, within) = (self.between.powi(2), self.within.powi(2));
         (between + within > 0.0).then(|| between / (between + within))
@@ -67,7 +69,7 @@ impl MixedEffects {
 /// Fits the model.
 ///
 /// # Errors
-/// In words, where specimens or repeats are too few to tell the components apart.
+/// A message, if specimens or repeats are too few to separate the components.
 pub fn fit(observations: &[Observation]) -> Result<MixedEffects, String> {
     let blocks = blocks(observations)?;
     let kinds = observations.iter().map(|o| o.kind).max().map_or(0, |most| most + 1);
@@ -111,17 +113,17 @@ fn blocks(observations: &[Observation]) -> Result<Vec<Block>, String> {
     Ok(blocks)
 }
 
-/// A standard deviation that is too large for either component.
+/// A standard deviation above any plausible value of either component.
 fn spread(observations: &[Observation]) -> f64 {
     let mean = observations.iter().map(|o| o.value).sum::<f64>() / observations.len() as f64;
     3.0 * (observations.iter().map(|o| (o.value - mean).powi(2)).sum::<f64>() / observations.len() as f64).sqrt()
 }
 
-/// Where `of` is least between 0 and `most`, by golden sections; the ends themselves count.
+/// Minimum of `of` between 0 and `most` by golden-section search, including the end points.
 fn least(of: impl Fn(f64) -> f64, most: f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     const SECTIONS: usize = 44;
-    // Of a deviance: no data tell such a component from none.
+    // Difference of deviances below which the data cannot distinguish a component from zero.
     const AS_GOOD: f64 = 1e-6;
     let (mut low, mut high) = (0.0, most);
     let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
@@ -141,7 +143,7 @@ fn least(of: impl Fn(f64) -> f64, most: f64) -> f64 {
     if of(0.0) <= of(middle) + AS_GOOD { 0.0 } else { middle }
 }
 
-/// Generalised least squares for given components.
+/// Generalised least squares for given variance components.
 struct Solved {
     /// Information and mean of each type.
     kinds: Vec<(f64, f64)>,

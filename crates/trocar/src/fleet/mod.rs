@@ -1,4 +1,4 @@
-//! Many recordings, each identified by itself, to one table.
+//! Identification of many recordings, each on its own, into one table.
 //!
 //! ```text
 //! (recording, configuration) -> one row of plain columns        identify_one, pure: any engine may call it

@@ -1,10 +1,10 @@
-//! In place of the reading of rows of Parquet files, where this build has no feature for it.
+//! Replacement for reading rows of Parquet files in builds without that feature.
 
 use super::dataset::{Job, Metadata, Part, Source};
 use super::one::Input;
 use crate::recording::{ReadOptions, RecordingError};
 
-/// The rows of one recording: there are none.
+/// The rows of one recording: never constructed.
 pub(super) enum Group {}
 
 impl Group {

@@ -1,4 +1,4 @@
-//! One recording to one row.
+//! Identification of one recording into one row.
 
 use std::any::Any;
 use std::borrow::Cow;
@@ -16,18 +16,18 @@ use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_
 use crate::summary::PROGRAM;
 use crate::workflow::MovingMass;
 
-/// Memory that an identification holds at its peak, in units of the recording's columns.
+/// Peak memory of an identification, in units of the recording's columns.
 const PEAK_TO_COLUMNS: u64 = 5;
 
-/// How far to go with each recording.
+/// Extent of the identification of each recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Depth {
-    /// The fit without the optional terms of which rests and partial reversals tell.
+    /// The fit without the optional terms that only rests and partial reversals reveal.
     #[default]
     Quick,
-    /// All that `trocar identify` does: where there are rests and partial reversals, the optional terms that need them
-    /// are tried too.
+    /// The same as `trocar identify`: if there are rests and partial reversals, the optional terms
+    /// that need them are tried too.
     Full,
 }
 
@@ -41,25 +41,26 @@ impl Depth {
     }
 }
 
-/// How to identify each recording.
+/// Configuration of the identification of each recording.
 #[derive(Debug, Clone, Default)]
 pub struct Config {
-    /// How to read it; its memory limit is that of one identification as a whole.
+    /// Reading options; the memory limit is that of one identification as a whole.
     pub reading: ReadOptions,
-    /// How far to go.
+    /// Extent of the identification.
     pub depth: Depth,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Resamples of the bootstrap over cycles; 0 takes the jackknife.
+    /// Resamples of the bootstrap over cycles; 0 uses the jackknife.
     pub bootstrap: usize,
-    /// What moves between sensor and seal.
+    /// Mass between sensor and seal.
     pub moving_mass: MovingMass,
 }
 
 impl Config {
-    /// SHA-256, in short, of all that a row depends on beside the recording: this, and the program's version.
+    /// Abbreviated SHA-256 of all that a row depends on in addition to the recording: this
+    /// configuration and the program version.
     ///
-    /// The memory limit is left out: it decides whether there is a row, not what is in it.
+    /// The memory limit is excluded: it decides whether there is a row, not its content.
     pub fn hash(&self) -> String {
         let Self { reading, depth, seed, bootstrap, moving_mass } = self;
         let text = serde_json::json!({
@@ -80,12 +81,12 @@ impl Config {
         digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// How to read what is handed to the identification, which holds it once more.
+    /// Reading options for the input of the identification, which holds the columns once more.
     pub(super) fn reading_ahead(&self) -> ReadOptions {
         self.reading_of_columns(PEAK_TO_COLUMNS + 1)
     }
 
-    /// How to read columns that may take one part in `parts` of the memory.
+    /// Reading options for columns that may use one part in `parts` of the memory.
     fn reading_of_columns(&self, parts: u64) -> ReadOptions {
         ReadOptions { memory_limit: self.reading.memory_limit.map(|bytes| bytes / parts), ..self.reading.clone() }
     }
@@ -101,23 +102,23 @@ impl Config {
     }
 }
 
-/// Where a recording comes from.
+/// Source of a recording.
 #[derive(Debug, Clone)]
 pub enum Input {
-    /// A file, of any format that [`read`] reads.
+    /// A file of any format that [`read`] supports.
     File(PathBuf),
-    /// Columns in memory; the name stands in the table.
+    /// Columns in memory; the name is used in the table.
     Columns {
-        /// What to call it.
+        /// Name of the recording.
         name: String,
         /// The columns.
         readings: Readings,
     },
-    /// A recording as it was read, with its name.
+    /// A recording already read, with its name.
     Recording(Box<Recording>),
 }
 
-/// Why a row holds no parameters: the kind, for counting, and the whole message.
+/// Why a row holds no parameters: the kind, for counting, and the full message.
 pub(super) struct Failure {
     kind: &'static str,
     message: String,
@@ -155,18 +156,20 @@ impl From<IdentifyError> for Failure {
 const CANNOT_OPEN: &str = "cannot_open";
 const TOO_LARGE: &str = "too_large_for_memory";
 
-/// Whether another day or another machine may do better: the recording itself may be sound.
+/// Whether the failure may be temporary or specific to this machine: the recording itself may be
+/// valid.
 pub(super) fn is_passing(row: &Row) -> bool {
     row.text("reason_kind").is_some_and(|kind| [CANNOT_OPEN, TOO_LARGE].contains(&kind))
 }
 
-/// Identifies one recording by itself: a pure function of the recording and `config`.
+/// Identifies one recording on its own: a pure function of the recording and `config`.
 ///
-/// What goes wrong is part of the row: `status` is `ok`, `doubtful` (the recording lost data, or does not pin every
-/// parameter) or `failed`, with `reason_kind` and `reason`. A panic is a failure, too.
+/// Failures are part of the row: `status` is `ok`, `doubtful` (data of the recording were lost, or
+/// do not determine every parameter) or `failed`, with `reason_kind` and `reason`. A panic is a
+/// failure, too.
 ///
-/// What can be done side by side is done by the pool of threads that this is called in;
-/// [`Cancel::run`](cancel::Cancel::run) with one thread keeps to one.
+/// Parallel parts run in the thread pool of the caller; [`Cancel::run`](cancel::Cancel::run) with
+/// one thread keeps to one.
 pub fn identify_one(input: &Input, config: &Config) -> Row {
     let mut row = Row::empty();
     describe(&mut row, input, config);
@@ -187,7 +190,7 @@ fn fail(row: &mut Row, failure: Failure) {
     row.set("reason", Cell::text(failure.message));
 }
 
-/// The row of a recording that did not come as far as [`identify_one`].
+/// The row of a recording that failed before [`identify_one`].
 pub(super) fn refused(name: &str, config: &Config, failure: impl Into<Failure>) -> Row {
     let mut row = Row::empty();
     describe(&mut row, &Input::File(name.into()), config);
@@ -234,7 +237,7 @@ fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The readings with the sign of the force that is asked for.
+/// The readings with the requested sign of the force.
 fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Readings> {
     if !reading.choice.flip_force {
         return Cow::Borrowed(readings);
@@ -242,7 +245,7 @@ fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Reading
     Cow::Owned(Readings { force: readings.force.iter().map(|force| -force).collect(), ..readings.clone() })
 }
 
-/// The readings between the times that are asked for, counted from the first.
+/// The readings between the requested times, counted from the first.
 fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Readings> {
     let Some(kept) = Crop::new(&reading.choice).kept(&readings.time) else { return readings };
     let cut = |column: &Vec<f64>| kept.iter().filter_map(|k| column.get(*k).copied()).collect();
@@ -254,7 +257,7 @@ fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Re
     })
 }
 
-/// The hash that the row will have in `sha256`; `None` where the file cannot be read.
+/// The hash for the column `sha256`; `None` if the file cannot be read.
 pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
     match input {
         Input::File(path) => sha256_of(path),
@@ -263,12 +266,12 @@ pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
     }
 }
 
-/// The hash of a file as its recording has it; `None` where it cannot be read.
+/// The hash of a file, as for its recording; `None` if it cannot be read.
 fn sha256_of(path: &Path) -> Option<String> {
     digest_of(path).ok()
 }
 
-/// The identification, and how it came about.
+/// The identification, and the method used.
 fn identified(recordings: &[Recording], config: &Config) -> Result<(Identification, &'static str), IdentifyError> {
     let options = config.options();
     let free_motion = options.free_motion && config.depth == Depth::Full;
@@ -277,7 +280,7 @@ fn identified(recordings: &[Recording], config: &Config) -> Result<(Identificati
     Ok((found, method))
 }
 
-/// What is known before anything is identified.
+/// Properties known before the identification.
 fn data(row: &mut Row, recording: &Recording) {
     let q = &recording.quality;
     row.set("recording", Cell::text(&recording.name));
@@ -319,7 +322,7 @@ fn warnings(row: &mut Row, all: Vec<String>) {
     row.set("warnings", if all.is_empty() { Cell::Empty } else { Cell::text(all.join("\n")) });
 }
 
-/// One more warning, which leaves the status as it is.
+/// Adds a warning that leaves the status unchanged.
 pub(super) fn warn(row: &mut Row, message: &str) {
     let count = row.number("warning_count").unwrap_or(0.0) as usize;
     let all: Vec<&str> = row.text("warnings").into_iter().chain([message]).collect();
@@ -346,7 +349,7 @@ fn result(row: &mut Row, found: &Identification, recording: &Recording, method: 
     let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };
     row.set("status", Cell::text(status));
     row.set("method", Cell::text(method));
-    // Without the recording's name, which has a column of its own.
+    // Without the recording's name, which has its own column.
     let message = |w: &Warning| match w.subject == recording.name {
         true => w.message.clone(),
         false => format!("{}: {}", w.subject, w.message),

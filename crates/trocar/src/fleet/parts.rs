@@ -1,6 +1,8 @@
-//! Recordings that are rows of Parquet files: which rows of which files, and their columns, joined by name.
+//! Recordings that are rows of Parquet files: their rows in each file, and their columns, joined by
+//! name.
 //!
-//! Only the rows of one recording are held at a time: its pages are found in each file, and everything else is passed over.
+//! Only the rows of one recording are held at a time: its pages are located in each file, and all
+//! others are skipped.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -18,7 +20,7 @@ use joined::{Joined, joined};
 mod joined;
 mod stream;
 
-/// Files that a source keeps open; those of a larger one are opened for each recording.
+/// Files that a source keeps open; a source with more files opens them for each recording.
 const HELD_OPEN: usize = 4;
 
 /// A file with rows of recordings.
@@ -42,7 +44,7 @@ fn open(part: &Part) -> Result<Arc<Parquet>, RecordingError> {
 
 /// The rows of one recording.
 pub(super) struct Group {
-    /// The column that tells it from others.
+    /// The column that distinguishes it from other recordings.
     by: Option<String>,
     /// Files with rows of it, in the order of their names.
     rows: Vec<Rows>,
@@ -53,10 +55,10 @@ struct Rows {
     ranges: Vec<Range<u64>>,
 }
 
-/// A value, and the rows on which it stands.
+/// A value, and the rows that contain it.
 type Found = (String, Vec<Range<u64>>);
 
-/// The values of a column, in the order in which they appear.
+/// The values of a column, in order of appearance.
 ///
 /// # Errors
 /// [`RecordingError`] where the file or the column cannot be read.
@@ -64,7 +66,8 @@ pub(super) fn values(file: &Part, by: &str) -> Result<Vec<String>, RecordingErro
     Ok(ranges(&open(file)?, by)?.into_iter().map(|(value, _)| value).collect())
 }
 
-/// The values of a column in the order in which they appear, and the rows on which each stands; empty for a missing one.
+/// The values of a column in order of appearance, and the rows that contain each; the value is
+/// empty for a missing one.
 fn ranges(parquet: &Arc<Parquet>, by: &str) -> Result<Vec<Found>, RecordingError> {
     let rows = 0..parquet.rows();
     let Some(place) = parquet.place(by) else {
@@ -146,13 +149,13 @@ pub(super) fn jobs(source: &Source) -> Result<Vec<Job>, RecordingError> {
     Ok(found.into_iter().map(job).collect())
 }
 
-/// What is to be said where folders differ.
+/// Warning if the folders differ.
 fn doubt(differing: Vec<String>) -> Option<String> {
     let names = differing.join(", ");
     (!differing.is_empty()).then(|| format!("its rows lie in folders that differ in {names}: left out of the table"))
 }
 
-/// A file of a recording, with the rows that are read.
+/// A file of a recording, with the rows to read.
 struct Taken<'a> {
     name: &'a str,
     parquet: Arc<Parquet>,
@@ -167,10 +170,10 @@ impl Taken<'_> {
 }
 
 impl Group {
-    /// What is handed to the identification; constant columns become metadata.
+    /// The input of the identification; constant columns become metadata.
     ///
     /// # Errors
-    /// [`RecordingError`] where the columns are not there, do not fit together, or cannot be read.
+    /// [`RecordingError`] if the columns are missing, do not fit together, or cannot be read.
     pub(super) fn input(
         &self,
         name: &str,
@@ -201,7 +204,7 @@ impl Group {
     }
 }
 
-/// What stands in a cell.
+/// Converts a value to a cell.
 fn cell(value: Value<'_>) -> Cell {
     match value {
         Value::Missing => Cell::Empty,
@@ -212,7 +215,7 @@ fn cell(value: Value<'_>) -> Cell {
     }
 }
 
-/// Whether that stands in a cell; files may differ in the kind of numbers.
+/// Whether a value equals a cell; files may differ in the type of numbers.
 fn is_in(value: Value<'_>, cell: &Cell) -> bool {
     match (value, cell) {
         (Value::Missing, Cell::Empty) => true,

@@ -1,10 +1,11 @@
-//! One line of the table: plain columns, the same for every recording, so that any engine can put them together.
+//! One row of the table: plain columns, the same for every recording, so that any engine can
+//! combine them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::table::{Field, Kind};
 
-/// A cell; empty where there is nothing to say.
+/// A cell; empty without a value.
 ///
 /// Numbers are finite: an unbounded end of an interval is empty.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -13,9 +14,9 @@ pub enum Cell {
     /// Nothing.
     #[default]
     Empty,
-    /// Yes or no.
+    /// A Boolean.
     Boolean(bool),
-    /// A whole number.
+    /// An integer.
     Integer(i64),
     /// A number.
     Float(f64),
@@ -29,7 +30,7 @@ impl Cell {
         if value.is_finite() { Self::Float(value) } else { Self::Empty }
     }
 
-    /// A number of things.
+    /// A count.
     pub fn count(value: usize) -> Self {
         Self::Integer(value as i64)
     }
@@ -39,7 +40,7 @@ impl Cell {
         Self::Text(value.into())
     }
 
-    /// The number in it, if it holds one.
+    /// The number in the cell, if any.
     pub fn as_number(&self) -> Option<f64> {
         match self {
             Self::Float(value) => Some(*value),
@@ -48,12 +49,12 @@ impl Cell {
         }
     }
 
-    /// The text in it, if it holds one.
+    /// The text in the cell, if any.
     pub fn as_text(&self) -> Option<&str> {
         if let Self::Text(text) = self { Some(text) } else { None }
     }
 
-    /// What stands in it, as text.
+    /// The content as text.
     pub fn in_words(&self) -> String {
         match self {
             Self::Empty => String::new(),
@@ -64,7 +65,7 @@ impl Cell {
         }
     }
 
-    /// What it holds; `None` for an empty one.
+    /// Kind of the content; `None` for an empty cell.
     pub fn kind(&self) -> Option<Kind> {
         match self {
             Self::Empty => None,
@@ -82,7 +83,8 @@ impl From<Option<f64>> for Cell {
     }
 }
 
-/// Names, without the ends `_lower`, `_upper` and `_determined`, of all parameters that an element can have.
+/// Names, without the suffixes `_lower`, `_upper` and `_determined`, of all parameters that an
+/// element can have.
 const PARAMETERS: [&str; 25] = [
     "offset_n",
     "coulomb_force_n",
@@ -111,10 +113,10 @@ const PARAMETERS: [&str; 25] = [
     "falling_join_force_n",
 ];
 
-/// Degrees of the polynomials of both branches, EMS (25); a table has one set of columns.
+/// Degrees of the polynomials of both branches, EMS (25); the table has a fixed set of columns.
 pub(super) const DEGREES: [usize; 2] = [4, 4];
 
-/// What is said of a recording before its parameters.
+/// Columns of a recording before its parameters.
 const BEFORE: [(&str, Kind); 13] = [
     ("path", Kind::Text),
     ("recording", Kind::Text),
@@ -131,7 +133,7 @@ const BEFORE: [(&str, Kind); 13] = [
     ("duration_s", Kind::Number),
 ];
 
-/// What is said of the data and of the fit, after the parameters.
+/// Columns of the data and of the fit, after the parameters.
 const BEHIND: [(&str, Kind); 36] = [
     ("method", Kind::Text),
     ("residual_rms_n", Kind::Number),
@@ -171,7 +173,7 @@ const BEHIND: [(&str, Kind); 36] = [
     ("moving_mass_kg", Kind::Number),
 ];
 
-/// The paper's θ (25) of both branches, and with all other parameters.
+/// The paper's θ (25) of both branches, followed by all other parameters.
 pub(super) fn parameter_names() -> Vec<String> {
     const UNITS: [&str; 8] = ["n", "n_m1", "n_m2", "n_m3", "n_m4", "n_m5", "n_m6", "n_m7"];
     let mut all: Vec<String> = PARAMETERS.map(str::to_owned).into();
@@ -198,7 +200,7 @@ pub fn columns() -> Vec<Field> {
     all
 }
 
-/// What one recording gave, in the order of [`columns`].
+/// Result of one recording, in the order of [`columns`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The cells.
@@ -206,23 +208,23 @@ pub struct Row {
 }
 
 thread_local! {
-    /// Place of each column.
+    /// Index of each column.
     static PLACES: std::collections::HashMap<String, usize> =
         columns().into_iter().map(|column| column.name).zip(0..).collect();
 }
 
-/// Place of a column in every row.
+/// Index of a column in every row.
 pub fn place(name: &str) -> Option<usize> {
     PLACES.with(|places| places.get(name).copied())
 }
 
 impl Row {
-    /// A row without anything in it.
+    /// An empty row.
     pub(super) fn empty() -> Self {
         Self { cells: vec![Cell::Empty; PLACES.with(std::collections::HashMap::len)] }
     }
 
-    /// The cell in the column of that name; `None` where there is no such column.
+    /// The cell in the column of that name; `None` if there is no such column.
     pub fn get(&self, name: &str) -> Option<&Cell> {
         place(name).and_then(|at| self.cells.get(at))
     }
@@ -237,7 +239,7 @@ impl Row {
         self.get(name)?.as_text()
     }
 
-    /// Fills a cell; a name that is no column is a mistake of this module and is passed over.
+    /// Fills a cell. A name that is not a column is a bug of this module and is ignored.
     pub(super) fn set(&mut self, name: &str, cell: Cell) {
         debug_assert!(place(name).is_some(), "no column {name}");
         if let Some(at) = place(name) {

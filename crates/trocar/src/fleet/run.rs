@@ -1,4 +1,5 @@
-//! All recordings of a data set on all cores, to one table; what is done already is taken over from the journal.
+//! Identifies all recordings of a data set on all cores into one table; finished ones are reused
+//! from the journal.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::path::Path;
@@ -17,7 +18,7 @@ pub use elsewhere::{Collector, identify_source};
 
 mod elsewhere;
 
-/// Rows of the table in memory at a time.
+/// Rows of the table held in memory at a time.
 const PIECE: usize = 1024;
 
 /// Why there is no table.
@@ -27,44 +28,44 @@ pub enum FleetError {
     /// Table or journal cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// What came from elsewhere is not what was asked for.
+    /// A part computed elsewhere does not match its order.
     #[error("a part of the work came back wrong: {0}")]
     Part(String),
-    /// Called off; the journal stays.
+    /// Cancelled; the journal is kept.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }
 
-/// How far the work is.
+/// Progress of the work.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Recordings known of: files, until they turn out to hold several.
+    /// Known recordings: files, until they are found to hold several.
     pub total: usize,
     /// Recordings with a row.
     pub done: usize,
-    /// Of these, taken over from the journal.
+    /// Number of these reused from the journal.
     pub taken_over: usize,
-    /// Of these, failed.
+    /// Number of these that failed.
     pub failed: usize,
     /// Samples of all recordings with a row.
     pub samples: u64,
 }
 
-/// What came of a data set.
+/// Result for a data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fleet {
-    /// How many.
+    /// Counts.
     pub tally: Tally,
-    /// Columns that came with the recordings, as they are called in the table.
+    /// Metadata columns of the recordings, as named in the table.
     pub metadata: Vec<Field>,
-    /// What the report is drawn from: a row each, in the order of the table.
+    /// Data of the report: one record per recording, in the order of the table.
     pub records: Vec<Record>,
 }
 
 /// The part of a row that is kept in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
-    /// What came with the recording.
+    /// Metadata of the recording.
     pub metadata: Metadata,
     /// Cells of the columns that are kept, by name.
     pub cells: BTreeMap<&'static str, Cell>,
@@ -82,7 +83,7 @@ impl Record {
     }
 }
 
-/// Columns of which records are made.
+/// Columns kept in records.
 pub(crate) const KEPT: [&str; 33] = [
     "path",
     "status",
@@ -119,10 +120,10 @@ pub(crate) const KEPT: [&str; 33] = [
     "duration_s",
 ];
 
-/// Place in the table: number of the source, and of the recording in it.
+/// Position in the table: index of the source, and of the recording in it.
 type Order = (usize, usize);
 
-/// A finished recording on its way to the journal.
+/// A finished recording for the journal.
 struct Finished {
     order: Order,
     metadata: Metadata,
@@ -134,15 +135,16 @@ enum Done {
     Before(Place),
 }
 
-/// Identifies every recording of `dataset` by itself, on `threads` threads (0: one for each processor;
-/// [`cancel::most_threads`] at the most), and writes the table at `table`.
+/// Identifies every recording of `dataset` on its own, on `threads` threads (0: one per processor;
+/// at most [`cancel::most_threads`]), and writes the table at `table`.
 ///
-/// The same recordings, configuration and program give the same bytes, whatever the threads and however often the work
-/// was interrupted. Memory: for each thread a recording and its identification, a few hundred bytes for each
-/// recording done, and 1024 rows.
+/// The same recordings, configuration and program give the same bytes, regardless of the number of
+/// threads and of interruptions. Memory: for each thread a recording and its identification, a few
+/// hundred bytes for each finished recording, and 1024 rows.
 ///
 /// # Errors
-/// [`FleetError`] when table or journal cannot be written, or the work was called off. Recordings that fail are rows.
+/// [`FleetError`] when table or journal cannot be written, or the work was cancelled. Recordings
+/// that fail are rows.
 pub fn run(
     dataset: &Dataset,
     config: &Config,
@@ -181,7 +183,7 @@ pub fn run(
     Ok(fleet)
 }
 
-/// What is left to do.
+/// The remaining work.
 struct Queue<'a> {
     dataset: &'a Dataset,
     left: Mutex<Left>,
@@ -191,7 +193,7 @@ struct Queue<'a> {
 struct Left {
     next_source: usize,
     jobs: VecDeque<(Order, Job)>,
-    /// Sources that are being opened: more jobs may come.
+    /// Sources that are being opened: more jobs may follow.
     opening: usize,
 }
 
@@ -211,7 +213,7 @@ impl<'a> Queue<'a> {
         left.jobs.clear();
     }
 
-    /// Works until nothing is left.
+    /// Works until the queue is empty.
     fn work(&self, config: &Config, before: &HashMap<String, Place>, sender: &Sender<Finished>) {
         while let Some((order, job)) = self.next(config, sender) {
             cancel::check();
@@ -222,7 +224,7 @@ impl<'a> Queue<'a> {
         }
     }
 
-    /// The next recording; opens the next source where none is waiting.
+    /// The next recording; opens the next source if none is waiting.
     fn next(&self, config: &Config, sender: &Sender<Finished>) -> Option<(Order, Job)> {
         let mut left = self.lock();
         loop {
@@ -242,7 +244,7 @@ impl<'a> Queue<'a> {
                     Err(error) => {
                         let job = opened.whole();
                         let row = refused(&opened.name, config, error);
-                        // A receiver that is gone is noticed with the next recording.
+                        // A closed receiver is noticed at the next recording.
                         let _ = sender.send(Finished::now((source, 0), job.metadata, job.name, row, config));
                     }
                 }
@@ -264,7 +266,7 @@ impl Finished {
     }
 }
 
-/// One recording: taken over where it is the one in the journal, else identified.
+/// One recording: reused if it equals the one in the journal, otherwise identified.
 fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, Place>) -> Finished {
     let input = match job.input(&config.reading_ahead()) {
         Ok(input) => input,
@@ -283,7 +285,7 @@ fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, 
     if job.is_file()
         && let Some(reason) = row.text("reason")
     {
-        // No folder of this machine.
+        // Without paths of this machine.
         let reason = reason.replace(&job.path.display().to_string(), &job.name);
         row.set("reason", Cell::text(reason));
     }
@@ -293,12 +295,12 @@ fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, 
     Finished::now(order, job.metadata, job.name, row, config)
 }
 
-/// What has come from the workers.
+/// Results received from the workers.
 struct Gathered {
     rows: BTreeMap<Order, (Metadata, Place)>,
     tally: Tally,
     kinds: BTreeMap<String, Option<Kind>>,
-    /// Sources of which a recording is done.
+    /// Sources with at least one finished recording.
     begun: Vec<bool>,
 }
 
@@ -335,7 +337,8 @@ impl Gathered {
         Ok(())
     }
 
-    /// Writes it down; what another day may bring is written without its hash, so that it is done again then.
+    /// Writes an entry to the journal. A failure that may be temporary is written without its hash,
+    /// so that the recording is identified again next time.
     fn note(&self, entry: &Entry, journal: &mut Journal) -> Result<Place, OutputError> {
         if !is_passing(&entry.row) {
             return journal.append(entry);
@@ -352,7 +355,7 @@ impl Gathered {
         self.tally.samples += row.number("samples").unwrap_or(0.0) as u64;
     }
 
-    /// Fields of the metadata: names that the table has already get `dataset_` in front.
+    /// Fields of the metadata: names that the table already uses get the prefix `dataset_`.
     fn metadata(&self) -> Vec<(String, Field)> {
         let own: Vec<String> = columns().into_iter().map(|field| field.name).collect();
         let field = |(name, kind): (&String, &Option<Kind>)| {
@@ -365,7 +368,7 @@ impl Gathered {
     fn write(self, journal: &mut Journal, table: &Path) -> Result<Fleet, FleetError> {
         let metadata = self.metadata();
         let mut fields = columns();
-        // Behind the path.
+        // After the path.
         fields.splice(1..1, metadata.iter().map(|(_, field)| field.clone()));
         let mut writer = TableWriter::create(table, &fields)?;
         let mut records = Vec::with_capacity(self.rows.len());
@@ -390,7 +393,7 @@ impl Gathered {
     }
 }
 
-/// The kind that can hold both.
+/// The kind that can represent both.
 fn common(one: Option<Kind>, other: Option<Kind>) -> Option<Kind> {
     match (one, other) {
         (None, kind) | (kind, None) => kind,

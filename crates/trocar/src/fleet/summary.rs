@@ -1,13 +1,13 @@
-//! What the report of a fleet shows: quartiles, trends and outliers.
+//! Statistics in the report of a fleet: quartiles, trends and outliers.
 
 use crate::identify::t_quantile;
 
 /// Modified z score beyond which a value is an outlier (IGLEWICZ-HOAGLIN).
 pub const OUTLYING: f64 = 3.5;
-/// Fewest values of which one can be an outlier.
+/// Fewest values for which an outlier is defined.
 const FEWEST: usize = 5;
 
-/// Value below which a part of the `sorted` ones lie, straight between neighbours.
+/// Value below which the fraction `part` of the `sorted` values lies, interpolated linearly.
 pub fn quantile(sorted: &[f64], part: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let at = part * last as f64;
@@ -15,7 +15,8 @@ pub fn quantile(sorted: &[f64], part: f64) -> f64 {
     sorted[below] + (at - below as f64) * (sorted[(below + 1).min(last)] - sorted[below])
 }
 
-/// Modified z scores 0.6745·(x − median)/MAD; none where fewer than five values, or half of them are equal.
+/// Modified z scores 0.6745·(x − median)/MAD; `None` for fewer than five values, or if half of them
+/// are equal.
 pub fn modified_scores(values: &[f64]) -> Option<Vec<f64>> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -27,18 +28,18 @@ pub fn modified_scores(values: &[f64]) -> Option<Vec<f64>> {
         .then(|| values.iter().map(|value| 0.6745 * (value - median) / deviation).collect())
 }
 
-/// A straight line through values of several specimens, each with a level of its own.
+/// A straight line through values of several specimens, each with its own offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trend {
     /// Change per unit of x.
     pub slope: f64,
     /// Half of its 95 % interval.
     pub half_width: f64,
-    /// Mean of x and of y, through which the line goes.
+    /// Mean of x and of y, through which the line passes.
     pub centre: [f64; 2],
-    /// Values.
+    /// Number of values.
     pub count: usize,
-    /// Half of the interval of the mean at the centre.
+    /// Half of the 95 % interval of the mean at the centre.
     half_at_centre: f64,
 }
 

@@ -1,9 +1,12 @@
-//! What the data determine, and whether the model is adequate: looked at in the motion that the model makes of the recordings.
+//! Which parameters the data determine, and whether the model is adequate. Both are judged from the
+//! simulated motion of the model over the recordings.
 //!
-//! - F_c, c and the branches need full reversals: the model slides one way, and after a reversal the other way, each over a stated
-//!   travel, and the measured force is flat where the model slides.
-//! - F_c and β apart need sliding at two speeds; sliding force at rest is an extrapolation otherwise.
-//! - The residual of each phase is compared with sensor noise and the scatter between strokes.
+//! - F_c, c and the branches need full reversals: the model slides in one direction and, after a
+//!   reversal, in the other. Each slide covers a stated travel, and the measured force is constant
+//!   while the model slides.
+//! - Separating F_c from β needs sliding at two speeds; otherwise the sliding force at rest is an
+//!   extrapolation.
+//! - The residual of each phase is compared with the sensor noise and the scatter between strokes.
 
 use serde::Serialize;
 use trocar_model::Trocar;
@@ -16,20 +19,22 @@ use super::stick_slip::{StickSlip, Swings};
 use crate::recording::{Recording, local_velocity};
 use crate::replay::replay;
 
-/// Travel in sliding, in half widths, that shows that the force stays where it is.
+/// Sliding travel, in half widths, needed to show that the force stays constant.
 const SHOWS_SLIDING: f64 = 0.5;
 /// Fewest full reversals.
 const FEWEST_REVERSALS: usize = 2;
-/// Least ratio of fast to slow sliding (a tenth of the travel each) that tells F_c from β.
+/// Least ratio of fast to slow sliding speed that separates F_c from β (a tenth of the travel is
+/// faster or slower, respectively).
 const SPEED_RATIO: f64 = 1.5;
-/// Largest change of the force, as a part of it, over the travel in which the model slides.
+/// Largest relative change of the force over the travel in which the model slides.
 const FLAT: f64 = 0.1;
-/// Residual over sensor noise and scatter between strokes that makes the result doubtful.
+/// Ratio of the residual to sensor noise and scatter between strokes above which the result is
+/// doubtful.
 const EXCESS: f64 = 4.0;
-/// Part of the sliding force that a model may always be off.
+/// Model error that is always tolerated, as a fraction of the sliding force.
 const TOLERATED: f64 = 0.03;
 
-/// Error of the model in one phase of the motion, each stroke's friction scale taken out.
+/// Error of the model in one phase of the motion, with the friction scale of each stroke removed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Phase {
     /// `deforming` or `sliding`.
@@ -38,18 +43,18 @@ pub struct Phase {
     pub samples: usize,
     /// Root mean square error, N.
     pub rms_n: f64,
-    /// What sensor noise and the scatter between strokes explain, N.
+    /// Error that sensor noise and the scatter between strokes explain, N.
     pub expected_n: f64,
 }
 
-/// Parameters that share a reason.
+/// Parameters that are undetermined for the same reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Group {
-    /// Sliding force of the directions.
+    /// Sliding forces of both directions.
     Sliding,
-    /// Viscous part, and F_c with it.
+    /// Viscous coefficient, and F_c with it.
     Speed,
-    /// Speed and exponent of the Stribeck curve.
+    /// Stribeck velocity and exponent.
     Stribeck,
     /// c, joins, branches.
     Shape,
@@ -70,19 +75,19 @@ impl Group {
     }
 }
 
-/// What was found.
+/// Result of [`judge`].
 pub(super) struct Adequacy {
     pub(super) phases: Vec<Phase>,
-    /// What is not determined, and why.
+    /// Parameters that are not determined, and why.
     pub(super) undetermined: Vec<(Group, String)>,
     /// Why the result is doubtful.
     pub(super) doubts: Vec<(String, String)>,
     pub(super) stick_slip: Option<StickSlip>,
-    /// Root mean square error, N, without any friction scale of strokes.
+    /// Root mean square error, N, without the friction scale of strokes.
     pub(super) residual_rms: f64,
 }
 
-/// The model over the recordings.
+/// The model and its run over the recordings.
 pub(super) struct Model<'a> {
     pub(super) candidate: &'a Candidate,
     pub(super) trocar: Trocar<&'a [f64]>,
@@ -91,16 +96,17 @@ pub(super) struct Model<'a> {
     pub(super) has_shape: bool,
 }
 
-/// Part of the travel that is slow sliding, and part of the static force's surplus that must be left there to be seen.
+/// Fraction of the travel that counts as slow sliding, and least fraction of F_s − F_c that must
+/// remain there for the Stribeck curve to be visible.
 const SLOW: f64 = 0.02;
 const SEEN_RISE: f64 = 0.1;
-/// Part of that surplus that may be left at the fastest sliding.
+/// Largest fraction of F_s − F_c that may remain at the fastest sliding.
 const LEFT_RISE: f64 = 0.5;
 
-/// What one recording shows.
+/// Sums over one recording.
 #[derive(Default)]
 struct Seen {
-    /// Σ e² and samples: deforming, sliding; and without the scale of the strokes.
+    /// Σ e² and samples: deforming, sliding; and Σ e² without the friction scale of strokes.
     squares: [f64; 2],
     samples: [usize; 2],
     plain_squares: f64,
@@ -109,7 +115,8 @@ struct Seen {
     full_reversals: usize,
     /// Speed, m/s, and travel, m, of sliding.
     speeds: Vec<(f64, f64)>,
-    /// Force over the model's, by stroke, in the first and the second half of its sliding.
+    /// Ratio of measured to simulated force for each stroke, in the first and the second half of
+    /// its sliding.
     halves: Vec<[f64; 2]>,
 }
 
@@ -178,7 +185,8 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
     seen
 }
 
-/// Full reversals enough, and a flat force where the model slides.
+/// Checks that there are enough full reversals and that the force is constant where the model
+/// slides.
 fn full_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, String)> {
     let count: usize = seen.iter().map(|s| s.full_reversals).sum();
     let longest = input.recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
@@ -212,14 +220,14 @@ fn full_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, St
     all
 }
 
-/// Part of the rise from F_c to F_s that is left at `speed`, m/s; `None` without a rise.
+/// Fraction of the rise from F_c to F_s that remains at `speed`, m/s; `None` without a rise.
 fn rise_left(candidate: &Candidate, speed: f64) -> Option<f64> {
     let friction = candidate.insertion;
     let rise = friction.static_force - friction.coulomb_force;
     (rise > 0.0).then(|| (friction.level(speed) - friction.coulomb_force) / rise)
 }
 
-/// Speeds of sliding, m/s, with the travel at each, m, in ascending order.
+/// Sliding speeds, m/s, with the travel at each, m, in ascending order.
 struct Speeds(Vec<(f64, f64)>);
 
 impl Speeds {
@@ -229,7 +237,7 @@ impl Speeds {
         Self(speeds)
     }
 
-    /// Speed below which this part of the travel lies.
+    /// Speed below which this fraction of the travel lies.
     fn quantile(&self, part: f64) -> f64 {
         let total: f64 = self.0.iter().map(|s| s.1).sum();
         let mut travelled = 0.0;
@@ -240,7 +248,7 @@ impl Speeds {
         self.0.iter().find(beyond).map_or(0.0, |s| s.0)
     }
 
-    /// Whether sliding was seen at speeds that separate F_c from β.
+    /// Checks that the sliding speeds separate F_c from β.
     fn separated(&self) -> Option<(Group, String)> {
         let [slow, fast] = [0.1, 0.9].map(|part| self.quantile(part));
         (fast < SPEED_RATIO * slow || self.0.is_empty()).then(|| {
@@ -254,7 +262,8 @@ impl Speeds {
         })
     }
 
-    /// Whether sliding was seen where the Stribeck curve falls: breakaway alone does not tell at which speed it does.
+    /// Checks that there is sliding where the Stribeck curve falls. Breakaway alone does not
+    /// determine the speed of the fall.
     fn slow_enough(&self, candidate: &Candidate) -> Option<(Group, String)> {
         let slow = self.quantile(SLOW);
         (rise_left(candidate, slow)? < SEEN_RISE).then(|| {
@@ -268,7 +277,8 @@ impl Speeds {
         })
     }
 
-    /// Whether sliding was seen where the Stribeck curve has ended: else what is left of it cannot be told from F_c and β.
+    /// Checks that there is sliding where the Stribeck curve has decayed. Otherwise its remainder
+    /// cannot be separated from F_c and β.
     fn fast_enough(&self, candidate: &Candidate) -> Option<(Group, String)> {
         let fast = self.0.last().map(|_| self.quantile(1.0 - SLOW))?;
         (rise_left(candidate, fast)? > LEFT_RISE).then(|| {

@@ -1,8 +1,9 @@
-//! The position profile beside the element: F_0(x) + level(x)·F ([`crate::profile`]).
+//! The position profile in addition to the element: F_0(x) + gain(x)·F ([`crate::profile`]).
 //!
-//! Fitted where strokes repeat, to the readings of sliding alone: strokes that turn at the same places cannot tell position from
-//! deflection while the seal deforms. Kept where it predicts strokes left out; the element is then fitted once more to readings
-//! without it.
+//! The profile is fitted where strokes repeat, and only to readings taken while sliding. If all
+//! strokes reverse at the same positions, position and deflection cannot be separated while the
+//! seal deforms. The profile is kept if it improves the prediction of held-out strokes. The element
+//! is then refitted to the readings with the profile removed.
 
 use super::Segments;
 use super::element::{self, ElementFit, Input};
@@ -14,10 +15,10 @@ use crate::replay::replay;
 use crate::scatter::StrokeScatter;
 use crate::segment::{passes, reversal_threshold};
 
-/// The profile, or why strokes that repeat gave none; `Ok(None)` where none was looked for.
+/// The profile, or why repeated strokes gave none; `Ok(None)` where none was requested or possible.
 pub(super) type Profile = Result<Option<ProfileFit>, String>;
 
-/// The element with its profile, if there is one.
+/// The element with its position profile, if there is one.
 pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<ElementFit>, Profile) {
     let Some(fit) = fit else { return (None, Ok(None)) };
     if !(input.options.along && repeats(input.recordings)) {
@@ -36,7 +37,7 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     };
     let recordings: Vec<Recording> = input.recordings.iter().map(without).collect();
     let without = Input { recordings: &recordings, ..*input };
-    // A fit that ends higher than it began has lost its way.
+    // A refit with a larger error than its start has failed.
     let error = |input: &Input, f: &ElementFit| element::sampled_rms(input, &f.fitted.best.candidate);
     let (constant, kept) = (error(input, &fit), error(&without, &fit));
     let again = element::again(&without, &fit).map(|again| (error(&without, &again), again));
@@ -48,7 +49,7 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     (Some(again.unwrap_or(fit)), Ok(Some(profile)))
 }
 
-/// Whether any of the recordings is made of strokes that repeat each other.
+/// Whether any of the recordings consists of repeated strokes.
 pub(super) fn repeats(recordings: &[Recording]) -> bool {
     recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok_and(|scatter| scatter.rules(recording)))
 }
@@ -76,7 +77,7 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
 }
 
 impl Segments {
-    /// Whether all strokes turn at the same two places, within a tenth of their length.
+    /// Whether all strokes reverse at the same two positions, within a tenth of their length.
     pub(super) fn turn_at_same_places(&self, recording: &Recording) -> bool {
         let x = &recording.position;
         let ends = |of: fn(f64, f64) -> f64| {

@@ -1,4 +1,4 @@
-//! A candidate model as a vector of free numbers, for the fit of the simulated force.
+//! A candidate model as a vector of free parameters, for the fit of the simulated force.
 
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
@@ -12,12 +12,12 @@ use super::shape::{BranchShape, Pins};
 use super::stage::SecondStage;
 use super::training::Step;
 
-/// An EMS element (key EMS in SOURCES.md, (8)-(14)) with the sensor offset beside it, before it is checked.
+/// An EMS element (key EMS in SOURCES.md, (8)-(14)) and the sensor offset, not yet validated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
     /// Sensor offset F_0, N; not part of the seal.
     pub offset: f64,
-    /// Mass between sensor and seal that the readings show beyond the one given, kg.
+    /// Mass between sensor and seal that the readings show in addition to the declared one, kg.
     pub unmodelled_mass: f64,
     /// Sliding force in insertion.
     pub insertion: SlidingFriction,
@@ -31,7 +31,7 @@ pub struct Candidate {
     pub falling: BranchShape,
     /// σ, N s/m.
     pub seal_damping: f64,
-    /// κ over its least value, the steepest change of the half gap; >= 1.
+    /// κ relative to its least value, the steepest change of the half gap; >= 1.
     pub yield_ratio: f64,
     /// v_c, m/s; 0 for a contact that does not creep.
     pub creep_velocity: f64,
@@ -39,15 +39,15 @@ pub struct Candidate {
     pub friction_lag: f64,
     /// Relaxation of the rubber.
     pub relaxation: Relaxation,
-    /// A second stage beside this one.
+    /// A second stage in parallel.
     pub second: Option<SecondStage>,
 }
 
 impl Candidate {
-    /// The yield ratio that an element has by default.
+    /// The default yield ratio of an element.
     pub const DEFAULT_YIELD_RATIO: f64 = 1.01;
 
-    /// Sliding force of all stages over that of the first.
+    /// Sliding force of all stages relative to that of the first.
     pub fn stage_factor(&self) -> f64 {
         1.0 + self.second.as_ref().map_or(0.0, |second| second.share)
     }
@@ -60,7 +60,7 @@ impl Candidate {
     /// The model's parameters.
     ///
     /// # Errors
-    /// When the numbers do not make a model.
+    /// When the parameters do not form a valid model.
     pub fn params(&self) -> Result<ElementParams, ParamError> {
         let pins = self.pins();
         let rising = self.rising.branch(self.half_width, pins)?;
@@ -83,10 +83,10 @@ impl Candidate {
         })
     }
 
-    /// The model, ready to run: one element a stage.
+    /// The model, ready to run: one element per stage.
     ///
     /// # Errors
-    /// When the numbers do not make a model.
+    /// When the parameters do not form a valid model.
     pub fn stages(&self) -> Result<Stages, ParamError> {
         let first = Element::new(self.params()?)?;
         let Some(second) = &self.second else { return Ok(first.into()) };
@@ -95,43 +95,47 @@ impl Candidate {
     }
 }
 
-/// Bend of a branch, in forces of sliding, that is expected at most of a deformation that is finely sampled.
+/// Expected bound on the curvature term of a branch, in units of the sliding force, for a finely
+/// sampled deformation.
 const WILDEST_BEND: f64 = 6.0;
-/// Range of v_c, m/s: below, a second of creep moves the seal by less than an encoder sees; above, sliding itself is creep.
+/// Range of v_c, m/s. Below it, the seal creeps by less than the encoder resolution in a second;
+/// above it, sliding itself is creep.
 const CREEP_RANGE: [f64; 2] = [1e-6, 2e-2];
 /// Range of T, s.
 const LAG_RANGE: [f64; 2] = [1e-3, 1.0];
-/// Range of the second stage's share: beyond, one of the stages is none.
+/// Range of the second stage's share; outside it, one of the stages is negligible.
 const SHARE_RANGE: [f64; 2] = [1e-2, 1e2];
-/// Range of relaxation times, s: faster is damping, slower is longer than recordings hold still.
+/// Range of relaxation times, s. Faster relaxation acts as damping; slower relaxation exceeds the
+/// holds in recordings.
 const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
 
-/// Which numbers of a candidate are free, in the order of the parameter vector.
+/// Which parameters of a candidate are free, in the order of the parameter vector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Layout {
-    /// The sensor offset: not where it is known.
+    /// The sensor offset, unless it is given.
     pub(super) offset: bool,
     pub(super) unmodelled_mass: bool,
-    /// F_c and F_s by direction: where the offset is known, for otherwise only their sum shows.
+    /// F_c and F_s by direction; only where the offset is given, since otherwise only their sum is
+    /// identifiable.
     pub(super) own_levels: bool,
     /// β by direction.
     pub(super) own_slopes: bool,
     pub(super) viscous: bool,
     pub(super) stribeck: bool,
-    /// Largest Coulomb and static force, N, that the readings leave room for.
+    /// Largest Coulomb and static force, N, that the range of the readings permits.
     pub(super) largest: f64,
     /// c and the branches.
     pub(super) shape: bool,
     /// Least c, m, that encoder and sampling resolve.
     pub(super) narrowest: f64,
-    /// Whether few positions lie within the deformation: branches are then expected to bend by the force of sliding at
-    /// most.
+    /// Whether few positions lie within the deformation. The curvature of branches is then expected
+    /// to stay within the sliding force.
     pub(super) is_coarse: bool,
     pub(super) damping: bool,
     /// Minor-loop stiffness.
     pub(super) yielding: bool,
     pub(super) creep: bool,
-    /// Least v_c, m/s, that the motion shows.
+    /// Least v_c, m/s, that the motion can reveal.
     pub(super) slowest_creep: f64,
     /// Lag of the Stribeck curve.
     pub(super) lag: bool,
@@ -142,7 +146,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The paper's element: (23), c and the branches.
+    /// The element of the paper: (23), c and the branches.
     pub(super) const PAPER: Self = Self {
         offset: true,
         unmodelled_mass: false,
@@ -164,13 +168,13 @@ impl Layout {
     };
 }
 
-/// Step of the difference quotient of a free number, its range, and what is expected of its amount beforehand.
+/// Step of the difference quotient of a free parameter, its range, and its prior.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Span {
     pub(super) step: f64,
     pub(super) low: f64,
     pub(super) high: f64,
-    /// Standard deviation about 0; infinite where nothing is expected.
+    /// Standard deviation of the prior about 0; infinite without a prior.
     pub(super) expected: f64,
 }
 
@@ -180,7 +184,7 @@ impl Span {
     }
 }
 
-/// Visits the logarithm of a number that must stay positive.
+/// Visits the logarithm of a positive parameter.
 fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, Span)) {
     let mut log = value.max(low).min(high).ln();
     on(&mut log, Span::new(1e-3, low.ln(), high.ln()));
@@ -188,7 +192,7 @@ fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, S
 }
 
 impl Layout {
-    /// Visits every free number of the candidate, in a fixed order.
+    /// Visits every free parameter of the candidate, in a fixed order.
     fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, Span)) {
         let free = f64::INFINITY;
         let force = 1e-4 * candidate.insertion.coulomb_force;
@@ -252,7 +256,7 @@ impl Layout {
         if self.lag {
             on_log(&mut candidate.friction_lag, LAG_RANGE, &mut on);
         }
-        // A trial of any numbers may have impossible ones: the range stays one.
+        // A trial may hold impossible values: the range must remain valid.
         let stiffest = (10.0 * candidate.insertion.coulomb_force / candidate.half_width).abs().clamp(1.0, 1e9);
         for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
             on_log(&mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
@@ -267,7 +271,7 @@ impl Layout {
         }
     }
 
-    /// The free numbers of a candidate.
+    /// The free parameters of a candidate.
     pub(super) fn free(self, candidate: &Candidate) -> Vec<Free> {
         let mut free = Vec::new();
         self.visit(&mut candidate.clone(), |value, Span { step, low, high, expected }| {
@@ -279,12 +283,13 @@ impl Layout {
         free
     }
 
-    /// The candidate with its free numbers replaced, each held within its range.
+    /// The candidate with its free parameters replaced, each clamped to its range.
     pub(super) fn with(self, candidate: &Candidate, values: &[f64]) -> Candidate {
         self.replaced(candidate, values, |value, low, high| value.max(low).min(high))
     }
 
-    /// The candidate with its free numbers replaced, wherever they fall: for the spread of an estimate, not for a model.
+    /// The candidate with its free parameters replaced without clamping: for the spread of an
+    /// estimate, not for a model.
     pub(super) fn with_any(self, candidate: &Candidate, values: &[f64]) -> Candidate {
         self.replaced(candidate, values, |value, _, _| value)
     }
@@ -299,7 +304,7 @@ impl Layout {
     }
 }
 
-/// A candidate with the choice of its free numbers: what the fit moves.
+/// A candidate with its free parameters: the variable of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct EmsTrial {
     pub(super) candidate: Candidate,
@@ -313,7 +318,7 @@ impl EmsTrial {
         Self { candidate, layout, drift: Vec::new() }
     }
 
-    /// The trial with another width, other branches and another creep, by chance but not by far.
+    /// The trial with a moderate random change of width, branches and creep.
     pub(super) fn shaken(&self, rng: &mut impl Rng) -> Self {
         let mut shaken = self.clone();
         let candidate = &mut shaken.candidate;
@@ -330,7 +335,7 @@ impl EmsTrial {
         shaken.with(&values)
     }
 
-    /// How many numbers of the model are free.
+    /// Number of free model parameters.
     pub(super) fn free_numbers(&self) -> usize {
         self.layout.free(&self.candidate).len()
     }
@@ -382,7 +387,7 @@ impl Trial for EmsTrial {
         &self.drift
     }
 
-    /// The first model leads, once in each part.
+    /// The first model comes first in each part.
     fn forces(models: &[Stages], states: &mut [StagesState], lanes: Lanes, steps: &[Step]) -> Vec<Vec<f64>> {
         let Lanes { close, parts } = lanes;
         let (models, alone) = models.split_at(close);

@@ -1,4 +1,4 @@
-//! The result, put together once from what the stages gave.
+//! Assembly of the result from the results of the stages.
 
 use trocar_model::Trocar;
 
@@ -12,11 +12,11 @@ use super::terms::Term;
 use super::two_steps;
 use super::{Estimate, FitSummary, FreeMotion, Identification, IdentifyError, Parameter, Warning, numbers};
 
-/// Undamped step that a fit which has converged may still promise, in standard errors (root mean square over its numbers). The
-/// intervals hold it.
+/// Largest remaining undamped step of a converged fit, in standard errors (root mean square over
+/// the parameters). The intervals cover it.
 const UNFINISHED: f64 = 1.0;
 
-/// Puts the result together.
+/// Assembles the result.
 pub(super) fn conclude(
     input: &Input,
     fit: Option<ElementFit>,
@@ -84,7 +84,7 @@ pub(super) fn conclude(
     })
 }
 
-/// The parameters of the fit, those without an interval that the data do not determine.
+/// The parameters of the fit; those that the data do not determine have no interval.
 fn fitted_parameters(fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale) -> Vec<Parameter> {
     let mut all = numbers::parameters(&fit.fitted);
     let layout = fit.fitted.best.layout;
@@ -100,7 +100,8 @@ fn fitted_parameters(fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale)
     all
 }
 
-/// Where friction changed by far, its forces have no one value: the interval holds all of them.
+/// After a large change of friction its forces have no single value: the interval covers all of
+/// them.
 fn widen(p: &mut Parameter, scale: &FrictionScale) {
     if scale.jumps.is_empty() && scale.drift < TOO_FAR {
         return;
@@ -116,7 +117,7 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
     }
 }
 
-/// The sensor offset cannot be told from a difference of the sliding forces.
+/// The sensor offset cannot be separated from a difference of the sliding forces.
 fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
     for p in all.iter_mut().filter(|p| p.name == "offset_n" && is_free) {
         p.estimate = match own_slopes {
@@ -131,7 +132,7 @@ fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
     }
 }
 
-/// The order of tables: forces first, then lengths, coefficients last.
+/// The order of tables: forces first, then lengths, then coefficients.
 fn sort(parameters: &mut [Parameter]) {
     const FIRST: [&str; 6] = [
         "coulomb_force_n",
@@ -158,7 +159,7 @@ fn warnings(
             |message: &String| Warning { subject: recording.name.clone(), message: message.clone(), doubtful: true };
         all.extend(recording.quality.warnings.iter().map(|w| of(&w.message)));
     }
-    // One line for the coefficients of a polynomial, not one each.
+    // One line for all coefficients of a polynomial.
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.name.contains("theta"));
     all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, p.name != "offset_n")));
     let mut say = |subject: &str, message: String, doubtful: bool| {
@@ -208,7 +209,7 @@ fn warnings(
     all
 }
 
-/// Without a fit the model is that of the two steps.
+/// Without a fit the model is the result of the two steps.
 fn fallback(input: &Input, model: &Candidate, say: &mut impl FnMut(&str, String, bool)) {
     if input.two.is_assumed {
         unresolved(model, say);
@@ -230,12 +231,12 @@ fn unresolved(model: &Candidate, say: &mut impl FnMut(&str, String, bool)) {
     say("half_width_m", message, true);
 }
 
-/// Part of the sampling interval from which a delay that is left counts, and part of the sliding force below which a step of the
-/// readings does not.
+/// Least remaining delay that counts, as a fraction of the sampling interval, and largest step of
+/// the readings that does not count, as a fraction of the sliding force.
 const LATE: f64 = 0.5;
 const FINE: f64 = 0.05;
 
-/// What the readings show and the model does not have.
+/// Effects in the readings that the model does not include.
 fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
     let Input { recordings, options, .. } = input;
     let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);

@@ -7,9 +7,10 @@
 //! z(t_i) = x(t_i) − x(t_0) + z(t_0)      from positions, not from velocities  (24)
 //! F_def(z) = two joined polynomials per direction, least squares              (25), (26)
 //! ```
-//! A traverse runs from the crossing of −F_s after a reversal to the first crossing of +F_s: the seal has turned
-//! over, from −c to +c. Its travel is 2c; the spread of c over traverses is the error of the rebuilt deflection.
-//! EMS (24) sums velocities; the encoder's positions give the same without accumulating their error.
+//! A traverse runs from the crossing of −F_s after a reversal to the first crossing of +F_s: the
+//! seal has snapped through from −c to +c. Its travel is 2c. The spread of c over traverses is the
+//! error of the reconstructed deflection. EMS (24) sums velocities; the encoder positions give the
+//! same result without accumulated error.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -19,26 +20,27 @@ use super::shape::{BranchShape, Pins};
 use crate::recording::Recording;
 use crate::segment::{Direction, Pass};
 
-/// Points per traverse at which the deformation force is kept.
+/// Points per traverse at which the deformation force is stored.
 pub const BINS: usize = 100;
-/// Samples over which the force is averaged where a switch is looked for.
+/// Samples over which the force is averaged when a switching instant is sought.
 const SMOOTHING: usize = 5;
-/// Fewest samples inside a traverse that still draw it.
+/// Fewest samples of a traverse that define its curve.
 const FEWEST_SAMPLES: usize = 5;
-/// Fewest traverses from which a half width is taken.
+/// Fewest traverses from which a half width is estimated.
 const FEWEST_TRAVERSES: usize = 3;
-/// Largest relative spread of c over traverses for which a deformation is called resolved.
+/// Largest relative spread of c over traverses at which the deformation counts as resolved.
 const LARGEST_SPREAD: f64 = 0.45;
-/// Largest scatter of the force between traverses, as a part of the swing between the limits.
+/// Largest scatter of the force between traverses, as a fraction of the range between the limits.
 const LARGEST_SCATTER: f64 = 0.15;
-/// Fewest samples per half width of a traverse that pin the half width.
+/// Fewest samples per half width of a traverse that determine the half width.
 pub(super) const COARSEST: f64 = 5.0;
 /// Deflections, as z/c, at which the influence of the velocity is tested (figure 7 uses one).
 const LEVELS: [f64; 7] = [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75];
-/// A damping force below this, N, at the fastest deformation is no influence in practice (equivalence bound).
+/// Damping force at the fastest deformation, N, below which the influence is negligible
+/// (equivalence bound).
 const NEGLIGIBLE_DAMPING_FORCE: f64 = 0.1;
 
-/// Sliding limits, N, seen by the seal (sensor offset removed): F_s of either direction.
+/// Sliding limits, N, acting on the seal (sensor offset removed): F_s of either direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Sensor offset F_0, N.
@@ -47,7 +49,8 @@ pub struct Limits {
     pub positive: f64,
     /// Limit in withdrawal, N, positive.
     pub negative: f64,
-    /// How far below the limit the sliding force fluctuates, N: there the switch is taken.
+    /// Fluctuation of the sliding force below the limit, N: the switching instant is taken at the
+    /// limit less this margin.
     pub margin: f64,
 }
 
@@ -66,7 +69,7 @@ impl Limits {
         }
     }
 
-    /// The pins of both branches: (−c, −F_s) and (+c, +F_s).
+    /// The end points of both branches: (−c, −F_s) and (+c, +F_s).
     pub fn pins(&self) -> Pins {
         Pins { low: -self.negative, high: self.positive }
     }
@@ -78,7 +81,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Drops traverses whose travel lies far off the others' of their direction: a switch taken from a disturbance.
+/// Drops traverses whose travel is an outlier of their direction: a switching instant caused by a
+/// disturbance.
 fn without_outliers(mut traverses: Vec<Traverse>) -> Vec<Traverse> {
     for direction in [Direction::Positive, Direction::Negative] {
         let own = || traverses.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
@@ -125,30 +129,31 @@ pub struct Traverse {
 /// Test of the influence of the deformation velocity (figure 7).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DampingTest {
-    /// σ, N s/m, from all levels and traverses jointly.
+    /// σ, N s/m, from all deflections and traverses jointly.
     pub seal_damping_n_s_m: Estimate,
     /// p value of σ = 0.
     pub p_value: f64,
     /// Largest damping force in the data, N: |σ| times the fastest deformation.
     pub largest_force_n: f64,
-    /// Largest damping force, N, that the 95 % interval still allows.
+    /// Largest damping force, N, within the 95 % interval.
     pub largest_force_not_excluded_n: f64,
     /// Whether an influence above the practical bound can be excluded at 95 %.
     pub equivalent_to_zero: bool,
     /// Whether σ is kept in the model.
     pub kept: bool,
-    /// Error of the rebuilt deflection used, m (1 sd).
+    /// Error used for the reconstructed deflection, m (1 sd).
     pub deflection_error_m: f64,
 }
 
-/// Both branches of one direction's fit.
+/// The branch fitted to one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BranchFit {
     /// The joined polynomials (25).
     pub shape: BranchShape,
     /// Root mean square residual, N, to the mean curve.
     pub rms: f64,
-    /// Single polynomial of degree 7 beside it: Legendre coefficients over [-c, c], N (figure 8).
+    /// Single polynomial of degree 7 for comparison: Legendre coefficients over [-c, c], N (figure
+    /// 8).
     pub single_polynomial: Vec<f64>,
     /// Root mean square residual, N, of the single polynomial.
     pub single_polynomial_rms: f64,
@@ -163,9 +168,9 @@ pub struct BranchFit {
 pub struct DeformationFit {
     /// c, m.
     pub half_width: Estimate,
-    /// Standard deviation of c over traverses, m: the error of the rebuilt deflection.
+    /// Standard deviation of c over traverses, m: the error of the reconstructed deflection.
     pub deflection_error: f64,
-    /// p value of c changing with speed; `None` with too few speeds.
+    /// p value of c being independent of speed; `None` with too few speeds.
     pub speed_dependence_p_value: Option<f64>,
     /// Branch of the insertion (z rising).
     pub rising: BranchFit,
@@ -182,12 +187,13 @@ pub fn bin_centres() -> impl Iterator<Item = f64> {
     (0..BINS).map(|k| (2 * k + 1) as f64 / BINS as f64 - 1.0)
 }
 
-/// Finds the full snap-throughs of one recording; `level` gives the factor by which the sliding of a pass lies above the
-/// common limits.
+/// Finds the full snap-throughs of one recording; `level` gives the ratio of the sliding force of a
+/// pass to the common limits.
 ///
-/// From pass to pass the whole force of a seal varies by a percent or so. Switches are taken at each pass's own level,
-/// and its curve is brought to the common one: against a common level, a weak pass would switch late or never and a
-/// strong one hardly early, which would make c too large.
+/// The friction scale of a seal varies by about a percent from pass to pass. Switching instants are
+/// therefore taken at the limits of each pass, and its curve is scaled to the common ones. With
+/// common limits, a weak pass would switch late or never while a strong one would switch hardly
+/// earlier, which would overestimate c.
 pub(super) fn traverses(
     index: usize,
     recording: &Recording,
@@ -209,13 +215,14 @@ pub(super) fn traverses(
             };
             found.extend(traverse(index, recording, pass.direction, from, to, limits.offset, levels));
         }
-        // A pass that never reached its limit leaves the seal somewhere inside: its successor is no full snap-through.
+        // A pass that never reaches its limit leaves the seal part way: the next one is no full
+        // snap-through.
         slid_before = crossing.map(|_| (pass.direction, own));
     }
     found
 }
 
-/// Mean of the force over a few samples around `i`, against single noisy readings.
+/// Mean of the force over a few samples around `i`, to reduce noise.
 fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
     let window = &recording.force[i.saturating_sub(SMOOTHING / 2).max(from)..=(i + SMOOTHING / 2).min(to)];
     window.iter().sum::<f64>() / window.len() as f64
@@ -258,7 +265,7 @@ fn traverse(
         })
         .collect();
     if direction == Direction::Negative {
-        // Bins run along z: a withdrawal passes them from the far end.
+        // Bins run along z: a withdrawal passes them in reverse order.
         curve.reverse();
         velocity.reverse();
     }
@@ -270,7 +277,8 @@ fn traverse(
     Some(Traverse { recording: index, direction, from, to, half_travel: 0.5 * total, speed, curve, velocity })
 }
 
-/// Values at the bin centres along the motion: the mean of the samples in a bin, or between the neighbours.
+/// Values at the bin centres along the motion: the mean of the samples in a bin, or interpolated
+/// between neighbours.
 fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
     let mut sums = vec![(0.0, 0.0); BINS];
     for (u, value) in u.iter().zip(values) {
@@ -291,7 +299,7 @@ fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
     (0..BINS).map(between).collect()
 }
 
-/// What the sensors can tell apart.
+/// Resolution of the sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sensors {
     /// Step of the position, m.
@@ -307,14 +315,15 @@ pub(super) fn end_stiffness(rising: &BranchFit, falling: &BranchFit, half_width:
         (curve[b] - curve[a]) / (10.0 * 2.0 * half_width / BINS as f64)
     };
     let least = end(&rising.mean_curve, true).min(end(&falling.mean_curve, false));
-    // A flat end is as uncertain as its slope: never less than a twentieth of the slope at the other end.
+    // A flat end is as uncertain as its slope: never less than a twentieth of the slope at the
+    // other end.
     least.max(0.05 * end(&rising.mean_curve, false).abs()).max(1.0)
 }
 
 /// Fits half width, branches and damping to the traverses.
 ///
 /// # Errors
-/// A sentence that says why the recordings do not resolve a deformation.
+/// A message that states why the recordings do not resolve a deformation.
 pub(super) fn fit(
     traverses: Vec<Traverse>,
     limits: &Limits,
@@ -346,7 +355,8 @@ pub(super) fn fit(
     let (Some(rising), Some(falling)) = (branch(Direction::Positive), branch(Direction::Negative)) else {
         return Err("the deformation force could not be fitted by joined polynomials".to_owned());
     };
-    // A switch is seen when the smoothed noise first reaches the limit: an error that traverses share.
+    // A switch is detected when the smoothed noise first reaches the limit: an error common to all
+    // traverses.
     let switching = sensors.force_noise / (SMOOTHING as f64).sqrt() / end_stiffness(&rising, &falling, mean);
     let scatter = mean_square(&rising.scatter).max(mean_square(&falling.scatter)).sqrt();
     let swing = limits.positive + limits.negative;
@@ -423,7 +433,7 @@ pub fn legendre(order: usize, t: f64) -> f64 {
     now
 }
 
-/// p value of a slope of c over speed.
+/// p value of the slope of c against speed.
 fn speed_dependence(traverses: &[Traverse]) -> Option<f64> {
     let n = traverses.len();
     let design = DMatrix::from_fn(n, 2, |i, j| if j == 0 { 1.0 } else { traverses[i].speed });
@@ -432,10 +442,11 @@ fn speed_dependence(traverses: &[Traverse]) -> Option<f64> {
     Some(t_p_value(fit.coefficients[1] / fit.covariance[(1, 1)].sqrt(), fit.degrees))
 }
 
-/// Generalised least squares of F_jp = f_j + σ·v_jp + K_j·δ_p + e_jp over levels j and traverses p.
+/// Generalised least squares of F_jp = f_j + σ·v_jp + K_j·δ_p + e_jp over deflections j and
+/// traverses p.
 ///
-/// δ_p is the error of the rebuilt deflection of the traverse (sd from the spread of c), shared by its levels: the
-/// gray rectangles of figure 7, as a covariance instead of a picture.
+/// δ_p is the error of the reconstructed deflection of the traverse (sd from the spread of c),
+/// common to its deflections. It represents the gray rectangles of figure 7 as a covariance.
 fn damping_test(traverses: &[Traverse], deflection_error: f64, half_width: f64) -> Option<DampingTest> {
     let speeds = traverses.iter().map(|t| t.speed);
     let (slow, fast) = speeds.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
@@ -468,7 +479,7 @@ fn damping_test(traverses: &[Traverse], deflection_error: f64, half_width: f64) 
     }
     let rows = data.len();
     let fit = LinearFit::new(&design, &data, &DVector::from_element(rows, 1.0))?;
-    // The traverse is the independent unit: its levels share one deflection error.
+    // The traverse is the independent unit: its deflections share one reconstruction error.
     let degrees = traverses.len() as f64 - 2.0;
     let sigma = fit.coefficients[columns - 1];
     let error = fit.covariance[(columns - 1, columns - 1)].sqrt();
@@ -492,7 +503,8 @@ fn slope(mean: &[(f64, f64)], b: usize, half_width: f64) -> f64 {
     (mean[high].1 - mean[low].1) / ((mean[high].0 - mean[low].0) * half_width)
 }
 
-/// Force noise, N, of single levels: scatter of neighbouring-bin differences, which no deflection error moves.
+/// Force noise, N, at single deflections: scatter of neighbouring-bin differences, which a
+/// deflection error does not affect.
 fn level_noise(curves: &[&[f64]], mean: &[(f64, f64)], bins: &[usize]) -> f64 {
     let mut squares = 0.0;
     let mut n = 0.0;

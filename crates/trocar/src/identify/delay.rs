@@ -1,8 +1,10 @@
-//! Positions that were read later than the forces.
+//! Delay of the position readings relative to the forces.
 //!
-//! A late position shifts the whole simulated force in time: F(t) becomes F(t + T), so ∂F/∂T = dF/dt is one more column of the normal
-//! equations. It is tested beside an unmodelled mass and the damping of the deformation, for which it could be mistaken, and so only
-//! where the sampling resolves those; a force that comes *late* is not looked for: it may be the seal's own.
+//! A position delay shifts the whole simulated force in time: F(t) becomes F(t + T). Thus
+//! ∂F/∂T = dF/dt is one more column of the normal equations. The delay is tested together with an
+//! unmodelled mass and the damping of the deformation, which it could be mistaken for, and so only
+//! where the sampling resolves these. A delay of the *force* is not estimated: it may belong to the
+//! seal.
 
 use serde::Serialize;
 
@@ -14,54 +16,56 @@ use crate::recording::Recording;
 /// A delay of the position readings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PositionDelay {
-    /// Time, s, by which the positions were read late.
+    /// Time, s, by which the position readings lag.
     pub delay_s: f64,
     /// Standard error, s.
     pub standard_error_s: f64,
-    /// p value of no delay.
+    /// p value of the hypothesis of no delay.
     pub p_value: f64,
-    /// Part of the squared error that it takes away, to first order.
+    /// Fraction of the squared error that it removes, to first order.
     #[serde(skip)]
     pub(super) gain: f64,
 }
 
 impl PositionDelay {
-    /// p value below which a delay is believed, and least part of the squared error that it takes away.
+    /// p value below which a delay is accepted, and least fraction of the squared error that it
+    /// must remove.
     pub(super) const LEVEL: f64 = 1e-3;
     pub(super) const LEAST_GAIN: f64 = 0.01;
-    /// p value below which one that was taken out is corrected.
+    /// p value below which a delay already compensated is corrected.
     const CORRECTED: f64 = 0.01;
-    /// Most corrections: each is to first order about the last; and those after the optional terms.
+    /// Most corrections: each is accurate to first order about the last; and most of those after
+    /// the optional terms.
     const MOST: usize = 10;
     const MOST_AFTER: usize = 2;
-    /// Part of the sampling interval that is no delay.
+    /// Fraction of the sampling interval below which a delay is neglected.
     const NEGLIGIBLE: f64 = 0.1;
     /// Longest delay, s.
     const LONGEST: f64 = 0.15;
 
-    /// Whether it is believed.
+    /// Whether the delay is accepted.
     pub(super) fn is_clear(&self) -> bool {
         self.delay_s > 0.0 && self.gain > Self::LEAST_GAIN && self.p_value < Self::LEVEL
     }
 
-    /// What is left of `earlier` and this one together.
+    /// The sum of `earlier` and this one.
     fn added_to(self, earlier: Option<Self>) -> Self {
         Self { delay_s: self.delay_s + earlier.map_or(0.0, |e| e.delay_s), ..self }
     }
 }
 
-/// Recordings with their positions in time, how late these were, and what was found of them.
+/// Recordings with the position delay compensated, the delay, and the estimate made from them.
 pub(super) struct InTime {
     pub(super) recordings: Vec<Recording>,
     pub(super) lag: Option<PositionDelay>,
     pub(super) segments: Vec<Segments>,
-    /// Of each recording, m/s².
+    /// Accelerations of each recording, m/s².
     accelerations: Vec<Vec<f64>>,
     pub(super) two: TwoSteps,
 }
 
-/// Takes the delay out of the positions and fits the element, again where the optional terms change the delay; no fit where none was
-/// asked for or is possible.
+/// Compensates the position delay and fits the element, again if the optional terms change the
+/// delay. There is no fit where none was requested or possible.
 ///
 /// # Errors
 /// As for the two steps.

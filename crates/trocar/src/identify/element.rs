@@ -1,5 +1,5 @@
-//! The fit of the element: from the start that the two steps give to the likelihood's minimum, with the friction scale of each
-//! stroke and the optional terms that the data ask for.
+//! The fit of the element: from the start given by the two steps to the minimum of the likelihood
+//! cost, with the friction scale of each stroke and the optional terms that the data support.
 //!
 //! ```text
 //! starts -> fit with one scale -> fit with a scale per stroke -> τ², ω² (restricted likelihood) -> terms -> τ², ω² -> last fit
@@ -28,15 +28,15 @@ use crate::recording::{Recording, range};
 use crate::replay::replay;
 use crate::segment::Direction;
 
-/// Half widths to start from where the two steps resolved none, in units of that assumed.
+/// Half widths to start from where the two steps resolved none, in units of the assumed one.
 const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
-/// Half widths tried once more, as parts of the best.
+/// Half widths tried again, relative to the best.
 const OTHER_WIDTHS: [f64; 3] = [0.5, 0.7, 1.4];
 /// Most clusters.
 const MOST_CLUSTERS: usize = 120;
-/// Fewest strokes from which their scatter is estimated: of fewer each has the same scale.
+/// Fewest strokes from which their scatter is estimated; with fewer, all have the same scale.
 const FEWEST_STROKES: usize = 12;
-/// Fewest clusters from which anything is fitted.
+/// Fewest clusters for a fit.
 const FEWEST_CLUSTERS: usize = 4;
 
 /// Starts whose shape is fitted.
@@ -46,17 +46,17 @@ const SHORT: Stop = Stop { iterations: 4, fall: 1e-2, promise: 10.0 * 1e-2 };
 const NEXT: Stop = Stop { iterations: 25, fall: 1e-3, promise: 10.0 * 1e-3 };
 const LAST: Stop = Stop { iterations: 80, fall: 1e-5, promise: 10.0 * 1e-5 };
 
-/// What the fit starts from.
+/// Input of the fit.
 pub(super) struct Input<'a> {
     pub(super) recordings: &'a [Recording],
     pub(super) segments: &'a [Segments],
-    /// Of each recording, m/s².
+    /// Accelerations of each recording, m/s².
     pub(super) accelerations: &'a [Vec<f64>],
     pub(super) two: &'a TwoSteps,
     pub(super) options: &'a IdentifyOptions,
 }
 
-/// The element with all that belongs to it.
+/// The fitted element with its associated results.
 pub(super) struct ElementFit {
     pub(super) fitted: Fitted<EmsTrial>,
     pub(super) trials: Vec<TermTrial>,
@@ -66,7 +66,7 @@ pub(super) struct ElementFit {
     pub(super) left: Left,
 }
 
-/// A fit with the training and the variances of the friction scale that belong to it.
+/// A fit with its training data and the variances of its friction scale.
 struct Scaled {
     training: Training,
     fitted: Fitted<EmsTrial>,
@@ -80,7 +80,8 @@ pub(super) struct Begun {
     pub(super) fitted: Fitted<EmsTrial>,
 }
 
-/// Fits the paper's element; `None` where no start gives a model that runs or there are too few strokes.
+/// Fits the paper's element; `None` where no start gives a model that runs or there are too few
+/// strokes.
 pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     let starts = starts(input);
     let widest = starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
@@ -88,7 +89,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     progress("fitting the element", 0.3);
     let best = unresolved(best_of(&plain, &starts, is_assumed(input))?, input);
     let (mut training, mut fitted) = fitted_from(input, &best)?;
-    // A wider element forgets its unknown start later, and takes longer strokes.
+    // A wider element forgets its unknown initial state later and needs longer strokes.
     if fitted.best.candidate.half_width > 1.05 * best.candidate.half_width {
         (training, fitted) = fitted_from(input, &fitted.best)?;
     }
@@ -99,16 +100,16 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     Some(Begun { training, fitted })
 }
 
-/// Part of the squared error that another width must take away.
+/// Fraction of the squared error that another width must remove.
 const TRUE_GAIN: f64 = 0.05;
 
-/// The best of fits from other half widths, all terms kept.
+/// The best of fits from other half widths, with all terms kept.
 fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<EmsTrial>> {
     let fits = other_widths(&found.best).filter_map(|start| likelihood::fit(training, &start, NEXT));
     fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
-/// The same full stroke at other half widths.
+/// The same full stroke with other half widths.
 fn other_widths(trial: &EmsTrial) -> impl Iterator<Item = EmsTrial> + '_ {
     OTHER_WIDTHS.iter().filter_map(|part| {
         let candidate = trial.candidate.with_half_width(part * trial.candidate.half_width)?;
@@ -116,12 +117,14 @@ fn other_widths(trial: &EmsTrial) -> impl Iterator<Item = EmsTrial> + '_ {
     })
 }
 
-/// Restarts from near the best, and the most steps of a training that is worth them: where few positions lie within the
-/// deformation each of them makes kinks, and a fit soon stalls between two.
+/// Restarts from near the best, and the most steps of training data for which they are used. Where
+/// few positions lie within the deformation, each of them makes the cost non-smooth, and a fit
+/// easily stalls between two.
 const RESTARTS: usize = 4;
 const FEW_STEPS: usize = 5000;
 
-/// The best of fits from near `found`: better over the steps, and over all single samples, too, whose noise a step hides.
+/// The best of fits from near `found`. It must be better over the steps and over all single
+/// samples, whose noise a step averages out.
 fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) -> Fitted<EmsTrial> {
     if !found.best.layout.shape || training.runs.iter().map(|run| run.steps.len()).sum::<usize>() > FEW_STEPS {
         return found;
@@ -154,26 +157,26 @@ pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
     (sums.0 / f64::max(sums.1, 1.0)).sqrt()
 }
 
-/// The training that a trial asks for, and the fit to it with one friction scale.
+/// The training data for a trial, and the fit to them with one friction scale.
 fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsTrial>)> {
     let training = training(input, &trial.candidate)?;
     let fitted = likelihood::fit(&training, trial, NEXT)?;
     (training.clusters() >= FEWEST_CLUSTERS).then_some((training, fitted))
 }
 
-/// Adds the optional terms that the data ask for, and fits to the end.
+/// Adds the optional terms that the data support, and fits to convergence.
 pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
     let Begun { training, fitted } = begun;
     let paper_rms = fitted.rms[1];
     progress("optional terms", 0.5);
     let mut excluded = excluded(input, fitted.best.candidate.half_width);
     if !training.scale.is_free {
-        // Differences between few strokes cannot be told from their scatter.
+        // Differences between few strokes cannot be separated from their scatter.
         excluded.push(Term::Stribeck);
     }
     let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input));
     if is_assumed(input) && chosen.fitted.best.layout.shape {
-        // The width was found without the terms: with them another may do better.
+        // The width was found without the terms: with them another may fit better.
         let other = other_width(&training, &chosen.fitted);
         if let Some(other) = other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost()) {
             chosen = terms::choose(&training, other, &excluded, speeds(input));
@@ -187,7 +190,7 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
 }
 
 impl Scaled {
-    /// With the terms tried, and the error of the paper's element.
+    /// Adds the trials of the terms and the error of the paper's element.
     fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
         let scale = FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
         let left = Left::by(input.recordings, &self.training, &self.fitted);
@@ -195,7 +198,8 @@ impl Scaled {
     }
 }
 
-/// Gives the strokes friction scales of their own, where there are enough of them to tell their scatter.
+/// Gives each stroke its own friction scale where there are enough strokes to estimate their
+/// scatter.
 fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda: f64) {
     training.scale = Scale {
         is_free: training.strokes.len() >= FEWEST_STROKES,
@@ -216,7 +220,7 @@ impl Begun {
 /// ℓ in half widths.
 const BLENDS: [f64; 5] = [0.1, 0.25, 0.5, 1.0, 2.0];
 
-/// ℓ, m: the travel over which the scale of a stroke replaces that of the one before, of least C.
+/// ℓ, m: the travel over which the scale of a stroke replaces that of the one before; minimises C.
 fn blend_length(training: &Training, trial: &EmsTrial) -> f64 {
     let of = |part: &f64| {
         let (length, mut training) = (part * trial.candidate.half_width, training.clone());
@@ -228,21 +232,22 @@ fn blend_length(training: &Training, trial: &EmsTrial) -> f64 {
     best.0
 }
 
-/// Scatter between strokes to begin with.
+/// Initial value of the scatter between strokes.
 const INITIAL_SCATTER: f64 = 0.01;
 
-/// σ², N²: the mean squared residual, times what the correlation of neighbouring residuals adds to the variance of sums.
+/// σ², N²: the mean squared residual, times the factor by which the correlation of neighbouring
+/// residuals increases the variance of sums.
 pub(super) fn variance(fitted: &Fitted<EmsTrial>) -> f64 {
     fitted.rms[1].powi(2).max(1e-18) * Spread::new(fitted).inflation().clamp(1.0, 100.0)
 }
 
-/// The undamped step that remains, in standard errors: root mean square over the free numbers.
+/// The remaining undamped step, in standard errors: root mean square over the free parameters.
 pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
     let moved = fitted.held.iter().filter(|held| !**held).count().max(1) as f64;
     (fitted.promised_fall() * fitted.cost() / variance(fitted) / moved).max(0.0).sqrt()
 }
 
-/// Sets the variances of the friction scale from a fit at `from`, and fits with them.
+/// Sets the variances of the friction scale from a fit at `from`, and refits with them.
 fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
     if !training.scale.is_free {
@@ -268,7 +273,7 @@ fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> 
     let ScaleVariance { scatter, drift } = with_drift.normal.scale_variance(&training, sigma2, &of_drift);
     let scatter = scatter.min(within_directions(&training, &with_drift));
     training.scale.lambda = sigma2 / scatter.max(1e-12);
-    // A drift below a part in ten thousand is none.
+    // A drift below 1e-4 is neglected.
     if drift < 1e-8 {
         training.scale.basis.drain(..relative.len());
         relative.clear();
@@ -280,8 +285,8 @@ fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> 
     Some(Scaled { training, fitted, scatter: scatter.sqrt() })
 }
 
-/// Variance of the strokes' own scales about the mean of their recording and direction; infinite for few strokes. What differs
-/// between the directions is an offset or an asymmetry, and no scatter.
+/// Variance of the strokes' own scales about the mean of their recording and direction; infinite
+/// for few strokes. A difference between the directions is an offset or an asymmetry, not scatter.
 fn within_directions(training: &Training, fitted: &Fitted<EmsTrial>) -> f64 {
     let strokes = &training.strokes;
     let (mut squares, mut degrees) = (0.0, 0.0);
@@ -301,13 +306,13 @@ fn within_directions(training: &Training, fitted: &Fitted<EmsTrial>) -> f64 {
     if degrees < FEWEST_STROKES as f64 / 2.0 { f64::INFINITY } else { squares / degrees }
 }
 
-/// Most cosines of the drift in a recording, and strokes for each.
+/// Most cosines of the drift in a recording, and strokes required for each.
 const COSINES: usize = 6;
 const STROKES_PER_COSINE: usize = 4;
 
-/// φ_k over the strokes with the variance of their amplitude over ω²: cosines over each recording (the expansion of a Brownian
-/// motion about its mean), and a step from the first recording to each other one. Each has the mean 0, so that the seal's numbers
-/// are those of the mean stroke.
+/// φ_k over the strokes, with the variance of their amplitude over ω²: cosines over each recording
+/// (the expansion of a Brownian motion about its mean), and a step from the first recording to each
+/// other one. Each has zero mean, so the parameters of the seal are those of the mean stroke.
 fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
     let strokes = &training.strokes;
     let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
@@ -328,7 +333,7 @@ fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
     all
 }
 
-/// Values over the strokes less their mean over those whose size counts.
+/// Values over the strokes less their mean over the strokes whose size counts.
 pub(super) fn centred(training: &Training, value: impl Fn(usize) -> f64) -> Vec<f64> {
     let count = training.strokes.len();
     let counted: Vec<usize> = (0..count).filter(|g| !training.scale.is_unconstrained(*g)).collect();
@@ -342,11 +347,11 @@ fn speeds(input: &Input) -> [f64; 2] {
     [slow.max(1e-3), fast.max(2e-3)]
 }
 
-/// Least part of a motion's time that a plateau holds whose speed was imposed.
+/// Least fraction of a motion's time at one plateau for its speed to count as imposed.
 const IMPOSED: f64 = 0.5;
 
-/// Strokes whose speed was not imposed, where the others separate speeds in both directions: under a constant push the speed
-/// answers to the friction of the stroke, so its size is no datum.
+/// Strokes whose speed was not imposed, where the others separate speeds in both directions. Under
+/// a constant push the speed responds to the friction of the stroke, so its size is no datum.
 fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
     let strokes = &training.strokes;
     let mut imposed = vec![false; strokes.len()];
@@ -369,7 +374,7 @@ fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
 fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     let Input { recordings, options, .. } = input;
     let mut excluded = options.without.clone();
-    // Beside a declared mass a small remainder is its error.
+    // With a declared mass, a small remainder is the error of that mass.
     if !options.estimate_unmodelled_mass || options.inertia_removed || !acceleration_is_resolved(recordings) {
         excluded.push(Term::UnmodelledMass);
     }
@@ -382,27 +387,27 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     excluded
 }
 
-/// Fewest partial reversals that tell of minor loops and of a second stage.
+/// Fewest partial reversals needed to identify minor loops and a second stage.
 const FEWEST_PARTIAL: usize = 4;
 
-/// Whether the recordings hold what full strokes say nothing of.
+/// Whether the recordings hold partial reversals, which full strokes do not replace.
 pub(super) fn has_partial_reversals(input: &Input, half_width: f64) -> bool {
     let motion = FreeMotion::of(input.recordings, input.segments, half_width);
     motion.partial_reversals >= FEWEST_PARTIAL
 }
 
-/// Whether all recordings are sampled finely enough to see the acceleration of a reversal, which lasts some hundredths
-/// of a second: it takes five positions.
+/// Whether all recordings are sampled finely enough to resolve the acceleration of a reversal. A
+/// reversal lasts some hundredths of a second and needs five positions.
 pub(super) fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
     const REVERSAL: f64 = 0.03;
     recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
 }
 
-/// σ over the sliding force to begin with.
+/// Initial value of σ relative to the sliding force.
 const INITIAL_ERROR: f64 = 0.03;
 
-/// Least v_c, m/s, that the motion shows: slower creep rounds the instant of a reversal at most. A hundredth of the speed below which
-/// the motion spends a twentieth of its time.
+/// Least v_c, m/s, that the motion can reveal: a hundredth of the speed below which the motion
+/// spends a twentieth of its time. Slower creep at most rounds the instant of a reversal.
 fn slowest_creep(recordings: &[Recording]) -> f64 {
     const BLOCK: f64 = 0.05;
     let mut speeds = Vec::new();
@@ -420,7 +425,7 @@ fn slowest_creep(recordings: &[Recording]) -> f64 {
     0.01 * speeds.get(speeds.len() / 20).copied().unwrap_or(0.0)
 }
 
-/// All samples, those of settled sliding taken together.
+/// All samples; those of settled sliding are averaged into longer steps.
 fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
     let Input { recordings, segments, accelerations, two, .. } = input;
     let segmented = |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
@@ -438,12 +443,13 @@ fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
     Some(training)
 }
 
-/// Part of the stroke below which a deformation of an axis whose inertia was taken out is none of a seal.
+/// Fraction of the stroke below which the deformation of an axis with inertia removed is not that
+/// of a seal.
 const NEGLIGIBLE: f64 = 0.01;
-/// p value of the two steps' test of symmetry from which each direction starts with a slope of its own.
+/// p value of the two steps' symmetry test below which each direction starts with its own slope.
 const SURE: f64 = 1e-3;
 
-/// Largest less smallest reading, N; infinite where the sensor was at an end of its range.
+/// Range of the readings, N; infinite where the sensor saturated.
 fn swing(recordings: &[Recording]) -> f64 {
     if recordings.iter().any(|r| !r.quality.saturated.is_empty()) {
         return f64::INFINITY;
@@ -453,7 +459,8 @@ fn swing(recordings: &[Recording]) -> f64 {
     high - low
 }
 
-/// None for an axis without a seal; the element of the two steps; where they resolved no deformation, straight ones of several widths.
+/// None for an axis without a seal; otherwise the element of the two steps, or straight elements of
+/// several widths where they resolved no deformation.
 fn starts(input: &Input) -> Vec<EmsTrial> {
     let Input { recordings, two, options, .. } = input;
     let mut candidate = two.candidate.clone();
@@ -465,7 +472,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         own_slopes,
         own_levels: own_slopes && options.offset.is_some(),
         stribeck: is_wanted(Term::Stribeck) && steady.stribeck.is_some(),
-        // Sliding both ways swings by twice the force.
+        // Sliding in both directions spans twice the force.
         largest: if options.offset.is_some() { 1.0 } else { 0.5 } * swing(recordings),
         narrowest: narrowest(input),
         slowest_creep: slowest_creep(recordings),
@@ -479,7 +486,8 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     let candidate = layout.with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
     let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
     if !is_assumed(input) {
-        // The spring of a drive is no seal: its friction is what is asked for, and the two steps give that.
+        // The spring of a drive is no seal: only its friction is requested, and the two steps give
+        // that.
         let is_axis = options.inertia_removed && 2.0 * candidate.half_width < NEGLIGIBLE * longest;
         return if is_axis { Vec::new() } else { vec![EmsTrial::new(candidate, layout)] };
     }
@@ -494,7 +502,8 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         [snapping(&straight, degrees), Some(straight)].into_iter().flatten().collect::<Vec<_>>()
     };
     let plain = widths.into_iter().flat_map(both).map(|candidate| EmsTrial::new(candidate, layout));
-    // A contact that creeps is as smooth as a wide element: from there none would be found.
+    // A creeping contact is as smooth as a wide element: a start from a wide element would not find
+    // it.
     let creeping = |plain: EmsTrial| {
         let creep_velocity = layout.slowest_creep.max(0.1 * speeds(input)[0]);
         let candidate = Candidate { creep_velocity, ..plain.candidate.clone() };
@@ -507,17 +516,19 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     }
 }
 
-/// Whether too few positions lie within this half width, m, to tell the shape of the deformation.
+/// Whether too few positions lie within this half width, m, to resolve the shape of the
+/// deformation.
 fn is_coarse(input: &Input, half_width: f64) -> bool {
     half_width < FINELY_RESOLVED * resolution(input)
 }
 
-/// Whether the two steps resolved no deformation, or not its shape.
+/// Whether the two steps did not resolve the deformation or its shape.
 fn is_assumed(input: &Input) -> bool {
     input.two.is_assumed || is_coarse(input, input.two.candidate.half_width)
 }
 
-/// The candidate with branches that snap through as those of the plausible seal do, at its own forces.
+/// The candidate with branches that snap through as those of the plausible seal, scaled to its own
+/// forces.
 fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
     const POINTS: usize = 100;
     let seal = ElementParams::plausible_10_5_mm().ok()?.deformation;
@@ -535,10 +546,10 @@ fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
 /// Positions within c that resolve it, and that resolve branches of any degree.
 const RESOLVED: f64 = 3.0;
 const FINELY_RESOLVED: f64 = 20.0;
-/// A half width within this factor of the least is not resolved.
+/// A half width within this factor of the least one is not resolved.
 const UNRESOLVED: f64 = 1.05;
 
-/// Distance of positions, m, that encoder and sampling tell apart.
+/// Distance of positions, m, that encoder and sampling can distinguish.
 fn resolution(input: &Input) -> f64 {
     let step = input.recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
     let interval = input.recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
@@ -556,7 +567,7 @@ fn degrees(input: &Input, half_width: f64) -> [usize; 2] {
     if is_coarse(input, half_width) { [2, 2] } else { input.options.degrees }
 }
 
-/// The trial with a straight spring of the least width in place of a deformation that is not resolved.
+/// The trial with a straight spring of the least width in place of an unresolved deformation.
 fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
     let narrowest = narrowest(input);
     if trial.candidate.half_width > UNRESOLVED * narrowest || !trial.layout.shape || !is_assumed(input) {
@@ -573,7 +584,7 @@ pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 
     Candidate { half_width, rising: branch.clone(), falling: branch, ..candidate.clone() }
 }
 
-/// The start that a fit carries farthest: a short one of all, a longer one of the best two.
+/// The start with the best fit: a short fit of all, a longer one of the best two.
 fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTrial> {
     if let ([only], false) = (starts, wide) {
         return Some(only.clone());
@@ -581,7 +592,7 @@ fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTr
     let carried = |trials: Vec<EmsTrial>, stop, count| {
         let fit = |trial: &EmsTrial| likelihood::fit(training, trial, stop);
         let mut fits: Vec<_> = trials.iter().filter_map(fit).collect();
-        // As good with a width that is resolved is better.
+        // Of two equally good fits, prefer the one with a resolved width.
         let rank = |f: &Fitted<EmsTrial>| {
             let is_resolved = f.best.candidate.half_width > UNRESOLVED * f.best.layout.narrowest;
             f.rms[1] * if is_resolved { 1.0 } else { 1.0 + TRUE_GAIN }
@@ -590,10 +601,10 @@ fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTr
         fits.into_iter().map(|fitted| fitted.best).take(count).collect::<Vec<_>>()
     };
     let shaped = |shape: bool| move |t: EmsTrial| EmsTrial { layout: Layout { shape, ..t.layout }, ..t };
-    // Levels and creep first: what a shape could stand in for.
+    // Forces and creep first, since a shape could mimic them.
     let level: Vec<EmsTrial> = carried(starts.iter().cloned().map(shaped(false)).collect(), SHORT, STARTS);
     let best_two = carried(carried(level.into_iter().map(shaped(true)).collect(), SHORT, 2), NEXT, 2);
-    // A wide element may stand in for a narrower one.
+    // A wide element may mimic a narrower one.
     let best = best_two.first()?;
     carried(carried(other_widths(best).chain([best.clone()]).collect(), SHORT, 2), NEXT, 1).into_iter().next()
 }

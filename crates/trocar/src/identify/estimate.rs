@@ -1,13 +1,14 @@
-//! An estimated parameter with its 95 % interval, and the linear least squares behind most of them.
+//! An estimated parameter with its 95 % interval, and the linear least squares used for
+//! most of them.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
-/// A parameter as the data give it: value, 95 % interval, unit, and whether the data pin it at all.
+/// An estimated parameter: value, 95 % interval, unit, and whether the data determine it.
 ///
-/// Invariant: `low <= value <= high`; a parameter that the data do not pin has an infinite interval and says why in
-/// `note`. In JSON an infinite bound is `null`.
+/// Invariant: `low <= value <= high`. A parameter that the data do not determine has an infinite
+/// interval, and `note` states why. In JSON an infinite bound is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Estimate {
     /// Best value, in `unit`.
@@ -16,7 +17,7 @@ pub struct Estimate {
     pub ci95: [f64; 2],
     /// Unit, spelled as in the parameter's name (`N`, `N s/m`, `m`).
     pub unit: &'static str,
-    /// Whether the data pin the parameter.
+    /// Whether the data determine the parameter.
     pub determined: bool,
     /// Why it is not determined, or under which condition the value holds.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -24,9 +25,11 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Estimate with a symmetric interval from a standard error and Student's t with `degrees` of freedom.
+    /// Estimate with a symmetric interval from a standard error and Student's t with `degrees` of
+    /// freedom.
     ///
-    /// No degree of freedom, or a standard error that is not finite, gives an infinite interval.
+    /// Without a degree of freedom, or with a standard error that is not finite, the interval is
+    /// infinite.
     pub fn from_standard_error(value: f64, standard_error: f64, degrees: f64, unit: &'static str) -> Self {
         let half = t_quantile(degrees) * standard_error;
         if !half.is_finite() {
@@ -35,12 +38,12 @@ impl Estimate {
         Self { value, ci95: [value - half, value + half], unit, determined: true, note: None }
     }
 
-    /// Estimate with given bounds, widened if need be to hold the value.
+    /// Estimate with given bounds, widened if necessary to contain the value.
     pub fn from_bounds(value: f64, low: f64, high: f64, unit: &'static str) -> Self {
         Self { value, ci95: [low.min(value), high.max(value)], unit, determined: true, note: None }
     }
 
-    /// A value that the data do not pin: infinite interval, and the reason.
+    /// A value that the data do not determine: infinite interval, and the reason.
     pub fn undetermined(value: f64, unit: &'static str, why: impl Into<String>) -> Self {
         let ci95 = [f64::NEG_INFINITY, f64::INFINITY];
         Self { value, ci95, unit, determined: false, note: Some(why.into()) }
@@ -52,7 +55,7 @@ impl Estimate {
         self
     }
 
-    /// Whether the interval holds `value`.
+    /// Whether the interval contains `value`.
     pub fn covers(&self, value: f64) -> bool {
         self.ci95[0] <= value && value <= self.ci95[1]
     }
@@ -107,7 +110,7 @@ impl LinearFit {
         }
         let root = weights.map(f64::sqrt);
         let weighted = DMatrix::from_fn(rows, columns, |i, j| root[i] * design[(i, j)]);
-        // Columns to unit length: independence is then judged without regard to units.
+        // Scale columns to unit length: independence is then judged regardless of units.
         let scale: Vec<f64> = (0..columns).map(|j| weighted.column(j).norm().max(f64::MIN_POSITIVE)).collect();
         let scaled = DMatrix::from_fn(rows, columns, |i, j| weighted[(i, j)] / scale[j]);
         let qr = scaled.qr();

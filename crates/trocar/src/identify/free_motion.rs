@@ -1,4 +1,4 @@
-//! What recordings hold beyond full strokes: rests and partial reversals.
+//! Content of recordings beyond full strokes: rests and partial reversals.
 
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ pub struct FreeMotion {
     pub reversals: usize,
     /// Passes that end before the seal has snapped through: shorter than 2c.
     pub partial_reversals: usize,
-    /// Time at rest or trembling, s: a tenth of a second or more within a tenth of c.
+    /// Time at rest or with small vibration, s: a tenth of a second or more within a tenth of c.
     pub held_s: f64,
 }
 
@@ -36,7 +36,7 @@ impl FreeMotion {
     }
 }
 
-/// Time, s, that `recording` spends in rests: a tenth of a second or more within `reach`, m.
+/// Time, s, that `recording` is at rest: a tenth of a second or more within `reach`, m.
 fn held(recording: &Recording, reach: f64) -> f64 {
     const SHORTEST: f64 = 0.1;
     let (x, t) = (&recording.position, &recording.time);

@@ -1,4 +1,4 @@
-//! The one likelihood of everything that `identify` estimates, and its minimum.
+//! The single likelihood of all parameters that `identify` estimates, and its maximisation.
 //!
 //! # Data model
 //! ```text
@@ -7,21 +7,25 @@
 //! v_g = Σ_k d_k·φ_k(g) + e_g                  stroke g: slow drift, and scatter between strokes
 //! d_k ~ N(0, ω_k²)      e_g ~ N(0, τ²)      ε_i ~ N(0, σ²)
 //! ```
-//! F_i(θ) is the free-running simulation on the measured motion. Given θ all else is linear: the e_g are eliminated in closed form
-//! (each reading knows two neighbouring ones, so their equations are tridiagonal; clusters of strokes are taken as independent, with
-//! an e of their own for the stroke before the first), o, m and d_k are columns of the normal equations.
-//! What is minimised is −2σ² times the log likelihood, less constants,
+//! F_i(θ) is the free-running simulation on the measured motion. Given θ, the model is linear in
+//! all other parameters. The e_g are eliminated in closed form. Each reading depends on two
+//! neighbouring strokes, so the equations of the e_g are tridiagonal. Clusters of strokes are
+//! treated as independent; the stroke before the first one of a cluster has an e of its own. o, m
+//! and d_k are columns of the normal equations. The cost is −2σ² times the log likelihood, less
+//! constants:
 //!
 //! ```text
 //! C(θ, o, m, d) = r'r − r'Z·P⁻¹·Z'r + Σ_j p_j·θ_j²      N²      P = Z'Z + λ·I      λ = σ²/τ²      p_j = σ²/(prior variance)
 //! r_i = y_i − o − m·a_i − (u_i without the e_g)·F_i             Z_ig = w_i·F_i in stroke g, (1 − w_i)·F_i in the next
 //! ```
-//! A stroke whose speed answers to its friction (a constant push) tells the shape of the force but not its size: λ_g = 0 there.
+//! A stroke whose speed responds to its friction (a constant push) determines the shape of the
+//! force but not its size: λ_g = 0 there.
 //!
 //! # Intervals
-//! Normal equations are kept for each cluster of strokes, nothing for each sample: memory does not grow with the recording. With
-//! cluster g left out the estimate moves to first order by −(H − H_g)⁻¹·s_g; its variance over clusters (jackknife) does not mistake
-//! the samples of one stroke for independent ones. A number that the data push against an end of its range is held there.
+//! Normal equations are stored for each cluster of strokes and nothing for each sample, so memory
+//! does not grow with the recording. With cluster g left out the estimate moves to first order by
+//! −(H − H_g)⁻¹·s_g. Its variance over clusters (jackknife) does not treat the samples of one
+//! stroke as independent. A parameter that the data push against a bound is held there.
 
 use std::ops::Range;
 
@@ -32,54 +36,57 @@ use trocar_model::Friction;
 use super::training::{Run, Scale, Step, Training};
 use crate::cancel;
 
-/// When to stop.
+/// Stopping criteria.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stop {
-    /// Most damped steps.
+    /// Largest number of damped steps.
     pub(crate) iterations: usize,
-    /// Relative fall of the cost below which the fit has converged.
+    /// Relative decrease of the cost below which the fit has converged.
     pub(crate) fall: f64,
-    /// Relative fall that an undamped step may still promise then; infinite where it is not asked for.
+    /// Largest relative decrease that an undamped step may still predict at convergence; infinite
+    /// if not required.
     pub(crate) promise: f64,
 }
 
-/// How a free number enters the prediction.
+/// How a free parameter enters the prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Column {
     /// Through the simulated force.
     Simulated,
     /// Sensor offset o.
     Offset,
-    /// Mass m whose inertia is in the readings.
+    /// Mass m, kg, whose inertia is in the readings.
     Mass,
     /// Drift d_k of the friction scale.
     Drift(usize),
 }
 
-/// One free number: its value, the step of its difference quotient, its range, and how it enters.
+/// One free parameter: its value, the step of its difference quotient, its range, and how it
+/// enters.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Free {
     pub(crate) value: f64,
     pub(crate) step: f64,
     pub(crate) low: f64,
     pub(crate) high: f64,
-    /// Standard deviation about 0 beforehand; infinite where nothing is expected.
+    /// Standard deviation of the prior about 0; infinite without a prior.
     pub(crate) expected: f64,
     pub(crate) column: Column,
 }
 
-/// A model under trial: free numbers, and the model that they make.
+/// A model under trial: free parameters, and the model that they define.
 pub(crate) trait Trial: Clone + Send + Sync {
     /// The model, ready to run.
     type Model: Friction<State: Send + Sync> + Send + Sync;
 
-    /// The model; `None` where the numbers make none.
+    /// The model; `None` where the parameters do not form a valid one.
     fn model(&self) -> Option<Self::Model>;
-    /// The free numbers.
+    /// The free parameters.
     fn free(&self) -> Vec<Free>;
-    /// The trial with its free numbers replaced, each held within its range.
+    /// The trial with its free parameters replaced, each clamped to its range.
     fn with(&self, values: &[f64]) -> Self;
-    /// The trial with its free numbers replaced, wherever they fall: for the spread of an estimate, not for a model.
+    /// The trial with its free parameters replaced without clamping: for the spread of an estimate,
+    /// not for a model.
     fn with_any(&self, values: &[f64]) -> Self;
     /// Sensor offset o, N.
     fn offset(&self) -> f64;
@@ -91,13 +98,13 @@ pub(crate) trait Trial: Clone + Send + Sync {
     fn drift(&self) -> &[f64] {
         &[]
     }
-    /// Force of each model at the centres of the steps, N, from its state.
+    /// Force of each model at the centres of the steps, N, starting from its state.
     fn forces(models: &[Self::Model], states: &mut [StateOf<Self>], _lanes: Lanes, steps: &[Step]) -> Vec<Vec<f64>> {
         each_alone(models, states, steps)
     }
 }
 
-/// The forces of models by steps of their own.
+/// The forces of models, each stepped on its own.
 pub(super) fn each_alone<M>(models: &[M], states: &mut [M::State], steps: &[Step]) -> Vec<Vec<f64>>
 where
     M: Friction<State: Send + Sync> + Send + Sync,
@@ -106,26 +113,26 @@ where
     models.par_iter().zip(states).map(of).collect()
 }
 
-/// State of the model of a trial.
+/// State of a trial's model.
 pub(crate) type StateOf<T> = <<T as Trial>::Model as Friction>::State;
 
 /// Steps simulated at a time.
 const BLOCK: usize = 2048;
 
-/// How a fit ended.
+/// Result of a fit.
 #[derive(Debug, Clone)]
 pub(crate) struct Fitted<T> {
     pub(crate) best: T,
-    /// Root mean square error, N, before and after, the friction scale of each stroke taken out.
+    /// Root mean square error, N, before and after, with the friction scale of each stroke removed.
     pub(crate) rms: [f64; 2],
     pub(crate) iterations: usize,
     pub(crate) converged: bool,
-    /// Free numbers held at an end of their range.
+    /// Free parameters held at a bound.
     pub(crate) held: Vec<bool>,
     pub(crate) normal: Normal,
 }
 
-/// Z of one stroke with itself: e_g, e_(g−1), both, and with the residual.
+/// Sums of Z over one stroke: e_g, e_(g−1), their product, and with the residual.
 #[derive(Debug, Clone, Copy, Default)]
 struct ScaleSums {
     own: f64,
@@ -146,7 +153,7 @@ impl ScaleSums {
     }
 }
 
-/// What one stroke says at one parameter vector, the scatter of the strokes not yet eliminated.
+/// Sums of one stroke at one parameter vector, before the scatter of the strokes is eliminated.
 #[derive(Debug, Clone)]
 struct StrokeSums {
     hessian: DMatrix<f64>,
@@ -180,7 +187,8 @@ struct Scatter {
 }
 
 impl Scatter {
-    /// `sums` begin with those of the stroke before, which are empty; `first` is the number of the first of the others.
+    /// `sums` start with the empty sums of the stroke before; `first` is the number of the first of
+    /// the others.
     fn new(sums: &[ScaleSums], first: usize, scale: &Scale, lambda: f64) -> Self {
         let mut factored =
             Self { pivots: Vec::with_capacity(sums.len()), below: vec![0.0; sums.len()], determinant: 0.0 };
@@ -212,18 +220,19 @@ impl Scatter {
     }
 }
 
-/// Z' times something, from what each stroke has `own` and `before` it; the first number is that of the stroke before all.
+/// Z' times a vector, from the contributions of each stroke to itself (`own`) and to the one before
+/// (`before`); the first element belongs to the stroke before all.
 fn gathered(count: usize, own: impl Fn(usize) -> f64, before: impl Fn(usize) -> f64) -> Vec<f64> {
     let of = |k: usize| if k > 0 { own(k - 1) } else { 0.0 } + if k < count { before(k) } else { 0.0 };
     (0..=count).map(of).collect()
 }
 
-/// The sums of the strokes of one cluster after the empty ones of the stroke before.
+/// The sums of the strokes of one cluster, preceded by the empty sums of the stroke before.
 fn with_stroke_before(sums: impl Iterator<Item = ScaleSums>) -> Vec<ScaleSums> {
     std::iter::once(ScaleSums::default()).chain(sums).collect()
 }
 
-/// The strokes' part of C that their scatter takes away.
+/// The decrease of C due to the scatter of the strokes.
 fn taken_away(sums: &[ScaleSums], first: usize, scale: &Scale) -> f64 {
     let moments = gathered(sums.len(), |k| sums[k].moment, |k| sums[k].moment_before);
     let all = with_stroke_before(sums.iter().copied());
@@ -231,32 +240,33 @@ fn taken_away(sums: &[ScaleSums], first: usize, scale: &Scale) -> f64 {
     moments.iter().zip(&scatter).map(|(m, e)| m * e).sum()
 }
 
-/// Part of its own information that holds the scale of a stroke whose size tells nothing.
+/// Regularisation of the scale of a stroke whose size is no datum, as a fraction of its own
+/// information.
 const UNCONSTRAINED: f64 = 1e-6;
 
-/// Friction scale of one stroke: v_g as the data and its prior have it.
+/// Friction scale of one stroke: v_g from the data and the prior.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct StrokeScale {
-    /// v_g, e_g shrunk by its prior.
+    /// v_g, with e_g shrunk by its prior.
     pub(crate) value: f64,
-    /// v_g of the stroke's own readings alone, and their information Σ Z², N².
+    /// v_g from the stroke's own readings alone, and their information Σ Z², N².
     pub(crate) own: f64,
     pub(crate) information: f64,
 }
 
-/// Normal equations at one parameter vector, the strokes' scatter eliminated.
+/// Normal equations at one parameter vector, with the scatter of the strokes eliminated.
 #[derive(Debug, Clone)]
 pub(crate) struct Normal {
     /// H and s of each cluster.
     hessians: Vec<DMatrix<f64>>,
     scores: Vec<DVector<f64>>,
-    /// C of each cluster, without the prior's part.
+    /// C of each cluster, without the prior term.
     costs: Vec<f64>,
-    /// Each free number, and the precision with which 0 is expected.
+    /// Each free parameter, and the precision of its prior about 0.
     prior: Vec<(f64, f64)>,
     /// Steps that count.
     steps: f64,
-    /// Of each stroke.
+    /// Scale of each stroke.
     pub(crate) scales: Vec<StrokeScale>,
     strokes: Vec<StrokeSums>,
 }
@@ -289,19 +299,19 @@ fn seal_force<M: Friction>(model: &M, state: &mut M::State, step: &Step) -> f64 
     step.at_centre(before, model.step(state, step.displacement, step.duration))
 }
 
-/// State in which a run starts: at rest with its first reading.
+/// Initial state of a run: at rest at its first reading.
 fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run) -> <T::Model as Friction>::State {
     model.rest_at_force(run.first_force - trial.offset())
 }
 
-/// Scale of each stroke before its own scatter: the drift.
+/// Scale of each stroke without its own scatter: the drift.
 fn drifts<T: Trial>(training: &Training, trial: &T) -> Vec<f64> {
     let basis = &training.scale.basis;
     let at = |g: usize| trial.drift().iter().zip(basis).map(|(d, phi)| d * phi[g]).sum();
     (0..training.strokes.len()).map(at).collect()
 }
 
-/// What is known before the scatter of the strokes.
+/// Quantities that do not depend on the scatter of the strokes.
 struct Predictor<'a> {
     training: &'a Training,
     drift: Vec<f64>,
@@ -333,7 +343,7 @@ impl<'a> Predictor<'a> {
     }
 }
 
-/// C of a trial, without the prior's part; `None` where it is no model.
+/// C of a trial, without the prior term; `None` where it is not a valid model.
 fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
     let model = trial.model()?;
     let predictor = Predictor::new(training, trial);
@@ -363,25 +373,26 @@ fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
     Some(squares - training.cluster_strokes().map(of).sum::<f64>())
 }
 
-/// C of a trial, its prior's part included; infinite where it is no model.
+/// C of a trial, with the prior term; infinite where it is not a valid model.
 pub(crate) fn cost<T: Trial>(training: &Training, trial: &T) -> f64 {
     data_cost(training, trial).map_or(f64::INFINITY, |c| c + prior_cost(training, trial))
 }
 
-/// A column that is no free number of the trial: the secant to another trial, or the rate of the simulated force.
+/// A column that is no free parameter of the trial: the secant to another trial, or the rate of the
+/// simulated force.
 #[derive(Clone)]
 pub(crate) enum Extra<T> {
     /// u·(F of the other trial − F).
     Secant(T),
     /// a_i: an unmodelled mass, kg.
     Acceleration,
-    /// u·dF/dt: positions that come late by 1 s.
+    /// u·dF/dt: position delay of 1 s.
     Delay,
 }
 
-/// What a column of the normal equations is made from.
+/// Source of a column of the normal equations.
 enum Source {
-    /// Difference to simulation `lane`, over a step.
+    /// Difference to simulation `lane`, divided by a step.
     Difference {
         lane: usize,
         step: f64,
@@ -396,13 +407,13 @@ enum Source {
 struct Simulations<T: Trial> {
     trials: Vec<T>,
     models: Vec<T::Model>,
-    /// How many of the first differ little.
+    /// Number of leading simulations that differ little.
     close: usize,
     sources: Vec<Source>,
 }
 
 impl<T: Trial> Simulations<T> {
-    /// `None` where one of them is no model.
+    /// `None` where one of them is not a valid model.
     fn new(trial: &T, extra: &[Extra<T>]) -> Option<Self> {
         let free = trial.free();
         let values: Vec<f64> = free.iter().map(|f| f.value).collect();
@@ -414,7 +425,7 @@ impl<T: Trial> Simulations<T> {
                 Column::Mass => Source::Acceleration,
                 Column::Drift(k) => Source::Drift(k),
                 Column::Simulated => {
-                    // Away from a bound that lies within the step.
+                    // Step away from a bound that lies within the step.
                     let step = if f.value + f.step > f.high { -f.step } else { f.step };
                     let mut changed = values.clone();
                     changed[j] += step;
@@ -443,7 +454,7 @@ fn prior_cost<T: Trial>(training: &Training, trial: &T) -> f64 {
     prior(training, trial).iter().map(|(value, precision)| precision * value * value).sum()
 }
 
-/// Each free number, and p_j: the precision with which 0 is expected.
+/// Each free parameter, and p_j: the precision of its prior about 0.
 fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
     let expected = |free: &Free| match free.column {
         Column::Drift(k) => training.scale.expected[k],
@@ -452,8 +463,8 @@ fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
     trial.free().iter().map(|free| (free.value, training.variance / expected(free).powi(2))).collect()
 }
 
-/// The normal equations at a trial: columns for its free numbers, by difference quotients over their steps, and behind them for
-/// `extra`.
+/// The normal equations at a trial: columns for its free parameters, by difference quotients over
+/// their steps, followed by columns for `extra`.
 fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]) -> Option<Normal> {
     let Simulations { trials, models, close, sources } = Simulations::new(trial, extra)?;
     let p = sources.len();
@@ -492,14 +503,16 @@ fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]
     Some(training.eliminated(strokes, &predictor.drift, prior))
 }
 
-/// Which models of a run are stepped together: the first `close` differ little, and are divided into `parts`.
+/// The models of a run that are stepped together: the first `close` differ little and are divided
+/// into `parts`.
 #[derive(Clone, Copy)]
 pub(crate) struct Lanes {
     pub(crate) close: usize,
     pub(crate) parts: usize,
 }
 
-/// Adds the steps of a block to the sums of its strokes and those behind; `before` is the force simulated before it.
+/// Adds the steps of a block to the sums of its strokes and of later ones; `before` is the force
+/// simulated before it.
 fn accumulate(
     predictor: &Predictor,
     block: &[Step],
@@ -520,7 +533,7 @@ fn accumulate(
     sums.for_each(|(sums, range)| accumulate_stroke(predictor, block, range, lanes, sources, before, sums));
 }
 
-/// The steps `range` of a block, which are of one stroke.
+/// The steps `range` of a block, all within one stroke.
 fn accumulate_stroke(
     predictor: &Predictor,
     block: &[Step],
@@ -597,7 +610,7 @@ impl Training {
     }
 }
 
-/// Normal equations of one cluster, the scatter of its strokes eliminated.
+/// Normal equations of one cluster, with the scatter of its strokes eliminated.
 struct Cluster {
     hessian: DMatrix<f64>,
     score: DVector<f64>,
@@ -643,7 +656,8 @@ impl Cluster {
     }
 }
 
-/// Solves (H + λ·diag H)·δ = s with columns to unit diagonal; a number without influence, or held, stays put.
+/// Solves (H + λ·diag H)·δ = s with columns scaled to unit diagonal. A parameter that has no
+/// influence or is held does not change.
 pub(crate) fn damped_step(
     hessian: &DMatrix<f64>,
     score: &DVector<f64>,
@@ -661,7 +675,8 @@ pub(crate) fn damped_step(
     Some(solution.component_div(&scale))
 }
 
-/// The damped step within the ranges: numbers at an end that would leave it are held, and the others solved again.
+/// The damped step within the ranges: parameters at a bound that would leave it are held, and the
+/// others are solved again.
 fn step_within(
     normal: &(DMatrix<f64>, DVector<f64>),
     free: &[Free],
@@ -683,10 +698,10 @@ fn step_within(
     }
 }
 
-/// Damping beyond which no step is tried.
+/// Damping above which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
 
-/// Lowers C from `from`; `None` when `from` is no model.
+/// Minimises C from `from`; `None` when `from` is not a valid model.
 pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option<Fitted<T>> {
     let mut best = from.clone();
     let mut normal = normal_equations(training, &best, &[])?;
@@ -720,7 +735,8 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         best = better;
         normal = normal_equations(training, &best, &[])?;
         lambda = lambda.max(1e-8);
-        // With scales of its own the force of all strokes together is a flat direction: small falls are no sign of the end.
+        // With a scale for each stroke, the common force of all strokes is a flat direction: a
+        // small decrease does not indicate convergence.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
         converged = after > (1.0 - stop.fall) * before && !is_flat();
     }
@@ -729,7 +745,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     Some(Fitted { best, rms, iterations, converged, held, normal })
 }
 
-/// Part of C that an undamped step would take away if the model were linear.
+/// Fraction of C that an undamped step would remove if the model were linear.
 fn promised(normal: &Normal, free: &[Free]) -> f64 {
     let sums = normal.sums();
     let mut held = Vec::new();
@@ -745,28 +761,29 @@ impl<T: Trial> Fitted<T> {
         self.normal.cost()
     }
 
-    /// Sums of the normal equations; what holds a number at an end of its range does not count.
+    /// Sums of the normal equations, without the gradient of parameters held at a bound.
     pub(crate) fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
         let (hessian, mut score) = self.normal.sums();
         self.held.iter().zip(score.iter_mut()).filter(|(held, _)| **held).for_each(|(_, s)| *s = 0.0);
         (hessian, score)
     }
 
-    /// The undamped step that remains: how far from the minimum the fit stopped, to first order.
+    /// The remaining undamped step: the distance to the minimum, to first order.
     pub(crate) fn remaining(&self) -> DVector<f64> {
         let (hessian, score) = self.sums();
         damped_step(&hessian, &score, 1e-6, &self.held).unwrap_or_else(|| DVector::zeros(score.len()))
     }
 
-    /// Part of C that this step would take away if the model were linear.
+    /// Fraction of C that this step would remove if the model were linear.
     pub(crate) fn promised_fall(&self) -> f64 {
         let (_, score) = self.sums();
         self.remaining().dot(&score) / self.normal.cost().max(f64::MIN_POSITIVE)
     }
 
-    /// Departures of the free numbers with one cluster left out each, and their covariance if all samples were
-    /// independent. Both with a weak prior of `widths` (standard deviations), so that what the data do not pin stays
-    /// finite; a number held at an end of its range does not depart.
+    /// Changes of the free parameters with one cluster left out each, and their covariance if all
+    /// samples were independent. Both use a weak prior of `widths` (standard deviations), so
+    /// parameters that the data do not determine stay finite. A parameter held at a bound does not
+    /// change.
     pub(crate) fn departures(&self, widths: &[f64]) -> (Vec<DVector<f64>>, DMatrix<f64>) {
         let (mut hessian, score) = self.sums();
         let p = score.len();
@@ -779,7 +796,8 @@ impl<T: Trial> Fitted<T> {
         (left_out.collect(), DMatrix::from_columns(&(0..p).map(column).collect::<Vec<_>>()))
     }
 
-    /// Precision of the prior of each free number, N² over its unit squared; empty without a prior.
+    /// Precision of the prior of each free parameter, N² over its unit squared; empty without a
+    /// prior.
     pub(crate) fn prior_precisions(&self) -> Vec<f64> {
         self.normal.prior.iter().map(|(_, precision)| *precision).collect()
     }
@@ -789,30 +807,32 @@ impl<T: Trial> Fitted<T> {
         self.normal.hessians.iter().map(|h| direction.dot(&(h * direction)).max(0.0)).collect()
     }
 
-    /// The same fit with columns for `extra` after its own: what each of them would change, to first order.
+    /// The same fit with columns for `extra` after its own: the effect of each to first order.
     pub(crate) fn with_columns(&self, training: &Training, extra: &[Extra<T>]) -> Option<Normal> {
         normal_equations(training, &self.best, extra)
     }
 }
 
-/// Degrees of freedom that the model's variance counts for beside the jackknife's.
+/// Degrees of freedom of the model's variance when combined with the jackknife's.
 const MODEL_DEGREES: f64 = 8.0;
 
-/// What one more column would change, to first order.
+/// Effect of one additional column, to first order.
 pub(crate) struct OneStep {
     /// Amplitude of the column, its jackknife standard error and degrees of freedom.
     pub(crate) amplitude: f64,
     pub(crate) standard_error: f64,
     pub(crate) degrees: f64,
-    /// Part of C that it takes away.
+    /// Fraction of C that it removes.
     pub(crate) gain: f64,
 }
 
 impl Normal {
-    /// The column `column` added to the first `held.len()` (those of the free numbers) and to `beside`; `sigma2` (N²) is σ².
+    /// Adds the column `column` to the first `held.len()` (those of the free parameters) and to
+    /// `beside`; `sigma2` (N²) is σ².
     ///
-    /// The variance of the amplitude is that of the jackknife, which few strokes may decide, moderated by that of the model:
-    /// (ν·s²_jackknife + ν_0·s²_model)/(ν + ν_0) with ν_0 = [`MODEL_DEGREES`] (as for the variances of many small samples, SMYTH).
+    /// The variance of the amplitude is that of the jackknife, which a few strokes may dominate,
+    /// moderated by that of the model: (ν·s²_jackknife + ν_0·s²_model)/(ν + ν_0) with ν_0 =
+    /// [`MODEL_DEGREES`] (as for the variances of many small samples, SMYTH).
     pub(crate) fn one_step(&self, held: &[bool], beside: &[usize], column: usize, sigma2: f64) -> Option<OneStep> {
         let (hessian, mut score) = self.sums();
         let own = held.len();
@@ -855,15 +875,17 @@ pub(crate) struct ScaleVariance {
     pub(crate) drift: f64,
 }
 
-/// Standard deviations of the friction scale that are compared: from a tenth of a per mille to a quarter.
+/// Number of standard deviations of the friction scale that are compared, from 1e-4 to a quarter.
 const SCATTERS: usize = 24;
 const SCATTER_RANGE: [f64; 2] = [1e-4, 0.3];
-/// Mean of the exponential prior of τ and ω: seals scatter by one or some per cent. Decides only where few strokes cannot.
+/// Mean of the exponential prior of τ and ω: seals scatter by one or a few percent. It matters only
+/// with few strokes.
 const USUAL_SCATTER: f64 = 0.03;
 const DRIFTS: [f64; 10] = [0.0, 2.5e-3, 5e-3, 0.01, 0.015, 0.025, 0.04, 0.07, 0.12, 0.25];
 
 impl Normal {
-    /// τ² and ω² by restricted maximum likelihood about the present numbers, given σ² (N²); the mean of ω² over its likelihood.
+    /// τ² and ω² by restricted maximum likelihood at the present parameters, given σ² (N²); ω² is
+    /// its mean over the likelihood.
     ///
     /// ```text
     /// −2 log L = C_min/σ² + Σ_g ln(1 + τ²·z'z/σ²) + ln|H/σ²| + Σ_k ln(ω²·b_k)      H with 1/(ω²·b_k) on the drift's diagonal

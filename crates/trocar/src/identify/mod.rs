@@ -1,4 +1,4 @@
-//! From recordings to an EMS element.
+//! Identification of an EMS element from recordings.
 //!
 //! ```text
 //! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)            steady.rs, stribeck.rs
@@ -11,8 +11,9 @@
 //!            -> the result                                                      conclude.rs
 //! ```
 //!
-//! Each stage takes data and options and returns its own result; they are put together once, in conclude.rs. What the data do not
-//! determine is part of the result: an infinite interval, the reason, and a warning.
+//! Each stage takes data and options and returns its own result; conclude.rs assembles them. A
+//! parameter that the data do not determine is reported with an infinite interval, the reason, and
+//! a warning.
 
 use serde::Serialize;
 use trocar_model::{Element, Stages, Trocar};
@@ -65,29 +66,30 @@ mod training;
 mod two_steps;
 mod unexplained;
 
-/// How to identify.
+/// Options of the identification.
 #[derive(Debug, Clone)]
 pub struct IdentifyOptions {
-    /// Resamples of the bootstrap over cycles; 0 takes the jackknife for all intervals.
+    /// Resamples of the bootstrap over cycles; with 0 all intervals come from the jackknife.
     pub bootstrap: usize,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Degrees of the two joined polynomials, 2 to 7 (EMS (25): 4 and 4).
     pub degrees: [usize; 2],
-    /// Whether the terms are tried of which rests and partial reversals tell: creep, relaxation, minor loops, a second stage.
+    /// Whether to try the terms that only rests and partial reversals reveal: creep, relaxation,
+    /// minor loops, a second stage.
     pub free_motion: bool,
     /// Optional terms that are not tried.
     pub without: Vec<Term>,
-    /// Whether to fit how the force depends on the position, where strokes repeat.
+    /// Whether to fit the position-dependent force where strokes repeat.
     pub along: bool,
     /// Whether to estimate a mass between sensor and seal that was not declared.
     pub estimate_unmodelled_mass: bool,
-    /// Whether the inertia of the moving mass was taken out of the readings: transients then count as sliding too,
-    /// where the deformation is less than a hundredth of the stroke.
+    /// Whether the inertia of the moving mass was removed from the readings. Transients then count
+    /// as sliding too, where the deformation is less than a hundredth of the stroke.
     pub inertia_removed: bool,
-    /// Reading of the sensor without load, N, where it is known (a tare); `None` estimates it.
+    /// Sensor reading without load, N, where it is known (a tare); `None` estimates it.
     pub offset: Option<f64>,
-    /// Whether to identify by the procedure of the paper alone.
+    /// Whether to use only the procedure of the paper.
     pub paper: bool,
     /// Tolerances of the segmentation.
     pub segment: SegmentOptions,
@@ -111,14 +113,14 @@ impl Default for IdentifyOptions {
     }
 }
 
-/// Why nothing could be identified.
+/// Why the identification failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IdentifyError {
     /// No recording was given.
     #[error("no recording to identify from")]
     NoRecording,
-    /// Nothing slides steadily anywhere.
+    /// No steady sliding anywhere.
     #[error(
         "no steady sliding found: {passes} passes between reversals, {stretches} stretches of constant velocity, none of them \
          after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
@@ -140,7 +142,7 @@ pub enum IdentifyError {
         /// Coulomb force found, N.
         coulomb_force: f64,
     },
-    /// The force does not change, or by more than any sensor reads.
+    /// The force is constant, or exceeds the range of any sensor.
     #[error(
         "{name}: the force {what}, from which no friction can be identified\n\nhint: is the sensor connected, and is force_n the right \
          column, in newtons?"
@@ -148,10 +150,10 @@ pub enum IdentifyError {
     NoForce {
         /// Name of the recording.
         name: String,
-        /// What it does instead.
+        /// Description of the force.
         what: String,
     },
-    /// A recording is given twice.
+    /// The same recording was given twice.
     #[error("{first} and {second} hold the same bytes: counted twice, they would make every interval too narrow")]
     SameRecording {
         /// Name of the first.
@@ -159,7 +161,7 @@ pub enum IdentifyError {
         /// Name of the second.
         second: String,
     },
-    /// The numbers found do not make a model.
+    /// The identified parameters do not form a valid model.
     #[error("the identified numbers do not make a model: {0}")]
     NotAModel(#[from] trocar_model::ParamError),
     /// Polynomial degree outside 2 to 7.
@@ -167,41 +169,42 @@ pub enum IdentifyError {
     Degree(usize),
 }
 
-/// Something that the user should know about the result.
+/// A warning about the result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Warning {
-    /// What concerns it (`viscous_damping_n_s_m`, `steady.csv`).
+    /// What it concerns (`viscous_damping_n_s_m`, `steady.csv`).
     pub subject: String,
-    /// What it is and what to do.
+    /// The problem and its remedy.
     pub message: String,
     /// Whether the result is doubtful or incomplete because of it (exit code 3).
     pub doubtful: bool,
 }
 
 impl Warning {
-    /// How the message of a number begins that the data do not determine.
+    /// Start of the message about an undetermined parameter.
     const UNDETERMINED: &str = "not determined: ";
 
-    /// That the data do not determine the number `subject`.
+    /// Warning that the data do not determine the parameter `subject`.
     pub(crate) fn undetermined(subject: &str, estimate: &Estimate, doubtful: bool) -> Self {
         let why = estimate.note.as_deref().unwrap_or("not identifiable from these data");
         Self { subject: subject.to_owned(), message: format!("{}{why}", Self::UNDETERMINED), doubtful }
     }
 
-    /// Whether it says that the data do not determine a number.
+    /// Whether it reports that the data do not determine a parameter.
     pub fn is_undetermined(&self) -> bool {
         self.message.starts_with(Self::UNDETERMINED)
     }
 }
 
-/// How the fit of the likelihood came out.
+/// Outcome of the likelihood fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FitSummary {
-    /// Optional terms on trial.
+    /// Trials of the optional terms.
     pub terms: Vec<TermTrial>,
-    /// Root mean square error, N, of the paper's element fitted to all motion, each stroke's friction scale taken out.
+    /// Root mean square error, N, of the paper's element fitted to all motion, with the friction
+    /// scale of each stroke removed.
     pub paper_rms_n: f64,
-    /// The same of the model.
+    /// The same for the model.
     pub rms_n: f64,
     /// Iterations of the last fit.
     pub iterations: usize,
@@ -218,10 +221,10 @@ pub struct Parameter {
     pub estimate: Estimate,
 }
 
-/// What the recordings gave.
+/// Result of an identification.
 #[derive(Debug, Clone)]
 pub struct Identification {
-    /// The model's numbers.
+    /// The model's parameters.
     pub model: Candidate,
     /// The model, ready to run.
     pub stages: Stages,
@@ -235,27 +238,30 @@ pub struct Identification {
     pub steady: SteadyFit,
     /// Dynamic step, or why there is none.
     pub deformation: Result<DeformationFit, String>,
-    /// The fit of the likelihood, which then is the model; `None` when it was not asked for or not possible.
+    /// The likelihood fit, which then defines the model; `None` when it was not requested or not
+    /// possible.
     pub fit: Option<FitSummary>,
-    /// How friction changed from stroke to stroke.
+    /// Change of friction from stroke to stroke.
     pub friction_scale: FrictionScale,
-    /// What the recordings hold beyond full strokes.
+    /// Content of the recordings beyond full strokes.
     pub free_motion: FreeMotion,
     /// Error of the model by phase of the motion.
     pub phases: Vec<Phase>,
-    /// Where the force swings by itself; `None` where it does not.
+    /// Self-excited oscillation of the force; `None` without any.
     pub stick_slip: Option<StickSlip>,
-    /// The delay of the positions that was found and compensated; `None` when none shows.
+    /// The position delay that was found and compensated; `None` if none is detectable.
     pub position_delay: Option<PositionDelay>,
-    /// How the force depends on the position beside the element; `None` where strokes left out are predicted no better.
+    /// Position dependence of the force in addition to the element; `None` where it does not
+    /// improve the prediction of held-out strokes.
     pub position_profile: Option<ProfileFit>,
-    /// Why strokes that repeat gave no `travel`.
+    /// Why repeated strokes gave no position profile.
     pub no_position_profile: Option<String>,
-    /// Numbers of the model that the recordings gave, without the sensor's offset and an unmodelled mass.
+    /// Number of model parameters estimated from the recordings, without the sensor offset and an
+    /// unmodelled mass.
     pub free_parameters: usize,
     /// Root mean square error, N, of the model over the recordings it was identified from.
     pub residual_rms: f64,
-    /// What to know about the result.
+    /// Warnings about the result.
     pub warnings: Vec<Warning>,
 }
 
@@ -265,7 +271,7 @@ impl Identification {
         self.stages.first()
     }
 
-    /// The named parameter.
+    /// The parameter of this name.
     pub fn parameter(&self, name: &str) -> Option<&Estimate> {
         self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
     }
@@ -276,7 +282,7 @@ impl Identification {
         Trocar::new(self.stages, profile)
     }
 
-    /// The recordings as the model is to be compared with them: without the delay of the positions.
+    /// The recordings for comparison with the model: with the position delay compensated.
     ///
     /// # Errors
     /// As for [`Recording::with_position_delay`].
@@ -285,7 +291,7 @@ impl Identification {
         recordings.iter().map(|recording| recording.with_position_delay(delay_s)).collect()
     }
 
-    /// A remark for the model file where the deformation was not identified.
+    /// A remark for the model file if the deformation was not identified.
     pub(crate) fn deformation_note(&self) -> Option<String> {
         let fitted = self.fit.is_some();
         let assumed = self.deformation.as_ref().err().filter(|_| !fitted);
@@ -298,7 +304,7 @@ impl Identification {
     }
 }
 
-/// Stage of the work, for a progress display: words and part done, 0 to 1.
+/// Callback for a progress display: name of the stage and fraction done, 0 to 1.
 pub type Progress<'a> = &'a (dyn Fn(&str, f64) + Sync);
 
 /// Passes and stretches of one recording.
@@ -313,7 +319,8 @@ struct Segments {
 /// ([`Recording::without_moving_mass`](crate::recording::Recording)).
 ///
 /// # Errors
-/// [`IdentifyError`] when there is nothing to identify from; what is merely not determined is part of the result.
+/// [`IdentifyError`] when there is nothing to identify from. Parameters that are merely not
+/// determined are part of the result.
 pub fn identify(
     recordings: &[Recording],
     options: &IdentifyOptions,
@@ -346,12 +353,12 @@ pub fn identify(
     conclude::conclude(&input, fit, profile, lag)
 }
 
-/// Swing of the force, in its noise, that noise alone hardly has.
+/// Range of the force, in units of its noise, that noise alone rarely reaches.
 const BEYOND_NOISE: f64 = 10.0;
-/// Force, N, beyond those of instruments and of robots' axes.
+/// Force, N, beyond that of instruments and of robot axes.
 const LARGEST_FORCE: f64 = 1e6;
 
-/// Refuses a recording whose force holds no friction.
+/// Rejects a recording whose force contains no friction.
 fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
     let no_force = |what: String| Err(IdentifyError::NoForce { name: recording.name.clone(), what });
     let (low, high) = range(&recording.force);

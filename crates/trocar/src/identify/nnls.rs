@@ -16,14 +16,14 @@ pub(super) fn non_negative(gram: &DMatrix<f64>, moment: &DVector<f64>, free: &[b
     let least = TOLERANCE * moment.amax();
     let mut active = free.to_vec();
     let mut x = solve(&gram, &moment, &active)?;
-    // Every round lowers the squares, so no set of active columns comes back.
+    // Every round lowers the squared error, so no set of active columns recurs.
     for _ in 0..10 * p {
         let gradient = &moment - &gram * &x;
         let best = (0..p).filter(|j| !active[*j]).max_by(|a, b| gradient[*a].total_cmp(&gradient[*b]));
         let Some(entering) = best.filter(|j| gradient[*j] > least) else { break };
         active[entering] = true;
         let Some(next) = step_back_inside(&gram, &moment, free, &mut active, &x) else {
-            // A column that depends on the others brings nothing.
+            // A column that depends on the others does not help.
             active[entering] = false;
             break;
         };
@@ -32,7 +32,8 @@ pub(super) fn non_negative(gram: &DMatrix<f64>, moment: &DVector<f64>, free: &[b
     Some(x.component_div(&scale))
 }
 
-/// The solution on the active columns, columns that turned negative dropped one after another on the way from `x`.
+/// The solution on the active columns; columns that become negative are dropped one by one on the
+/// path from `x`.
 fn step_back_inside(
     gram: &DMatrix<f64>,
     moment: &DVector<f64>,

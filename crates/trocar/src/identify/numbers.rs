@@ -1,4 +1,4 @@
-//! The numbers of a fit, with intervals.
+//! The parameters of a fit, with intervals.
 
 use trocar_model::SlidingFriction;
 
@@ -10,7 +10,7 @@ use super::stage::SecondStage;
 use super::terms::Term;
 use super::{Estimate, Parameter};
 
-/// A number that follows from a candidate: name, unit, and how.
+/// A quantity that follows from a candidate: name, unit, and function.
 pub(super) struct BranchQuantity {
     pub(super) name: String,
     pub(super) unit: &'static str,
@@ -23,7 +23,7 @@ impl BranchQuantity {
     }
 }
 
-/// What comes from the branches: join, force there, and the paper's θ (25).
+/// Quantities of the branches: join, force there, and the paper's θ (25).
 pub(super) fn branch_quantities(candidate: &Candidate) -> Vec<BranchQuantity> {
     type Side = fn(&Candidate) -> &BranchShape;
     const POWERS: [&str; 8] = ["N", "N/m", "N/m^2", "N/m^3", "N/m^4", "N/m^5", "N/m^6", "N/m^7"];
@@ -50,10 +50,10 @@ pub(super) fn named(name: impl Into<String>, estimate: Estimate) -> Parameter {
     Parameter { name: name.into(), estimate }
 }
 
-/// Name, unit, least sensible value, whether on the logarithm, and how it follows from a candidate.
+/// Name, unit, least meaningful value, whether on the logarithm, and the function of a candidate.
 pub(super) type Quantity = (&'static str, &'static str, f64, bool, fn(&Candidate) -> f64);
 
-/// A number of the sliding force of all stages, in the mean of both directions.
+/// A quantity of the sliding force of all stages, averaged over both directions.
 fn whole(candidate: &Candidate, of: fn(&SlidingFriction) -> f64) -> f64 {
     0.5 * candidate.stage_factor() * (of(&candidate.insertion) + of(&candidate.withdrawal))
 }
@@ -75,7 +75,7 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
         all.push(("half_width_m", "m", 0.0, true, |c| c.half_width));
     }
     if layout.own_slopes || layout.own_levels {
-        // With the sensor's offset, as the lines of the steady state: only the sum shows.
+        // With the sensor offset, as the lines of the steady state: only the sum is identifiable.
         all.push(("coulomb_force_n_positive", "N", ANY, false, |c| {
             c.stage_factor() * c.insertion.coulomb_force + c.offset
         }));
@@ -131,7 +131,7 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
     all
 }
 
-/// A lag of a sample or two is none that the samples could tell.
+/// A lag of one or two samples cannot be identified.
 fn shortest_lag(found: &Estimate) -> Estimate {
     const SHORTEST: f64 = 2e-3;
     if found.value > SHORTEST {
@@ -141,10 +141,11 @@ fn shortest_lag(found: &Estimate) -> Estimate {
     Estimate::from_bounds(found.value, 0.0, longest, found.unit).with_note("too short to tell from none")
 }
 
-/// Factors on the standard errors of forces and of the shape. To first order the intervals of F_c held in 172 and those of c in 175 of
-/// 200 benches (`tests/recover.rs`): neighbouring strokes share some of their scatter, and the force has kinks at ±c and at the joins,
-/// where its first derivative jumps. With 1.4 that of c held in 182. β needs none there (190 of 200), but on the hard benches of
-/// `tests/trust`, where a mass was missed in 10 of 50.
+/// Factors on the standard errors of forces and of the shape. To first order the intervals of F_c
+/// held in 172 and those of c in 175 of 200 benches (`tests/recover.rs`): neighbouring strokes
+/// share some of their scatter, and the force has kinks at ±c and at the joins, where its first
+/// derivative jumps. With 1.4 that of c held in 182. β needs none there (190 of 200), but does on
+/// the hard benches of `tests/trust`, where a mass was missed in 10 of 50.
 const LEVEL: f64 = 1.35;
 const SLOPE: f64 = 1.15;
 const SHAPE: f64 = 1.4;
@@ -161,7 +162,7 @@ fn factor_of(name: &str) -> f64 {
     }
 }
 
-/// What an interval in `unit` is measured by.
+/// Scale with which an interval in `unit` is compared.
 fn scale_of(best: &Candidate, unit: &str) -> f64 {
     match unit {
         "N" => best.insertion.coulomb_force,
@@ -170,7 +171,7 @@ fn scale_of(best: &Candidate, unit: &str) -> f64 {
     }
 }
 
-/// A number of the best candidate with its interval; `factor` is that on its standard error.
+/// A parameter of the best candidate with its interval; `factor` multiplies its standard error.
 pub(super) fn parameter(
     spread: &Spread<EmsTrial>,
     best: &Candidate,
@@ -182,7 +183,7 @@ pub(super) fn parameter(
     named(name, spread.estimate(how, &|t| of(&t.candidate)))
 }
 
-/// The same, but for a number that the fit holds at an end of its range.
+/// The same, except for a parameter that the fit holds at a bound.
 pub(super) fn parameter_or_held(
     fitted: &Fitted<EmsTrial>,
     spread: &Spread<EmsTrial>,
@@ -197,7 +198,8 @@ pub(super) fn parameter_or_held(
     }
 }
 
-/// Whether a number stands for one that is held at an end of its range: it alone, or the width with it, moves the number.
+/// Whether a quantity represents a parameter held at a bound: that parameter alone, or together
+/// with the width, changes it.
 fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
     let free = fitted.best.free();
     let value = of(&fitted.best.candidate);

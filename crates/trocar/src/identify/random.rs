@@ -1,4 +1,4 @@
-//! Seeded randomness of the identification.
+//! Seeded random numbers of the identification.
 
 use rand::{Rng, RngExt};
 

@@ -1,7 +1,9 @@
-//! The EMS element by the criterion of the classical models: plain least squares of its free-run simulation.
+//! The EMS element fitted by the criterion of the classical models: plain least squares of its
+//! free-run simulation.
 //!
-//! [`identify`](super::identify) gives each stroke a friction scale, for the sake of its intervals. A comparison by squared error asks
-//! what one element can do at best; that is this.
+//! [`identify`](super::identify) gives each stroke a friction scale, in order to obtain valid
+//! intervals. A comparison by squared error asks for the best fit of a single element, which this
+//! module computes.
 
 use trocar_model::Stages;
 
@@ -13,28 +15,30 @@ use super::numbers::{Quantity, parameter_or_held};
 use super::spread::Spread;
 use super::{Identification, Parameter, Warning};
 
-/// Half widths to start from where no deformation was resolved, in units of that assumed for the scales.
+/// Half widths to start from where no deformation was resolved, in units of the one assumed for the
+/// scales.
 const WIDTHS: [f64; 3] = [0.2, 0.5, 1.0];
 
 /// An EMS element by plain least squares.
 #[derive(Debug, Clone)]
 pub struct EmsRefit {
-    /// The numbers.
+    /// The parameters.
     pub model: Candidate,
     /// The model, ready to run.
     pub stages: Stages,
     /// Main parameters with intervals.
     pub parameters: Vec<Parameter>,
-    /// Numbers fitted, without the sensor's offset.
+    /// Number of fitted parameters, without the sensor offset.
     pub free_parameters: usize,
-    /// What to know about the fit.
+    /// Warnings about the fit.
     pub warnings: Vec<Warning>,
 }
 
-/// Refits the element of an identification; polynomials of `degrees` where it has none to start from.
+/// Refits the element of an identification; uses polynomials of `degrees` where it has none to
+/// start from.
 ///
 /// # Errors
-/// A sentence when no start gives a model that runs.
+/// A message when no start gives a model that runs.
 pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usize; 2]) -> Result<EmsRefit, String> {
     let layout = Layout {
         own_slopes: found.model.insertion != found.model.withdrawal,

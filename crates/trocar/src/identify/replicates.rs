@@ -1,10 +1,10 @@
-//! Replicates of a fit, and the intervals that follow from them.
+//! Replicates of a fit, and the intervals derived from them.
 
 use statrs::statistics::{Data, OrderStatistics};
 
 use super::estimate::Estimate;
 
-/// Replicates of a fit, and how an interval follows from them.
+/// Replicates of a fit, and the method by which they give an interval.
 pub(crate) enum Replicates<T> {
     /// Clusters left out one at a time: variance, Student's t.
     Jackknife(Vec<T>),
@@ -13,7 +13,7 @@ pub(crate) enum Replicates<T> {
 }
 
 impl<T> Replicates<T> {
-    /// A number of the best fit with its 95 % interval.
+    /// A parameter of the best fit with its 95 % interval.
     pub(crate) fn estimate(&self, best: &T, unit: &'static str, of: &dyn Fn(&T) -> f64) -> Estimate {
         let value = of(best);
         let (Self::Jackknife(all) | Self::Bootstrap(all)) = self;

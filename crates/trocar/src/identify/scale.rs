@@ -1,4 +1,5 @@
-//! The friction scale of each stroke as a result: how friction changed during the recordings, and where it jumped.
+//! The friction scale of each stroke as a result: changes of friction during the recordings, and
+//! its jumps.
 
 use serde::Serialize;
 
@@ -9,14 +10,14 @@ use super::likelihood::Fitted;
 use super::training::Training;
 use crate::recording::Recording;
 
-/// Friction of one stroke over that of the model.
+/// Friction of one stroke relative to that of the model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StrokeFriction {
     /// Index of the recording.
     pub recording: usize,
     /// Start of the stroke, s.
     pub time_s: f64,
-    /// u = 1 + v: its force over that of the model.
+    /// u = 1 + v: its force relative to that of the model.
     pub scale: f64,
     /// Standard error of the scale.
     pub standard_error: f64,
@@ -24,12 +25,12 @@ pub struct StrokeFriction {
     pub counted: bool,
 }
 
-/// A change of the friction from one stroke to the next that stays.
+/// A persistent change of the friction from one stroke to the next.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Jump {
     /// Index of the recording.
     pub recording: usize,
-    /// When, s.
+    /// Time of the jump, s.
     pub time_s: f64,
     /// Friction after over friction before.
     pub ratio: f64,
@@ -37,20 +38,21 @@ pub struct Jump {
     stroke: usize,
 }
 
-/// How the friction changed over the strokes.
+/// Change of the friction over the strokes.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FrictionScale {
-    /// Stroke by stroke.
+    /// Scale of each stroke.
     pub strokes: Vec<StrokeFriction>,
-    /// Standard deviation between neighbouring strokes, as a part of the force.
+    /// Standard deviation between neighbouring strokes, relative to the force.
     pub scatter: f64,
-    /// Largest less smallest scale of the slow drift, jumps included.
+    /// Largest less smallest scale of the slow drift, including jumps.
     pub drift: f64,
     /// Jumps.
     pub jumps: Vec<Jump>,
 }
 
-/// Drift, as a part of the force, that is worth a line; and that makes one number for the whole time doubtful.
+/// Drift relative to the force above which it is reported, and above which a single value for the
+/// whole time is doubtful.
 const WORTH_A_LINE: f64 = 0.02;
 pub(super) const TOO_FAR: f64 = 0.15;
 
@@ -78,13 +80,13 @@ impl FrictionScale {
         Self { strokes, scatter, drift: high - low, jumps }
     }
 
-    /// u at `time_s` of a recording: that of the stroke.
+    /// u at `time_s` of a recording: that of the current stroke.
     pub(super) fn at(&self, recording: usize, time_s: f64) -> f64 {
         let own = self.strokes.iter().rev().find(|s| s.recording == recording && s.time_s <= time_s && s.counted);
         own.map_or(1.0, |s| s.scale)
     }
 
-    /// One line, where the friction changed by more than a little.
+    /// One line if the friction changed noticeably.
     pub fn in_words(&self, names: &[&str]) -> Option<String> {
         if let Some(jump) = self.jumps.first() {
             return Some(format!(
@@ -105,9 +107,9 @@ impl FrictionScale {
 }
 
 impl Jump {
-    /// Standard deviation of a jump's amplitude beforehand.
+    /// Prior standard deviation of a jump's amplitude.
     pub(super) const WIDTH: f64 = 0.5;
-    /// Fewest strokes on either side.
+    /// Fewest strokes on each side.
     const FEWEST: usize = 4;
     /// Least change.
     const LEAST: f64 = 0.08;
@@ -118,7 +120,8 @@ impl Jump {
         centred(training, |g| f64::from(g >= self.stroke && strokes[g].recording == self.recording))
     }
 
-    /// The clearest jump of each recording: a change of the mean that leaves far less scatter on either side.
+    /// The clearest jump of each recording: a change of the mean that leaves much less scatter on
+    /// both sides.
     pub(super) fn find(training: &Training, fitted: &Fitted<EmsTrial>) -> Vec<Self> {
         let strokes = &training.strokes;
         let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
@@ -143,7 +146,7 @@ impl Jump {
             let change = (1.0 + after) / (1.0 + before);
             let error = (left(&best) / (n as f64 - 2.0) * n as f64 / (best * (n - best)) as f64).sqrt();
             let clear = (after - before).abs() > 2.0 * t_quantile(n as f64 - 2.0) * error;
-            // A drift leaves the trend on either side; a jump does not.
+            // A drift leaves a trend on both sides; a jump does not.
             let sudden = left(&best) < 0.15 * squares(&own);
             let jump = Self {
                 recording,

@@ -1,9 +1,10 @@
-//! One branch of the deformation force as free numbers: pinned at both ends, joined in between (EMS (25)).
+//! One branch of the deformation force as free parameters: fixed at both ends, joined in between
+//! (EMS (25)).
 //!
-//! On its own interval each polynomial is the chord between its end values plus Legendre polynomials bent to vanish
-//! at both ends. The pins at ±c and the continuity at the join then hold by construction, whatever the numbers, so
-//! the fit is an ordinary linear least squares for a given join (condition number about 3, against 1e9 for
-//! monomials in metres).
+//! On its own interval each polynomial is the chord between its end values plus Legendre
+//! polynomials modified to vanish at both ends. The end-point constraints at ±c and the continuity
+//! at the join then hold by construction. For a given join the fit is therefore an ordinary linear
+//! least-squares problem (condition number about 3, against 1e9 for monomials in metres).
 
 use nalgebra::{DMatrix, DVector};
 use trocar_model::{Branch, ParamError, Piece};
@@ -52,15 +53,16 @@ fn legendre_coefficients(low: f64, high: f64, higher: &[f64]) -> Vec<f64> {
 }
 
 impl BranchShape {
-    /// Largest amount of the join: nearer to an end, the shorter polynomial would have nothing to fit.
+    /// Largest magnitude of the join: nearer to an end, the shorter polynomial would have no data.
     pub const JOIN_RANGE: f64 = 0.7;
 
-    /// Whether the join sits at an end of its range: no minimum was found inside.
+    /// Whether the join is at an end of its range: no minimum was found inside.
     pub fn join_at_bound(&self) -> bool {
         self.join.abs() > 0.99 * Self::JOIN_RANGE
     }
 
-    /// Straight from a join force of 0 N in the middle to both pins, with room for polynomials of these degrees.
+    /// Straight from a join force of 0 N in the middle to both end points, with coefficients for
+    /// polynomials of these degrees.
     pub(super) fn straight([left, right]: [usize; 2]) -> Self {
         Self { join: 0.0, join_force: 0.0, left: vec![0.0; left - 1], right: vec![0.0; right - 1] }
     }
@@ -70,8 +72,9 @@ impl BranchShape {
         [self.left.len() + 1, self.right.len() + 1]
     }
 
-    /// Visits every free number; `force` (N) is the step of forces, `sliding` (N) that of sliding, far beyond which none is reached,
-    /// `bend` (N) what a bend is expected within.
+    /// Visits every free parameter. `force` (N) is the step of forces, `sliding` (N) the sliding
+    /// force, of which ten times bounds their range, and `bend` (N) the prior standard deviation of
+    /// the curvature terms.
     pub(super) fn visit(&mut self, force: f64, [sliding, bend]: [f64; 2], on: &mut impl FnMut(&mut f64, Span)) {
         on(&mut self.join, Span::new(1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
         let of_force = Span::new(force, -10.0 * sliding, 10.0 * sliding);
@@ -84,7 +87,7 @@ impl BranchShape {
     /// The branch over [-half_width, half_width], m, through `pins`.
     ///
     /// # Errors
-    /// When the numbers do not make a branch (join outside the width, values not finite).
+    /// When the parameters do not form a valid branch (join outside the width, values not finite).
     pub fn branch(&self, half_width: f64, pins: Pins) -> Result<Branch, ParamError> {
         let join = self.join * half_width;
         let left = legendre_coefficients(pins.low, self.join_force, &self.left);
@@ -92,7 +95,8 @@ impl BranchShape {
         Branch::new(Piece::new(-half_width, join, &left)?, Piece::new(join, half_width, &right)?)
     }
 
-    /// Row of the design at `u` = z/c into `row`; returns the part of the force that the pins fix.
+    /// Writes the design row at `u` = z/c into `row`; returns the part of the force that the end
+    /// points fix.
     fn row(join: f64, degrees: [usize; 2], pins: Pins, u: f64, row: &mut [f64]) -> f64 {
         row.fill(0.0);
         let [left, right] = degrees.map(|d| d - 1);
@@ -111,7 +115,7 @@ impl BranchShape {
 
     /// Least squares for a given join (EMS (26)): the shape and the mean square residual, N².
     ///
-    /// The basis is so well conditioned that the normal equations lose nothing.
+    /// The basis is so well conditioned that the normal equations lose no accuracy.
     fn fit_at(join: f64, degrees: [usize; 2], pins: Pins, points: &[(f64, f64)]) -> Option<(Self, f64)> {
         let columns = degrees[0] + degrees[1] - 1;
         let mut normal = DMatrix::<f64>::zeros(columns, columns);
@@ -138,7 +142,8 @@ impl BranchShape {
         Some((shape, left_over.max(0.0) / points.len() as f64))
     }
 
-    /// Least squares over the join too: a grid over the inner 70 % of the width, then golden section in the best cell.
+    /// Least squares including the join: a grid over the inner 70 % of the width, then golden
+    /// section in the best cell.
     ///
     /// `points` are (z/c, force in N). Returns the shape and its root mean square residual, N.
     pub fn fit(degrees: [usize; 2], pins: Pins, points: &[(f64, f64)]) -> Option<(Self, f64)> {

@@ -1,30 +1,31 @@
-//! Intervals of a plain output-error fit, and whether the data pin its parameters at all.
+//! Intervals of a plain output-error fit, and whether the data determine its parameters.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::estimate::{Estimate, t_quantile};
 use super::likelihood::{Fitted, Trial};
 
-/// Width of the weak prior on a number, in steps of its difference quotient: four orders of magnitude of a logarithm,
-/// ten times the sliding force.
+/// Width of the weak prior on a parameter, in steps of its difference quotient: four orders of
+/// magnitude of a logarithm, ten times the sliding force.
 const PRIOR_WIDTH: f64 = 1e5;
-/// A number known no better than within this factor either way counts as not determined.
+/// A parameter whose interval exceeds this factor in either direction counts as not determined.
 const WORST_FACTOR: f64 = 10.0;
-/// So does one whose interval is this many times wider than itself and than its scale.
+/// So does one whose interval exceeds both its value and its scale by this factor.
 const WORST_RATIO: f64 = 10.0;
 
-/// How a fit scatters, to first order.
+/// Spread of a fit, to first order.
 pub(crate) struct Spread<'a, T> {
     found: &'a Fitted<T>,
-    /// With one cluster left out each.
+    /// Changes with one cluster left out each.
     departures: Vec<DVector<f64>>,
-    /// As if all samples were independent.
+    /// Covariance if all samples were independent.
     covariance: DMatrix<f64>,
-    /// Ratio of the clusters' variance to that of independent samples, in the median over the free numbers.
+    /// Ratio of the clusters' variance to that of independent samples: median over the free
+    /// parameters.
     inflation: f64,
 }
 
-/// A number that follows from the free ones, to first order.
+/// A quantity that depends on the free parameters, to first order.
 struct Dependent {
     value: f64,
     gradient: DVector<f64>,
@@ -47,17 +48,17 @@ impl Dependent {
     }
 }
 
-/// How a number is reported.
+/// How a parameter is reported.
 #[derive(Clone, Copy)]
 pub(crate) struct Reported {
     pub(crate) unit: &'static str,
     /// Whether its interval is taken on the logarithm.
     pub(crate) log: bool,
-    /// What its interval is measured by, in `unit`.
+    /// Scale with which its interval is compared, in `unit`.
     pub(crate) scale: f64,
-    /// Least value that makes sense, in `unit`.
+    /// Least meaningful value, in `unit`.
     pub(crate) least: f64,
-    /// Factor on the standard error: above 1 where the first order is known to understate it.
+    /// Factor on the standard error: above 1 where the first-order value is known to be too small.
     pub(crate) factor: f64,
 }
 
@@ -80,11 +81,11 @@ impl<'a, T: Trial> Spread<'a, T> {
         self.inflation
     }
 
-    /// Variance that the errors of the prior's values add.
+    /// Additional variance from the errors of the prior values.
     fn beforehand(&self, direction: &DVector<f64>) -> f64 {
         let variance = self.found.rms[1].powi(2).max(f64::MIN_POSITIVE);
         let precisions = self.found.prior_precisions();
-        // The direction holds σ² already.
+        // The direction already contains σ².
         precisions.iter().zip(direction.iter()).map(|(p, d)| p * d * d).sum::<f64>() / variance * self.inflation
     }
 
@@ -96,15 +97,17 @@ impl<'a, T: Trial> Spread<'a, T> {
         (g - 1.0) / g * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
     }
 
-    /// Degrees of freedom of Student's t (CARTER): those of as many equal clusters as tell of the number that departs
-    /// along `direction`, less one. What few passes tell, such as the slow ones of F_s, has few.
+    /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that
+    /// inform the parameter which changes along `direction`, less one. A parameter informed by few
+    /// passes, such as F_s by the slow ones, has few.
     fn degrees(&self, direction: &DVector<f64>) -> f64 {
         let shares = self.found.information(direction);
         let (sum, squares) = shares.iter().fold((0.0, 0.0), |(sum, squares), s| (sum + s, squares + s * s));
         sum * sum / f64::max(squares, f64::MIN_POSITIVE) - 1.0
     }
 
-    /// A number of the best trial with its interval, or without one where the data do not pin it.
+    /// A parameter of the best trial with its interval, or without one where the data do not
+    /// determine it.
     pub(crate) fn estimate(&self, how: Reported, of: &dyn Fn(&T) -> f64) -> Estimate {
         let Reported { unit, log, scale, least, factor } = how;
         let best = &self.found.best;
@@ -120,7 +123,8 @@ impl<'a, T: Trial> Spread<'a, T> {
         if !own.determined {
             return Estimate { value: plain(value), ..own };
         }
-        // A direction that no cluster tells anything about scatters over none of them; the covariance sees it.
+        // Clusters without information about a direction show no scatter along it; the covariance
+        // does.
         let as_independent = self.inflation * gradient.dot(&direction);
         let half = own.half_width().max(t_quantile(1e6) * as_independent.max(0.0).sqrt());
         let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };

@@ -1,4 +1,4 @@
-//! A second stage: how its numbers hang on the first's, and where a fit of two stages starts.
+//! A second stage: its parameters relative to the first, and the start of a fit of two stages.
 
 use trocar_model::{DeformationForce, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction};
 
@@ -6,12 +6,13 @@ use super::candidate::Candidate;
 use super::shape::{BranchShape, Pins};
 use crate::segment::Direction;
 
-/// A second seal in parallel with the first, or the part of a lip that snaps through on its own.
+/// A second seal in parallel with the first, or the part of a lip that snaps through separately.
 ///
-/// Its sliding force and damping are a share of the first's, curve and all: in steady sliding only the sum shows.
+/// Its whole sliding curve and damping are a fixed share of the first's, since in steady sliding
+/// only the sum is identifiable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SecondStage {
-    /// Its sliding force over the first's.
+    /// Its sliding force relative to the first's.
     pub share: f64,
     /// c of the second stage, m.
     pub half_width: f64,
@@ -22,7 +23,7 @@ pub struct SecondStage {
 }
 
 impl SecondStage {
-    /// Degrees of the joined polynomials at first.
+    /// Initial degrees of the joined polynomials.
     pub const DEGREES: [usize; 2] = [2, 2];
 
     fn sliding(&self, first: &SlidingFriction) -> SlidingFriction {
@@ -58,14 +59,15 @@ impl SecondStage {
 /// Points of a full stroke to which branches are fitted.
 const POINTS: usize = 200;
 
-/// Force, N, of a stage at `travel`, m, after a reversal, from the far end of its deflections on.
+/// Force, N, of a stage at `travel`, m, after a reversal at the far end of its deflections.
 fn upon_stroke(shape: &BranchShape, half_width: f64, pins: Pins, direction: Direction, travel: f64) -> Option<f64> {
     let branch = shape.branch(half_width, pins).ok()?;
     let deflection = direction.sign() * (travel - half_width).min(half_width);
     Some(branch.force(deflection))
 }
 
-/// Branch of an element of half width `half_width` that has the `force` (N) of the travel (m) over a full stroke.
+/// Branch of an element of half width `half_width` that has the given `force` (N) as a function of
+/// travel (m) over a full stroke.
 fn fitted(
     degrees: [usize; 2],
     (half_width, pins): (f64, Pins),
@@ -94,12 +96,12 @@ impl Candidate {
         }
     }
 
-    /// Force, N, of the first stage upon a full stroke.
+    /// Force, N, of the first stage over a full stroke.
     fn first_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
         upon_stroke(self.branch_of(direction), self.half_width, self.pins(), direction, travel)
     }
 
-    /// Force, N, of the second stage upon a full stroke; 0 without one.
+    /// Force, N, of the second stage over a full stroke; 0 without one.
     fn second_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
         let Some(second) = &self.second else { return Some(0.0) };
         let shape = match direction {
@@ -109,7 +111,8 @@ impl Candidate {
         upon_stroke(shape, second.half_width, second.pins(self), direction, travel)
     }
 
-    /// With forces scaled by `factor` and branches that give `force` (N) upon full strokes (m) of either direction.
+    /// The candidate with forces scaled by `factor` and branches that give `force` (N) over full
+    /// strokes (m) in either direction.
     fn rebuilt(
         &self,
         factor: f64,
@@ -125,13 +128,14 @@ impl Candidate {
         Some(Candidate { rising: rising?, falling: falling?, ..whole })
     }
 
-    /// The same force upon full strokes from an element of another half width, m.
+    /// The candidate with another half width, m, and the same force over full strokes.
     pub(super) fn with_half_width(&self, half_width: f64) -> Option<Candidate> {
         self.rebuilt(1.0, half_width, |d, travel| self.first_upon_stroke(d, travel))
     }
 
-    /// The same with the part `share_of_force` of its force given to a second stage of straight branches, whose half width is
-    /// `width` of the first's: full strokes keep their force, partial ones do not.
+    /// The candidate with the fraction `share_of_force` of its force moved to a second stage of
+    /// straight branches, whose half width is `width` times the first's. The force over full
+    /// strokes is unchanged; over partial ones it is not.
     pub(super) fn divided(&self, width: f64, share_of_force: f64) -> Option<Candidate> {
         let straight = BranchShape::straight(SecondStage::DEGREES);
         let share = share_of_force / (1.0 - share_of_force);

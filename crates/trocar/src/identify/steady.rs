@@ -1,16 +1,18 @@
-//! Steady state: sliding force against velocity, from one mean per pass (EMS section IV-A).
+//! Steady state: sliding force as a function of velocity, from one mean per pass (EMS section
+//! IV-A).
 //!
 //! # Equations (key EMS in SOURCES.md)
 //! ```text
 //! F = F_0 + F_c·sgn(v) + β·v                                        (23) with a sensor offset F_0
 //! F = F_0 + (F_c + (F_s − F_c)·exp(−(|v|/v_s)^δ))·sgn(v) + β·v      (11)
 //! ```
-//! The samples of one pass are not independent: what differs between passes (lubrication, position along the
-//! stroke) does not average out within one. So one pass gives one datum, weighted by 1/(τ² + s²/n_eff) with the
-//! scatter between passes τ estimated from the data, and intervals use Student's t on the number of passes.
+//! The samples of one pass are not independent: differences between passes (lubrication, position
+//! along the stroke) do not average out within a pass. So one pass gives one datum, weighted by
+//! 1/(τ² + s²/n_eff) with the scatter between passes τ estimated from the data. Intervals use
+//! Student's t on the number of passes.
 //!
-//! A sensor offset and a Coulomb force that differs between the directions move the two lines alike, so the data
-//! cannot tell them apart: what is tested is whether the slopes differ.
+//! A sensor offset and a difference of the Coulomb force between the directions shift the two lines
+//! alike, so the data cannot separate them. The test is therefore whether the slopes differ.
 
 use std::collections::BTreeMap;
 
@@ -33,7 +35,7 @@ pub struct PassMean {
     pub plateau: usize,
     /// First sample.
     pub sample: usize,
-    /// Part of the motion's time at this speed, 0 to 1.
+    /// Fraction of the motion's time at this speed, 0 to 1.
     pub dwell: f64,
     /// Sense of the motion.
     pub direction: Direction,
@@ -49,19 +51,19 @@ pub struct PassMean {
     pub samples: usize,
 }
 
-/// One direction's own straight line through the readings, offset included: F = ±(F_c + β·|v|).
+/// The straight line of one direction through the readings, offset included: F = ±(F_c + β·|v|).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DirectionLine {
-    /// Force at zero speed, N, positive against the motion; holds the sensor offset.
+    /// Force at zero speed, N, positive against the motion; includes the sensor offset.
     pub coulomb_force_n: Estimate,
     /// Slope, N s/m.
     pub viscous_damping_n_s_m: Estimate,
 }
 
-/// A Stribeck bump that the lack-of-fit test asks for and that the speeds pin.
+/// A Stribeck curve that the lack-of-fit test requires and the measured speeds determine.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StribeckFit {
-    /// F_s, N: the fitted curve continued to zero speed.
+    /// F_s, N: the fitted curve extrapolated to zero speed.
     pub static_force_n: Estimate,
     /// v_s, m/s.
     pub stribeck_velocity_m_s: Estimate,
@@ -72,13 +74,14 @@ pub struct StribeckFit {
 /// Outcome of the lack-of-fit test of the straight line against a Stribeck curve.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LackOfFit {
-    /// p value of the largest F statistic over all Stribeck velocities, from a seeded simulation under the line.
+    /// p value of the largest F statistic over all Stribeck velocities, from a seeded simulation
+    /// under the line.
     pub p_value: f64,
     /// Best Stribeck velocity, m/s.
     pub stribeck_velocity_m_s: f64,
-    /// Force above the line at the slowest speed measured, N, by the best Stribeck curve.
+    /// Excess of the best Stribeck curve over the line at the slowest speed measured, N.
     pub excess_at_slowest_n: f64,
-    /// What was made of it.
+    /// Conclusion of the test.
     pub verdict: String,
 }
 
@@ -95,7 +98,8 @@ pub struct SteadyFit {
     pub positive: Option<DirectionLine>,
     /// Line of the withdrawals.
     pub negative: Option<DirectionLine>,
-    /// p value of the test that both directions have one slope; `None` where it could not be made.
+    /// p value of the hypothesis that both directions have the same slope; `None` where it could
+    /// not be tested.
     pub symmetry_p_value: Option<f64>,
     /// Accepted Stribeck curve.
     pub stribeck: Option<StribeckFit>,
@@ -110,12 +114,13 @@ pub struct SteadyFit {
 }
 
 impl SteadyFit {
-    /// Whether the two directions differ in slope beyond chance (1 % level).
+    /// Whether the slopes of the two directions differ significantly (1 % level).
     pub fn is_asymmetric(&self) -> bool {
         self.symmetry_p_value.is_some_and(|p| p < 0.01)
     }
 
-    /// Fitted reading, N, at velocity `v`, m/s: the common line (23), or the Stribeck curve (11) once accepted.
+    /// Fitted reading, N, at velocity `v`, m/s: the common line (23), or the Stribeck curve (11) if
+    /// accepted.
     pub fn line(&self, v: f64) -> f64 {
         let bump = self.stribeck.as_ref().map_or(0.0, |s| {
             let rise = s.static_force_n.value - self.coulomb_force_n.value;
@@ -125,7 +130,7 @@ impl SteadyFit {
     }
 }
 
-/// Three-way sign: 0 at rest.
+/// Sign, with 0 at rest.
 pub(super) fn sign(v: f64) -> f64 {
     if v > 0.0 {
         1.0
@@ -136,9 +141,10 @@ pub(super) fn sign(v: f64) -> f64 {
     }
 }
 
-/// Means over the steady part of each pass: samples of its stretches that lie `settled(|v|)` metres after the reversal.
+/// Means over the steady part of each pass: samples of its stretches that lie at least
+/// `settled(|v|)` metres after the reversal.
 ///
-/// The stretches of one plateau are one datum.
+/// The stretches of one plateau form one datum.
 pub(super) fn pass_means(
     index: usize,
     recording: &Recording,
@@ -162,14 +168,14 @@ pub(super) fn pass_means(
     means
 }
 
-/// The parts of the stretches over the positions that (nearly) all of them pass, if those are a third of the usual
-/// length at least.
+/// The parts of the stretches over the positions common to (nearly) all of them, if these parts
+/// have at least a third of the usual length.
 ///
-/// A friction that changes along the stroke then enters all speeds alike: else slow strokes, whose plateaus are
-/// longer, would bring in the ends of the stroke.
+/// A friction that changes along the stroke then affects all speeds equally. Otherwise slow
+/// strokes, whose plateaus are longer, would include the ends of the stroke.
 fn over_common_positions(recording: &Recording, stretches: Vec<Stretch>) -> Vec<Stretch> {
     let x = &recording.position;
-    // Ends of the plateaus: a plateau may be cut into several stretches.
+    // Ends of the plateaus: a plateau may be split into several stretches.
     let mut plateaus: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
     for s in &stretches {
         let (a, b) = (x[s.start].min(x[s.end - 1]), x[s.start].max(x[s.end - 1]));
@@ -210,7 +216,7 @@ fn merged(a: &PassMean, b: &PassMean) -> PassMean {
     }
 }
 
-/// Mean over a stretch; its error from the scatter of ten batch means, which sees slow ripple.
+/// Mean over a stretch; its error from the scatter of ten batch means, which includes slow ripple.
 fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Direction) -> Option<PassMean> {
     let Stretch { start, end, .. } = *stretch;
     let n = end.saturating_sub(start);
@@ -241,10 +247,11 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
     })
 }
 
-/// The means of motions whose speed was imposed, if they pin the line; else all.
+/// The means of motions whose speed was imposed, if they determine the line; else all.
 ///
-/// Under a constant push the speed answers to the friction of the pass, so its scatter is an error of the regressor,
-/// not of the force. A motion that keeps one speed for half of its time was driven at that speed.
+/// Under a constant push the speed responds to the friction of the pass, so its scatter is an error
+/// of the regressor, not of the force. A motion that keeps one speed for half of its time was
+/// driven at that speed.
 pub(super) fn imposed(means: Vec<PassMean>) -> Vec<PassMean> {
     const IMPOSED: f64 = 0.5;
     let own: Vec<PassMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
@@ -252,8 +259,8 @@ pub(super) fn imposed(means: Vec<PassMean>) -> Vec<PassMean> {
     if determined && own.len() >= 6 { own } else { means }
 }
 
-/// Means over blocks of all sliding motion, for an axis without deformation whose inertia was taken out: there the
-/// transients between constant speeds follow (23) too.
+/// Means over blocks of all sliding motion, for an axis without deformation whose inertia was
+/// removed: there the transients between constant speeds follow (23) too.
 ///
 /// A block is `duration` s of motion in one direction, faster than `slowest` m/s.
 pub(super) fn moving_means(
@@ -282,7 +289,8 @@ pub(super) fn moving_means(
                 direction: pass.direction,
                 velocity_m_s: mean(&|i| velocity[i]),
                 force_n: force,
-                // Within a transient the force moves with the speed: no measure of error. All blocks weigh the same.
+                // Within a transient the force follows the speed, so its scatter is no measure of
+                // error. All blocks have equal weight.
                 standard_error_n: (recording.quality.force_noise / n.sqrt()).max(1e-9),
                 scatter_n: scatter.sqrt(),
                 samples,
@@ -294,7 +302,8 @@ pub(super) fn moving_means(
 
 /// Fits the steady-state law to the pass means.
 ///
-/// Never fails: what the means do not determine comes back as not determined, with the reason (EMS (23)).
+/// Never fails: parameters that the means do not determine are returned as not determined, with the
+/// reason (EMS (23)).
 pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
     let positive = direction_line(&means, Direction::Positive);
     let negative = direction_line(&means, Direction::Negative);
@@ -309,15 +318,16 @@ pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
     fit
 }
 
-/// Part of F_c times the path that shows a force of the wrong sign.
+/// Negative work, as a fraction of F_c times the path, that shows a force of the wrong sign.
 const CLEARLY: f64 = 0.2;
 
-/// Where no motion is steady: levels to start from, of which nothing is known for certain.
+/// Initial forces where no motion is steady; none of them is reliable.
 ///
-/// The force spends its time near the sliding force of either direction: F_0 ± F_c are its 5 % and 95 % quantiles.
+/// The force is mostly near the sliding force of either direction: F_0 ± F_c are its 5 % and 95 %
+/// quantiles.
 ///
 /// # Errors
-/// [`IdentifyError::ForceSign`] when the motion takes work from the seal.
+/// [`IdentifyError::ForceSign`] when the motion extracts work from the seal.
 pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, IdentifyError> {
     let mut forces: Vec<f64> = recordings.iter().flat_map(|r| r.force.iter().copied()).collect();
     forces.sort_by(f64::total_cmp);
@@ -358,8 +368,9 @@ fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
     }
 }
 
-/// Whether the speeds of one direction pin a slope: the fastest a fifth above the slowest, and a quarter of the means
-/// a tenth off the usual speed. A single odd stroke among many of one speed pins nothing.
+/// Whether the speeds of one direction determine a slope: the fastest is at least a fifth above the
+/// slowest, and at least a quarter of the means differ from the usual speed by a tenth. A single
+/// odd stroke among many at one speed determines nothing.
 fn speeds_differ(means: &[PassMean], direction: Direction) -> bool {
     let own = means.iter().filter(|m| m.direction == direction);
     let mut speeds: Vec<f64> = own.map(|m| m.velocity_m_s.abs()).collect();
@@ -374,7 +385,7 @@ fn has(means: &[PassMean], direction: Direction) -> bool {
     means.iter().any(|m| m.direction == direction)
 }
 
-/// F = F_0 + F_c·sgn(v) + β·v, or as much of it as the means pin.
+/// F = F_0 + F_c·sgn(v) + β·v, or as much of it as the means determine.
 fn common_line(means: &[PassMean]) -> SteadyFit {
     let both = has(means, Direction::Positive) && has(means, Direction::Negative);
     let slope = speeds_differ(means, Direction::Positive) || speeds_differ(means, Direction::Negative);
@@ -413,7 +424,7 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
     }
 }
 
-/// The line of one direction alone, through the readings as they are.
+/// The line of one direction alone, through the readings including the offset.
 pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option<DirectionLine> {
     let own: Vec<PassMean> = means.iter().filter(|m| m.direction == direction).cloned().collect();
     if own.is_empty() {
@@ -431,7 +442,8 @@ pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option
     Some(DirectionLine { coulomb_force_n: fit.estimate(0, "N"), viscous_damping_n_s_m: fit.estimate(1, "N s/m") })
 }
 
-/// p value of the test for different slopes: t test of a slope difference on top of the common line.
+/// p value of the hypothesis of equal slopes: t test of a slope difference in addition to the
+/// common line.
 fn symmetry_p_value(means: &[PassMean]) -> Option<f64> {
     if !speeds_differ(means, Direction::Positive) || !speeds_differ(means, Direction::Negative) {
         return None;
@@ -443,8 +455,9 @@ fn symmetry_p_value(means: &[PassMean]) -> Option<f64> {
 
 /// Weighted least squares of the means on functions of velocity; also the scatter between passes τ, N.
 ///
-/// τ² is the value at which the weighted residuals have their expected size (method of Paule and Mandel); the
-/// covariance keeps the residual variance factor, so intervals follow Student's t on the pass count.
+/// τ² is the value at which the weighted residuals have their expected size (method of Paule and
+/// Mandel). The covariance includes the residual variance factor, so intervals follow Student's t
+/// with the number of passes.
 pub(super) fn weighted(means: &[PassMean], columns: &[fn(f64) -> f64]) -> (Option<LinearFit>, f64) {
     let design = DMatrix::from_fn(means.len(), columns.len(), |i, j| columns[j](means[i].velocity_m_s));
     weighted_design(means, &design)

@@ -1,10 +1,11 @@
-//! A force that swings by itself at constant speed: stick-slip.
+//! Self-excited oscillation of the force at constant speed: stick-slip.
 //!
-//! A model with the right forces is soon out of phase with such readings, so the squared error tells nothing of them. What does not
-//! depend on the phase is a result of its own: at which speeds, how often, and between which forces.
+//! A model with correct forces soon loses phase with such readings, so the squared error does not
+//! assess it. Quantities independent of phase are therefore reported separately: the speeds, the
+//! frequency, and the force range of the oscillation.
 //!
-//! A force may also swing because of the rig. Cogging of the drive or a rough shaft comes back at the same positions whatever the
-//! speed, interference at the same frequency; neither is stick-slip.
+//! A force may also oscillate because of the rig. Cogging of the drive or a rough shaft recurs at
+//! the same positions at any speed, interference at the same frequency. Neither is stick-slip.
 
 use serde::Serialize;
 
@@ -12,48 +13,52 @@ use super::Segments;
 use crate::recording::{Recording, median, range};
 use crate::segment::Stretch;
 
-/// Fewest swings, and least swing as a part of the force and of the sensor noise, that count as stick-slip.
+/// Fewest oscillations, and least amplitude relative to the force and to the sensor noise, that
+/// count as stick-slip.
 const FEWEST_SWINGS: usize = 8;
 const LEAST_SWING: f64 = 0.06;
 const OVER_NOISE: f64 = 6.0;
-/// Fewest plateaus that swing.
+/// Fewest plateaus that oscillate.
 const FEWEST_PLATEAUS: usize = 2;
-/// Plateaus whose speeds differ by less than this factor may swing alike whatever the cause.
+/// Plateaus whose speeds differ by less than this factor may oscillate alike whatever the cause.
 const OTHER_SPEED: f64 = 1.1;
-/// Median correlation of such plateaus over the position from which on the swings belong to the position.
+/// Median correlation of such plateaus over the position above which the oscillation is attributed
+/// to the position.
 const SAME_PLACES: f64 = 0.5;
-/// Cells of a period over which they are compared, and the fewest.
+/// Cells per period over which they are compared, and the fewest cells.
 const CELLS: f64 = 6.0;
 const FEWEST_CELLS: usize = 24;
-/// Range of the frequencies, in proportion, that counts as one frequency, while the speeds range over this factor or more.
+/// Ratio of the largest to the least frequency that counts as one frequency, and the ratio of
+/// speeds required for that.
 const ONE_FREQUENCY: f64 = 1.15;
 const SPEEDS: f64 = 2.0;
 
-/// Where and how the force swings by itself: least and greatest over the plateaus of the velocity that do.
+/// Self-excited oscillation of the force: least and greatest value over the velocity plateaus that
+/// oscillate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StickSlip {
-    /// Plateaus of the velocity that swing.
+    /// Velocity plateaus that oscillate.
     pub plateaus: usize,
     /// Speed of the instrument, m/s.
     pub speed_m_s: [f64; 2],
-    /// Cycles a second.
+    /// Cycles per second.
     pub frequency_hz: [f64; 2],
-    /// Amount of the force, N, without the sensor's offset: the mean of the lower ends of the swings, at which a slip ends, and of the
-    /// upper ones, at which it begins: the static force F_s.
+    /// Magnitude of the force, N, without the sensor offset: the mean of the minima, at which a
+    /// slip ends, and of the maxima, at which it begins: the static force F_s.
     pub force_n: [f64; 2],
 }
 
-/// What makes the force swing at constant velocity.
+/// Cause of a force oscillation at constant velocity.
 pub(super) enum Swings {
     /// The seal.
     StickSlip(StickSlip),
-    /// Something that depends on the position, with a period in m.
+    /// A position-dependent cause, with a period in m.
     Position { period: f64 },
-    /// Something with a frequency of its own, Hz.
+    /// A cause with its own frequency, Hz.
     Interference { frequency: f64 },
 }
 
-/// One plateau that swings.
+/// One plateau that oscillates.
 struct Oscillation<'a> {
     frequency: f64,
     force: [f64; 2],
@@ -64,7 +69,7 @@ struct Oscillation<'a> {
 }
 
 impl Swings {
-    /// `None` where the force does not swing by itself on two plateaus or more.
+    /// `None` where the force oscillates on fewer than two plateaus.
     pub(super) fn of(recordings: &[Recording], segments: &[Segments], offset: f64) -> Option<Self> {
         let each: Vec<Vec<Oscillation>> =
             recordings.iter().zip(segments).map(|(r, s)| oscillations(r, s, offset)).collect();
@@ -88,7 +93,7 @@ impl Swings {
         (all.len() >= FEWEST_PLATEAUS).then_some(swings)
     }
 
-    /// What a reader should know: subject and sentence.
+    /// Warning: subject and message.
     pub(super) fn warning(&self) -> (String, String) {
         let (subject, text) = match self {
             Self::StickSlip(found) => ("stick-slip", found.in_words()),
@@ -112,14 +117,14 @@ impl Swings {
         (subject.to_owned(), text)
     }
 
-    /// The seal's own swings.
+    /// The oscillation of the seal itself.
     pub(super) fn stick_slip(self) -> Option<StickSlip> {
         if let Self::StickSlip(found) = self { Some(found) } else { None }
     }
 }
 
 impl StickSlip {
-    /// What a reader should know.
+    /// Message for the warning.
     fn in_words(&self) -> String {
         let [slow, fast] = self.speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
         let speeds = if slow == fast { slow } else { format!("{slow} to {fast}") };
@@ -133,8 +138,8 @@ impl StickSlip {
     }
 }
 
-/// Period in m of swings that come back at the same positions at other speeds of the same direction; `None` for those that do
-/// not, and where no two speeds tell.
+/// Period, m, of an oscillation that recurs at the same positions at other speeds of the same
+/// direction; `None` if it does not, and where no two speeds can be compared.
 fn period_over_position(recordings: &[Vec<Oscillation>]) -> Option<f64> {
     let period = median(recordings.iter().flatten().map(|o| o.speed / o.frequency).collect())?;
     let mut correlations = Vec::new();
@@ -149,7 +154,7 @@ fn period_over_position(recordings: &[Vec<Oscillation>]) -> Option<f64> {
     median(correlations).filter(|middle| *middle > SAME_PLACES).map(|_| period)
 }
 
-/// Correlation of the forces of two plateaus over cells of the position of length `cell`, m.
+/// Correlation of the forces of two plateaus over position cells of length `cell`, m.
 fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64> {
     let (own, others) = (range(one.positions), range(other.positions));
     let (from, to) = (own.0.max(others.0), own.1.min(others.1));
@@ -172,8 +177,9 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
     (pairs.len() >= FEWEST_CELLS && scale > 0.0).then(|| product(|x, y| x * y) / scale)
 }
 
-/// Swings of the force about its mean on each plateau of the velocity, after its first third, counted with a hysteresis of a quarter of
-/// the swing. A plateau is taken whole: the slips of a seal shake the drive, too.
+/// Oscillations of the force about its mean on each velocity plateau after its first third, counted
+/// with a hysteresis of a quarter of the amplitude. A plateau is used as a whole because the slips
+/// of a seal disturb the drive, too.
 fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) -> Vec<Oscillation<'a>> {
     let of = |plateau: &[Stretch]| {
         let (start, end) = (plateau.first()?.start, plateau.last()?.end);

@@ -1,10 +1,12 @@
-//! Does the steady curve ask for a Stribeck bump (EMS (11)), and do the speeds measured pin it?
+//! Tests whether the steady-state curve requires a Stribeck term (EMS (11)) and whether the
+//! measured speeds determine it.
 //!
-//! For a fixed Stribeck velocity v_s the curve is linear in F_0, F_c, F_s − F_c and β; v_s itself is found on a
-//! grid. Under the straight line v_s has no meaning, so the largest F statistic over the grid follows no tabled law:
-//! its p value comes from a seeded simulation of passes scattered about the line. A bump is accepted when the test
-//! asks for it, it rises (F_s > F_c) and at least a tenth of it is left at the slowest speed measured; a narrower one
-//! would be an extrapolation, and is reported but not used.
+//! For a fixed Stribeck velocity v_s the curve is linear in F_0, F_c, F_s − F_c and β; v_s itself
+//! is found on a grid. Under the straight line v_s has no meaning, so the largest F statistic over
+//! the grid has no tabulated distribution. Its p value comes from a seeded simulation of passes
+//! scattered about the line. The term is accepted when the test requires it, the curve rises
+//! towards rest (F_s > F_c), and at least a tenth of the rise remains at the slowest speed
+//! measured. A narrower rise would be an extrapolation; it is reported but not used.
 
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -15,18 +17,18 @@ use super::random::normal;
 use super::steady::{LackOfFit, PassMean, SteadyFit, StribeckFit, direction_line, sign, weighted};
 use crate::segment::Direction;
 
-/// Level of the lack-of-fit test.
+/// Significance level of the lack-of-fit test.
 const LEVEL: f64 = 0.01;
 /// Simulated data sets under the straight line.
 const SIMULATIONS: usize = 499;
-/// Least part of the bump that must be left at the slowest speed: exp(−(v_min/v_s)²) ≥ 0.1.
+/// Least fraction of the rise that must remain at the slowest speed: exp(−(v_min/v_s)²) ≥ 0.1.
 const LEAST_PART_SEEN: f64 = 0.1;
 /// The Gaussian of EMS (11).
 const EXPONENT: f64 = 2.0;
-/// Grid of Stribeck velocities.
+/// Number of grid points of the Stribeck velocity.
 const GRID: usize = 40;
 
-/// Tests the straight line in `fit` and, if called for, replaces it by a Stribeck curve.
+/// Tests the straight line in `fit` and, if required, replaces it by a Stribeck curve.
 pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
     if !fit.viscous_damping_n_s_m.determined || !fit.coulomb_force_n.determined {
         return;
@@ -70,7 +72,8 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
     });
 }
 
-/// Takes the curve over. The error of v_s is shared with the other numbers, so the covariance is that of all five.
+/// Adopts the curve. The error of v_s is correlated with the other parameters, so the covariance is
+/// that of all five.
 fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
     let means = &fit.means;
     let vs = best.stribeck_velocity;
@@ -116,8 +119,9 @@ struct Candidate {
 
 /// The grid of Stribeck velocities at fixed weights.
 ///
-/// What a bump gains over the line is the square of the data's component along the bump's part orthogonal to the
-/// line, so a simulated data set costs a dot product for each grid velocity.
+/// The improvement by a bump over the line is the square of the data's component along the part of
+/// the bump orthogonal to the line. A simulated data set thus costs one dot product for each grid
+/// velocity.
 struct Profile {
     /// Stribeck velocities and designs.
     curves: Vec<(f64, DMatrix<f64>)>,
@@ -141,7 +145,8 @@ impl Profile {
             let bump = |v: f64| sign(v) * (-(v.abs() / vs).powf(EXPONENT)).exp();
             let weighted = DVector::from_fn(v.len(), |i, _| root[i] * bump(v[i]));
             let own = &weighted - &line * (line.transpose() * &weighted);
-            // A bump that the line can draw, or that has died out at every speed, is no candidate.
+            // A bump that the line can represent, or that has decayed at every speed, is no
+            // candidate.
             if own.norm() > 1e-6 * weighted.norm() && weighted.norm() > 1e-6 * root.norm() {
                 curves.push((vs, DMatrix::from_fn(v.len(), 4, |i, j| [1.0, sign(v[i]), bump(v[i]), v[i]][j])));
                 bumps.push(own.normalize());
@@ -150,7 +155,8 @@ impl Profile {
         Self { curves, line, bumps, weights }
     }
 
-    /// Squares gained over the line by each bump, and the line's own squares left, of weighted data.
+    /// Decrease of the squared error by each bump relative to the line, and the line's own squared
+    /// error, of weighted data.
     fn gains<'a>(&'a self, weighted: &'a DVector<f64>) -> (impl Iterator<Item = f64> + 'a, f64) {
         let left = weighted.norm_squared() - (self.line.transpose() * weighted).norm_squared();
         (self.bumps.iter().map(|b| b.dot(weighted).powi(2)), left)
@@ -170,23 +176,24 @@ impl Profile {
         Some(Candidate { stribeck_velocity: self.curves[best].0, fit, velocity_interval: [low, high] })
     }
 
-    /// Largest gain relative to what is left after it.
+    /// Largest decrease relative to the squared error that remains.
     fn statistic(&self, weighted: &DVector<f64>) -> f64 {
         let (gains, left) = self.gains(weighted);
         let gain = gains.fold(0.0, f64::max);
         gain / (left - gain).max(f64::MIN_POSITIVE)
     }
 
-    /// p value of the observed gain among data simulated under the line; a clear non-finding is not simulated.
+    /// p value of the observed decrease among data simulated under the line; a clearly
+    /// insignificant one is not simulated.
     fn p_value(&self, forces: &DVector<f64>, degrees: f64, seed: u64) -> f64 {
         let observed = self.statistic(&forces.component_mul(&self.weights.map(f64::sqrt)));
         let pointwise = f_p_value(observed * degrees, 1.0, degrees);
         if pointwise > 0.05 {
-            // The largest statistic over the grid is less significant still.
+            // The largest statistic over the grid is even less significant.
             return pointwise;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        // Only scatter about the line matters: the line itself is projected away.
+        // Only the scatter about the line matters: the line itself is projected out.
         let beyond = (0..SIMULATIONS).filter(|_| {
             let scattered = DVector::from_fn(forces.len(), |_, _| normal(&mut rng));
             self.statistic(&scattered) >= observed

@@ -1,17 +1,20 @@
-//! Optional terms of the model: what each is, and which of them the data ask for.
+//! Optional terms of the model, and the selection of those that the data support.
 //!
 //! # Test
-//! Each term enters as one or more columns x of the normal equations (a secant of the simulated force for shapes such as v_s or a
-//! relaxation time that have no meaning without the term). All other numbers eliminated, its amplitude
+//! Each term enters as one or more columns x of the normal equations (a secant of the simulated
+//! force for shapes such as v_s or a relaxation time that have no meaning without the term). With
+//! all other parameters eliminated, its amplitude
 //!
 //! ```text
 //! δ = one step of the joint equations      t = δ/s(δ)      s: jackknife over clusters, Student's t with effective degrees
 //! ```
-//! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried (BONFERRONI; the columns of one
-//! term are much alike, and each after the first counts as half) the one that takes most of the squared error away is fitted, and the
-//! others are tested again beside it. So of recordings without any term at most one in a hundred gets one. Where no clear one is left, a
-//! term with p < [`SUSPECTED`] that promises much ([`LARGE_GAIN`]) is fitted and judged by the F test of what the fit gains. In the end
-//! a term is taken out again where the fit without it is worse by no more than chance (the same F test).
+//! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried
+//! (BONFERRONI; the columns of one term are much alike, and each after the first counts as half),
+//! the one that removes most of the squared error is fitted, and the others are tested again
+//! together with it. Thus at most one in a hundred recordings without any term gets one. When no
+//! significant term remains, a term with p < [`SUSPECTED`] that predicts a large improvement
+//! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
+//! removed again if the fit without it is not significantly worse (the same F test).
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -24,10 +27,10 @@ use super::likelihood::{self, Extra, Fitted, Normal, Stop};
 use super::numbers;
 use super::training::Training;
 
-/// Error rate of the choice over all columns of a run.
+/// Error rate of the selection over all columns of a run.
 pub(super) const LEVEL: f64 = 0.01;
 
-/// An optional term: what an element may have besides constant and viscous friction and its branches.
+/// An optional term of an element besides constant and viscous friction and its branches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Term {
@@ -43,11 +46,13 @@ pub enum Term {
     Relaxation,
     /// A second relaxation time.
     SecondRelaxation,
-    /// Inertia of an unmodelled mass between sensor and seal: not the seal's, but in its readings.
+    /// Inertia of an unmodelled mass between sensor and seal: not part of the seal, but in its
+    /// readings.
     UnmodelledMass,
     /// Viscous damping by direction; sliding forces too where the sensor offset is known.
     Asymmetry,
-    /// A second element in parallel: a seal of its own, or the part of a lip that slides while the rest still holds.
+    /// A second element in parallel: a separate seal, or the part of a lip that slides while the
+    /// rest still sticks.
     SecondStage,
 }
 
@@ -65,7 +70,7 @@ impl Term {
         Self::SecondStage,
     ];
 
-    /// Those of which full strokes say nothing.
+    /// Terms that full strokes cannot reveal.
     pub(super) const OF_FREE_MOTION: [Self; 3] = [Self::MinorLoops, Self::SecondRelaxation, Self::SecondStage];
 
     /// Name on the command line and in `summary.json`.
@@ -98,7 +103,7 @@ impl Term {
         }
     }
 
-    /// The numbers without which the term is not determined; the first says how large it is.
+    /// The parameters without which the term is not determined; the first gives its magnitude.
     pub(super) fn parameters(self) -> &'static [&'static str] {
         match self {
             Self::Stribeck => &["static_force_n"],
@@ -113,7 +118,7 @@ impl Term {
         }
     }
 
-    /// Whether the inertia of a mass that the model does not have may pass for the term.
+    /// Whether the inertia of an unmodelled mass could be mistaken for the term.
     fn may_be_inertia(self) -> bool {
         matches!(self, Self::Stribeck | Self::SealDamping | Self::Creep | Self::Relaxation)
     }
@@ -132,7 +137,8 @@ impl Term {
         }
     }
 
-    /// Trials that have the term, at each shape that it is tried with; the first number says how far it is switched on.
+    /// Trials with the term, at each shape that is tried; the first number is the degree to which
+    /// it is active.
     fn variants(self, from: &EmsTrial, speeds: [f64; 2]) -> Vec<EmsTrial> {
         let EmsTrial { candidate, mut layout, drift } = from.clone();
         let force = candidate.insertion.coulomb_force;
@@ -203,8 +209,9 @@ impl Term {
         all
     }
 
-    /// The trial without the term; `None` of a second stage, for the first would have to take its part of the force, and of a relaxation
-    /// beside a second one, which has to go first.
+    /// The trial without the term; `None` for a second stage, since the first would have to carry
+    /// its part of the force, and for a relaxation next to a second one, which has to be removed
+    /// first.
     fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
         let mut smaller = with.clone();
         let EmsTrial { layout, candidate, .. } = &mut smaller;
@@ -213,7 +220,7 @@ impl Term {
             Self::SealDamping => (layout.damping, candidate.seal_damping) = (false, 0.0),
             Self::MinorLoops => (layout.yielding, candidate.yield_ratio) = (false, Candidate::DEFAULT_YIELD_RATIO),
             Self::Creep => {
-                // The lag of the Stribeck curve came with it.
+                // The lag of the Stribeck curve was added with it.
                 (layout.creep, layout.lag) = (false, false);
                 (candidate.creep_velocity, candidate.friction_lag) = (0.0, 0.0);
             }
@@ -248,41 +255,44 @@ impl Term {
     }
 }
 
-/// An optional term on trial.
+/// Trial of an optional term.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TermTrial {
     /// Which.
     pub term: Term,
     /// Whether the model has it.
     pub kept: bool,
-    /// p value of the term beside the others of the model.
+    /// p value of the term together with the others of the model.
     pub p_value: f64,
-    /// Part of the squared error that it takes away: by its fit where it is kept, else to first order.
+    /// Fraction of the squared error that it removes: by its fit where it is kept, else to first
+    /// order.
     pub gain: f64,
-    /// Why it was left out although its p value asks for it.
+    /// Why it was left out despite a significant p value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why_not: Option<&'static str>,
 }
 
-/// A fit with the terms that the data ask for.
+/// A fit with the terms that the data support.
 pub(super) struct Chosen {
     pub(super) fitted: Fitted<EmsTrial>,
     pub(super) trials: Vec<TermTrial>,
 }
 
-/// Stops of the fits with one term more.
+/// Stopping criteria of the fits with one more term.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
-/// The first steps of a fit without a term, and the p value below which they show that the term is needed.
+/// Stopping criteria of the first steps of a fit without a term, and the p value below which these
+/// show that the term is needed.
 const FIRST: Stop = Stop { iterations: 4, fall: 0.02, promise: 0.1 };
 const CLEARLY_NEEDED: f64 = 1e-6;
-/// Part of the squared error from which a term that is only suspected is fitted, and judged by what the fit gains: of a shape far from
-/// the one tried the step tells little.
+/// Predicted decrease of the squared error above which a term that is only suspected is fitted and
+/// judged by the fit. For a shape far from the one tried, the first-order step is unreliable.
 const LARGE_GAIN: f64 = 0.05;
 const SUSPECTED: f64 = 0.05;
-/// Least part of the squared error that a term must take away beside being significant: less is none that a force shows.
+/// Least fraction of the squared error that a term must remove in addition to being significant; a
+/// smaller effect is not visible in the force.
 const LEAST_GAIN: f64 = 1e-3;
 
-/// Why a term that its p value asks for is left out.
+/// Why a term with a significant p value is left out.
 const NO_BETTER: &str = "the fit with it is no better";
 const UNDETERMINED: &str = "the fit with it does not determine it";
 
@@ -294,7 +304,8 @@ struct Score {
     start: EmsTrial,
 }
 
-/// Adds terms but those `excluded` as long as the data ask for one, and takes out those that others make needless.
+/// Adds terms except those `excluded` as long as the data support one, and removes those that
+/// others make unnecessary.
 ///
 /// `speeds` are the slowest and fastest of the sliding, m/s.
 pub(super) fn choose(training: &Training, fitted: Fitted<EmsTrial>, excluded: &[Term], speeds: [f64; 2]) -> Chosen {
@@ -335,7 +346,8 @@ impl Chosen {
             else {
                 break;
             };
-            // What a Stribeck curve rises to is often told by the terms that come after it; and creep too slow to be measured may show.
+            // The static force of a Stribeck curve is often determined only by later terms; creep
+            // too slow to be measured may be present.
             let may_be_open = |l: &Fitted<EmsTrial>| match best.term {
                 Term::Stribeck => true,
                 Term::Creep => l.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost(),
@@ -353,7 +365,7 @@ impl Chosen {
                 Ok(larger) => {
                     self.fitted = larger;
                     self.trials.iter_mut().filter(|t| t.term == best.term).for_each(|t| t.kept = true);
-                    // Beside the new term they may do better.
+                    // Together with the new term they may fit better.
                     failed.clear();
                 }
                 Err(why) => failed.push((best.term, why)),
@@ -361,7 +373,7 @@ impl Chosen {
         }
     }
 
-    /// Takes out each term without which the squared error grows by no more than chance; returns them.
+    /// Removes each term without which the squared error is not significantly larger; returns them.
     fn take_out_needless(&mut self, training: &Training) -> Vec<Term> {
         let mut needless = Vec::new();
         for trial in self.trials.iter_mut().filter(|t| t.kept) {
@@ -384,14 +396,15 @@ impl Chosen {
     }
 }
 
-/// p value of the growth of the squared error from the larger model to the smaller, over the clusters of strokes.
+/// p value of the increase of the squared error from the larger model to the smaller, over the
+/// clusters of strokes.
 fn growth_p_value(training: &Training, smaller: &Fitted<EmsTrial>, larger: &Fitted<EmsTrial>) -> f64 {
     let added = (larger.best.free_numbers() - smaller.best.free_numbers()) as f64;
     let growth = smaller.cost() - larger.cost();
     f_p_value(growth / variance(larger) / added, added, training.clusters() as f64 - 1.0)
 }
 
-/// The best column of each term that can be added, and how many columns were tried.
+/// The best column of each term that can be added, and the number of columns tried.
 fn scores(
     training: &Training,
     fitted: &Fitted<EmsTrial>,
@@ -408,7 +421,8 @@ fn scores(
     if columns.is_empty() {
         return None;
     }
-    // A delay is no term of the model, but may pass for a mass; and a mass that is not tried for friction that falls with speed.
+    // A delay is no term of the model, but may be mistaken for a mass; and a mass that is not
+    // tried, for friction that falls with speed.
     let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay, Extra::Acceleration];
     let own = fitted.held.len();
     let [delay, acceleration] = [own, own + 1];

@@ -1,9 +1,11 @@
-//! Recordings as steps for the simulation: position increments, durations, readings, weights and clusters.
+//! Recordings as steps for the simulation: position increments, durations, readings, weights and
+//! clusters.
 //!
-//! Inside a settled constant-velocity stretch nothing happens that a longer step would miss, so its samples are
-//! taken together; elsewhere samples are taken together while the motion is a few thousandths of the half width or less, and
-//! their mean reading is compared with the force at the mean of their places. A *cluster* is a cycle of two passes (or several short ones):
-//! the unit that is left out for intervals. A *stroke* is a pass, or several short ones, with a friction scale of its own.
+//! Within a settled constant-velocity stretch a longer step loses nothing, so its samples are
+//! averaged. Elsewhere samples are averaged while the motion is at most a few thousandths of the
+//! half width. Their mean reading is compared with the force at their mean position. A *cluster* is
+//! a cycle of two passes (or several short ones): the unit that is left out for intervals. A
+//! *stroke* is a pass, or several short ones, with its own friction scale.
 
 use std::ops::Range;
 
@@ -13,19 +15,19 @@ use crate::recording::Recording;
 use crate::replay::forgotten_after;
 use crate::segment::{Direction, Pass, Stretch};
 
-/// Most samples taken together, and longest time, s: a seal that sticks and slips does so some ten times a second or faster.
+/// Most samples averaged, and longest time, s: stick-slip has a frequency of about 10 Hz or more.
 const THINNING: usize = 50;
 const LONGEST: f64 = 0.03;
-/// Samples that may be taken together while the seal slides, however slowly they come.
+/// Samples that may be averaged while the seal slides, whatever the sampling rate.
 const COARSE: f64 = 8.0;
-/// Change of the velocity, m/s, within which samples are taken together: a step has one velocity.
+/// Change of the velocity, m/s, within which samples are averaged, since a step has one velocity.
 const STEADY: f64 = 1e-3;
-/// Longest travel, as a part of the half width, over which samples are taken together.
+/// Longest travel, as a fraction of the half width, over which samples are averaged.
 const FINEST: f64 = 0.006;
-/// The same while the seal slides: this part of the half width, or of the longest stroke.
+/// The same while the seal slides: this fraction of the half width, or of the longest stroke.
 const SLIDING: f64 = 0.15;
 const SLIDING_STROKE: f64 = 0.02;
-/// Path after a reversal from which the instrument slides, in half widths.
+/// Path after a reversal beyond which the instrument slides, in half widths.
 const SLIDES: f64 = 3.0;
 
 /// One step of the simulation.
@@ -37,21 +39,21 @@ pub(crate) struct Step {
     pub(crate) force: f64,
     /// Mean acceleration over the step's samples, m/s².
     pub(crate) acceleration: f64,
-    /// Samples in the step that count as independent; 0 where the state is not yet known.
+    /// Number of samples in the step that count as independent; 0 where the state is not yet known.
     pub(crate) weight: f64,
-    /// Where in the step the mean position of its samples lies, as a part of the displacement.
+    /// Mean position of the samples within the step, as a fraction of the displacement.
     pub(crate) centre: f64,
-    /// Errors of the step that count as one: what a residual variance is divided by.
+    /// Number of independent errors in the step: divisor of a residual variance.
     pub(crate) independent: f64,
     pub(crate) stroke: usize,
     /// Path since the stroke began, m.
     path: f64,
-    /// w: part in which the stroke's friction scale has replaced that of the stroke before.
+    /// w: degree to which the stroke's friction scale has replaced that of the stroke before.
     pub(crate) blend: f64,
 }
 
 impl Step {
-    /// Force at the centre between those before and after the step, N.
+    /// Force at the centre, interpolated between those before and after the step, N.
     #[inline]
     pub(crate) fn at_centre(&self, before: f64, after: f64) -> f64 {
         before + self.centre * (after - before)
@@ -65,9 +67,9 @@ pub(crate) struct Stroke {
     pub(crate) recording: usize,
     /// First sample.
     pub(crate) start: usize,
-    /// Start, s.
+    /// Start time, s.
     pub(crate) time: f64,
-    /// Sense of the motion at its start; `None` where it rests.
+    /// Direction of the motion at its start; `None` at rest.
     pub(crate) direction: Option<Direction>,
 }
 
@@ -76,13 +78,13 @@ pub(crate) struct Stroke {
 pub(crate) struct Scale {
     /// Whether each stroke has a scale of its own.
     pub(crate) is_free: bool,
-    /// λ = σ²/τ², N²: infinite holds all strokes at the drift.
+    /// λ = σ²/τ², N²: infinity fixes all strokes to the drift.
     pub(crate) lambda: f64,
-    /// Strokes whose size tells nothing: their speed answers to the friction.
+    /// Strokes whose size is no datum: their speed responds to the friction.
     pub(crate) unconstrained: Vec<bool>,
     /// φ_k(g): drift over the strokes.
     pub(crate) basis: Vec<Vec<f64>>,
-    /// ω_k: standard deviation of each amplitude beforehand.
+    /// ω_k: prior standard deviation of each amplitude.
     pub(crate) expected: Vec<f64>,
 }
 
@@ -92,7 +94,7 @@ impl Scale {
     }
 }
 
-/// Steps of one unbroken part of a recording, from an unknown start.
+/// Steps of one unbroken part of a recording, from an unknown initial state.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
     pub(crate) steps: Vec<Step>,
@@ -108,39 +110,40 @@ impl Run {
     }
 }
 
-/// All that the fit simulates.
+/// All data that the fit simulates.
 #[derive(Debug, Clone)]
 pub(crate) struct Training {
     pub(crate) runs: Vec<Run>,
     clusters: usize,
-    /// σ², N²: what expectations of the free numbers are weighed against; 0 where none count.
+    /// σ², N²: weight of the priors of the free parameters; 0 ignores them.
     pub(crate) variance: f64,
-    /// In order.
+    /// In chronological order.
     pub(crate) strokes: Vec<Stroke>,
     pub(crate) scale: Scale,
 }
 
-/// A recording with what the segmentation found in it.
+/// A recording with its segmentation.
 pub(crate) struct Segmented<'a> {
     pub(crate) recording: &'a Recording,
     pub(crate) passes: &'a [Pass],
-    /// Stretches of constant velocity from where the sliding has settled.
+    /// Constant-velocity stretches from where the sliding has settled.
     pub(crate) settled: Vec<Stretch>,
-    /// m/s².
+    /// Acceleration, m/s².
     pub(crate) acceleration: &'a [f64],
 }
 
-/// Most samples of a step that count as independent: what the model does not explain changes little within it.
+/// Most samples of a step that count as independent, since the unmodelled error changes little
+/// within it.
 pub(crate) const INDEPENDENT: f64 = 8.0;
 /// Travel after which a stroke may end, in half widths.
 const SHORTEST_STROKE: f64 = 4.0;
-/// Below this many strokes each is a cluster of its own.
+/// With fewer strokes than this, each is a cluster of its own.
 const FEW_STROKES: usize = 30;
 /// Most strokes.
 const MOST_STROKES: f64 = 400.0;
 
 impl Training {
-    /// Shorter cycles are put together until there are at most `most_clusters`.
+    /// Shorter cycles are merged until there are at most `most_clusters`.
     pub(crate) fn new(data: &[Segmented], half_width: f64, most_clusters: usize, independent: f64) -> Self {
         let duration: f64 = data.iter().map(|d| d.recording.duration()).sum();
         let longest = data.iter().map(|d| d.recording.quality.stroke).fold(0.0, f64::max);
@@ -169,7 +172,8 @@ impl Training {
         Self { runs, clusters, variance: 0.0, strokes, scale: Scale::default() }
     }
 
-    /// Takes the weight from all steps before the state is known: until unknown starts give one force.
+    /// Sets the weight of all steps to zero until the state is known, that is, until different
+    /// initial states give the same force.
     pub(crate) fn forget_unknown_starts(&mut self, stages: Stages) {
         let seal = Seal::from(stages);
         for run in &mut self.runs {
@@ -199,14 +203,15 @@ impl Training {
     }
 }
 
-/// Longest travel, m, and time, s, over which samples are taken together.
+/// Longest travel, m, and time, s, over which samples are averaged.
 #[derive(Clone, Copy)]
 struct Together {
     travel: f64,
     duration: f64,
 }
 
-/// Shortest cluster and stroke, s; what is taken together while the seal deforms and slides; half width, m.
+/// Shortest cluster and stroke, s; limits of averaging while the seal deforms and slides; half
+/// width, m.
 #[derive(Clone, Copy)]
 struct Limits {
     cluster: f64,
@@ -219,7 +224,7 @@ struct Limits {
     strokes_of_cluster: usize,
 }
 
-/// Where the strokes and clusters of a run stand.
+/// Current strokes and clusters of a run.
 struct Progress {
     pass: usize,
     strokes_inside: usize,
@@ -312,7 +317,8 @@ impl Progress {
     }
 }
 
-/// Last of the samples after `at` that are taken together: few, close in position and time, moving one way.
+/// Last of the samples after `at` that are averaged: few, close in position and time, moving in one
+/// direction.
 fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
     let (x, t, a) = (&part.recording.position, &part.recording.time, part.acceleration);
     let first = x[at + 1] - x[at];
@@ -320,7 +326,7 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
     let close = |i: &usize| {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
         change += a[*i] * (t[*i] - t[*i - 1]);
-        // Of positions that come slowly the acceleration is all noise.
+        // At a low sampling rate the acceleration is all noise.
         let is_steady = STEADY >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
         one_way && is_steady && (x[*i] - x[at]).abs() <= limit.travel && t[*i] - t[at] <= limit.duration
     };

@@ -1,7 +1,7 @@
-//! The paper's two steps: steady state, then deformation (EMS section IV).
+//! The two steps of the paper: steady state, then deformation (EMS section IV).
 //!
-//! They need strokes at constant speed that slide fully. Their element is where the fit of the likelihood starts, and a result
-//! of its own (`--paper`).
+//! They need constant-speed strokes that slide fully. Their element is the start of the likelihood
+//! fit, and a result of its own (`--paper`).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -20,12 +20,12 @@ use crate::cancel;
 use crate::recording::Recording;
 use crate::segment::{Direction, Stretch, after_start};
 
-/// What the two steps gave.
+/// Result of the two steps.
 pub(super) struct TwoSteps {
     pub(super) steady: SteadyFit,
     pub(super) deformation: Result<DeformationFit, String>,
     pub(super) candidate: Candidate,
-    /// The deformation was not resolved: the candidate's is assumed.
+    /// The deformation was not resolved: that of the candidate is assumed.
     pub(super) is_assumed: bool,
 }
 
@@ -43,8 +43,8 @@ pub(super) fn two_steps(
     Ok(TwoSteps { steady, deformation, candidate, is_assumed })
 }
 
-/// Steady state and deformation, each with what the other has found: where the sliding has settled depends on the
-/// deformation, and the switching level (12) on the sliding force.
+/// Steady state and deformation, each with the result of the other: the point at which sliding has
+/// settled depends on the deformation, and the switching force (12) on the sliding force.
 fn alternately(
     recordings: &[Recording],
     segments: &[Segments],
@@ -99,14 +99,15 @@ fn alternately(
     Ok((steady, deformation))
 }
 
-/// Sliding force of each pass relative to the fitted line; 1 for a pass without a mean of its own.
+/// Friction scale of each pass: sliding force relative to the fitted line; 1 for a pass without a
+/// mean of its own.
 fn pass_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
     let mut levels = vec![1.0; segments.passes.len()];
     for mean in steady.means.iter().filter(|m| m.recording == index) {
         let fitted = steady.line(mean.velocity_m_s) - steady.offset_n.value;
         let level = (mean.force_n - steady.offset_n.value) / fitted;
         let pass = segments.passes.partition_point(|p| p.end <= mean.sample);
-        // A mean far off the line is no small variation of the whole force.
+        // A mean far from the line is not a small variation of the friction scale.
         if pass < levels.len() && (level - 1.0).abs() < 0.2 {
             levels[pass] = level;
         }
@@ -123,8 +124,8 @@ fn sensors(recordings: &[Recording]) -> Sensors {
     }
 }
 
-/// Travel, m, after a reversal from which on the sliding at `speed`, m/s, has settled: the deformation and five time
-/// constants β/K.
+/// Travel, m, after a reversal beyond which sliding at `speed`, m/s, has settled: the deformation
+/// and five time constants β/K.
 fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
     let stiffness = deformation::end_stiffness(&found.rising, &found.falling, found.half_width.value);
     let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
@@ -141,7 +142,7 @@ pub(super) fn settled_stretches(
     after_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
 }
 
-/// Blocks of all motion instead of the plateaus' means, down to a fiftieth of the fastest plateau.
+/// Blocks of all motion instead of the plateau means, down to a fiftieth of the fastest plateau.
 fn with_transients(plateaus: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
     const BLOCK: f64 = 0.1;
     let fastest = plateaus.iter().map(|m| m.velocity_m_s.abs()).fold(0.0, f64::max);
@@ -161,7 +162,8 @@ fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
     Stretch { start, ..*stretch }
 }
 
-/// Drops means of stretches over which the force still climbs from one limit to the other: no sliding.
+/// Drops means of stretches over which the force still rises from one limit to the other, which is
+/// not sliding.
 fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
     let steady = |mean: &PassMean| {
         let recording = &recordings[mean.recording];
@@ -180,7 +182,8 @@ fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Seg
 
 /// Sliding friction of both directions and the sensor offset, from the steady state.
 ///
-/// With different slopes the offset is taken so that both Coulomb forces are equal: the data cannot divide the two.
+/// With different slopes the offset is chosen so that both Coulomb forces are equal: the data
+/// cannot separate the two.
 fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
     let least = 1e-6;
     let own_slopes = steady.is_asymmetric() && steady.stribeck.is_none();
@@ -202,10 +205,11 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
     (steady.offset_n.value, friction, friction)
 }
 
-/// Levels at which the seal switches (12).
+/// Forces at which the seal switches (12).
 ///
-/// Where one speed leaves the level at rest open, it is the lower edge of the sliding force: its mean less twice the
-/// ripple (scatter within and between passes beyond the sensor's noise).
+/// Where a single speed leaves the force at rest undetermined, the lower edge of the sliding force
+/// is used: its mean less twice the ripple (scatter within and between passes beyond the sensor
+/// noise).
 fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
@@ -214,7 +218,8 @@ fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
 }
 
-/// Two-step candidate; with the deformation not resolved a stiff straight spring stands in for it (second value true).
+/// Two-step candidate; if the deformation is not resolved, a stiff straight spring replaces it
+/// (second value true).
 fn candidate_of(
     steady: &SteadyFit,
     deformation: &Result<DeformationFit, String>,
@@ -253,7 +258,7 @@ fn candidate_of(
     (candidate, deformation.is_err())
 }
 
-/// Lines of both directions: always the steady state's own, through the readings as they are.
+/// Lines of both directions from the steady state, through the readings including the offset.
 fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
     let lines = [("positive", &steady.positive), ("negative", &steady.negative)];
     let found = lines.into_iter().filter_map(|(name, line)| Some((name, line.as_ref()?)));
@@ -332,7 +337,8 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
     Replicates::Bootstrap((0..options.bootstrap).into_par_iter().map(resampled).collect())
 }
 
-/// σ as the model has it: what the test found, or zero with what the test could not exclude.
+/// σ of the model: the value found by the test, or zero with the bound that the test could not
+/// exclude.
 pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
     let found = &test.seal_damping_n_s_m;
     if test.kept || !found.determined {
@@ -346,7 +352,8 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
         .with_note(format!("set to zero by the test: {:.3} N s/m found, {why}", found.value))
 }
 
-/// Join and coefficients of both branches; a join at the end of its range is not determined, whatever its replicates say.
+/// Join and coefficients of both branches; a join at the end of its range is not determined,
+/// whatever its replicates.
 fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Vec<Parameter> {
     let parameter = |quantity: BranchQuantity| {
         let shape = if quantity.name.starts_with("rising") { &best.rising } else { &best.falling };

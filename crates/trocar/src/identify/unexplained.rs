@@ -1,7 +1,9 @@
-//! What a fitted model leaves unexplained: a delay of the positions, an unmodelled mass, damping of the deformation.
+//! Effects that a fitted model leaves unexplained: a position delay, an unmodelled mass, damping of
+//! the deformation.
 //!
-//! Each is a column of the normal equations that the model does not have, and one step of the joint equations says how large it is
-//! ([`Normal::one_step`]). A mass, a damping and a contact that creeps may pass for a delay, which is therefore tested beside them.
+//! Each is a column of the normal equations that the model does not have. One step of the joint
+//! equations estimates its size ([`Normal::one_step`]). A mass, a damping and a creeping contact
+//! may be mistaken for a delay, which is therefore tested together with them.
 
 use super::candidate::EmsTrial;
 use super::delay::PositionDelay;
@@ -11,7 +13,7 @@ use super::likelihood::{Extra, Fitted, Normal, OneStep, Trial};
 use super::training::Training;
 use crate::recording::Recording;
 
-/// What the model may lack.
+/// An effect that the model may lack.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cause {
     Delay,
@@ -35,7 +37,8 @@ pub(super) struct Unexplained {
 }
 
 impl Unexplained {
-    /// No delay where the sampling does not resolve what may pass for one.
+    /// Omits the delay where the sampling does not resolve the effects that may be mistaken for
+    /// one.
     pub(super) fn new(recordings: &[Recording], training: &Training, fitted: &Fitted<EmsTrial>) -> Option<Self> {
         let EmsTrial { layout, candidate, .. } = &fitted.best;
         let mut columns = Vec::new();
@@ -63,7 +66,7 @@ impl Unexplained {
         Some(Self { normal, held: fitted.held.clone(), causes, sigma2: variance(fitted) })
     }
 
-    /// One step of `cause` beside those of `beside`.
+    /// One step of `cause` together with those of `beside`.
     fn step(&self, cause: Cause, beside: &[Cause]) -> Option<OneStep> {
         let own = self.held.len();
         let column = own + self.causes.iter().position(|c| *c == cause)?;
@@ -73,13 +76,13 @@ impl Unexplained {
         (step.standard_error.is_finite() && step.standard_error > 0.0).then_some(step)
     }
 
-    /// Delay of the positions, beside all that may pass for one.
+    /// Position delay, together with all effects that may be mistaken for one.
     pub(super) fn lag(&self) -> Option<PositionDelay> {
         self.lag_beside(&[Cause::Mass, Cause::Damping, Cause::Creep])
     }
 
-    /// The same beside a mass and damping alone: before it is known whether the contact creeps, and what is left, of either sign, of a
-    /// delay that was taken out.
+    /// The same together with mass and damping only: before it is known whether the contact creeps,
+    /// and for the remainder, of either sign, of a delay already compensated.
     pub(super) fn lag_left(&self) -> Option<PositionDelay> {
         self.lag_beside(&[Cause::Mass, Cause::Damping])
     }
@@ -90,7 +93,7 @@ impl Unexplained {
         Some(PositionDelay { delay_s: step.amplitude, standard_error_s: step.standard_error, p_value, gain: step.gain })
     }
 
-    /// An unmodelled mass, kg, that shows.
+    /// An unmodelled mass, kg, if significant.
     pub(super) fn mass(&self) -> Option<f64> {
         let step = self.step(Cause::Mass, &[])?;
         let p_value = 0.5 * t_p_value(step.amplitude / step.standard_error, step.degrees);
@@ -98,7 +101,8 @@ impl Unexplained {
         shows.then_some(step.amplitude)
     }
 
-    /// Damping of the deformation, N s/m, of a model without: 0, and the most that the data leave room for.
+    /// Damping of the deformation, N s/m, for a model without: 0, and the upper bound that the data
+    /// permit.
     pub(super) fn damping(&self) -> Option<Estimate> {
         let step = self.step(Cause::Damping, &[])?;
         let most = DAMPING * (step.amplitude.max(0.0) + t_quantile(step.degrees) * step.standard_error);
@@ -109,11 +113,11 @@ impl Unexplained {
     }
 }
 
-/// What a fit leaves unexplained.
+/// Effects that a fit leaves unexplained.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Left {
     pub(super) lag: Option<PositionDelay>,
-    /// The same where one was taken out.
+    /// The same where one was already compensated.
     pub(super) lag_left: Option<PositionDelay>,
     pub(super) mass: Option<f64>,
     pub(super) damping: Option<Estimate>,

@@ -1,9 +1,12 @@
-//! Many trocars along one motion: all their forces, or how far each is from a recording.
+//! Many trocars along one motion: all their forces, or the squared error of each relative to a
+//! recording.
 //!
-//! Trocars are made when their turn comes ([`Ensemble`]): a hundred thousand draws of parameters take the memory of a few dozen
-//! models. **Every force has the bits of [`Trocar::step_to`]**, whatever runs as vectors, on any number of threads.
+//! Trocars are constructed when needed ([`Ensemble`]): a hundred thousand draws of parameters need
+//! the memory of a few dozen models. **Every force has the bits of [`Trocar::step_to`]**,
+//! regardless of vectorisation and number of threads.
 //!
-//! Memory: 24 bytes for each sample of the motion, and for each thread some hundred kilobytes of models.
+//! Memory: 24 bytes for each sample of the motion, and for each thread some hundred kilobytes of
+//! models.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,26 +19,28 @@ use trocar_model::{Element, ParamError, PositionProfile, Seal, SealState, State,
 use super::{TASK, run};
 use crate::cancel;
 
-/// Samples between two looks at whether the work was called off.
+/// Samples between two checks for cancellation.
 const PIECE: usize = 2048;
 
-/// Samples that wait until they are written, row by row: of 16 rows at once each would go to a place of its own in memory, and for
-/// some numbers of samples all of them to the same corner of the cache.
+/// Samples buffered before they are written row by row. Writing 16 rows at once would address a
+/// separate memory location for each, and for some numbers of samples all of them would share the
+/// same cache set.
 const TILE: usize = 32;
 
-/// Trocars by number.
+/// Trocars by index.
 pub trait Ensemble: Sync {
-    /// How many there are.
+    /// Number of trocars.
     fn count(&self) -> usize;
 
     /// Trocar `index`, from 0.
     ///
     /// # Errors
-    /// [`ParamError`] for parameters that make none.
+    /// [`ParamError`] for invalid parameters.
     fn trocar(&self, index: usize) -> Result<Trocar<&[f64]>, ParamError>;
 }
 
-/// One trocar with other parameters: a column of values, one for each of the ensemble, for every parameter that is turned.
+/// One trocar with other parameters: for every adjusted parameter a column of values, one for each
+/// member of the ensemble.
 #[derive(Debug, Clone)]
 pub struct Tuned<'a> {
     base: Trocar<&'a [f64]>,
@@ -45,8 +50,8 @@ pub struct Tuned<'a> {
 }
 
 impl<'a> Tuned<'a> {
-    /// `columns` by their place among [`Seal::tunables`]; there are as many trocars as the shortest has values, and one
-    /// without columns. `None` for a place beyond the tunables.
+    /// `columns` by their index among [`Seal::tunables`]. There are as many trocars as the shortest
+    /// column has values, and one without columns. `None` for an index beyond the tunables.
     pub fn new(base: Trocar<&'a [f64]>, columns: Vec<(usize, &'a [f64])>) -> Option<Self> {
         let present: Vec<f64> = base.seal().tunables().map(|tunable| tunable.value).collect();
         let count = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(1);
@@ -75,7 +80,7 @@ impl Ensemble for Tuned<'_> {
     }
 }
 
-/// How every seal stands at the first sample, at rest there.
+/// Initial state of every seal: at rest at the first sample.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Start {
     /// Undeformed.
@@ -101,24 +106,24 @@ impl Start {
 /// Why an ensemble cannot be run.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum Refusal {
-    /// Parameters that make no model.
+    /// Invalid parameters.
     #[error("model {index}: {why}")]
     Parameter {
-        /// Number of the model, from 0.
+        /// Index of the model, from 0.
         index: usize,
-        /// What is wrong.
+        /// The problem.
         why: ParamError,
     },
-    /// A classical model was to start with a deflection.
+    /// An initial deflection was requested for a classical model.
     #[error("model {index} is a classical one, which has no deflection to start with")]
     NoDeflection {
-        /// Number of the model, from 0.
+        /// Index of the model, from 0.
         index: usize,
     },
 }
 
 impl Refusal {
-    /// Number of the model, from 0.
+    /// Index of the model, from 0.
     pub fn index(&self) -> usize {
         match self {
             Self::Parameter { index, .. } | Self::NoDeflection { index } => *index,
@@ -129,15 +134,16 @@ impl Refusal {
 /// A motion as [`Trocar::step_to`] follows it from sample to sample.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Motion {
-    /// Of the instrument at each sample, m.
+    /// Position of the instrument at each sample, m.
     position: Vec<f64>,
-    /// Displacement (m) and duration (s) to each sample but the first.
+    /// Displacement (m) and duration (s) to each sample except the first.
     steps: Vec<(f64, f64)>,
 }
 
 impl Motion {
-    /// Samples at `time` (s) and `position` (m), as many as the shorter has. The first is the start; one that no model can follow
-    /// (no time passes, or a number is not finite) changes nothing.
+    /// Samples at `time` (s) and `position` (m), up to the shorter length. The first is the start.
+    /// A sample that no model can follow (the time does not increase, or a value is not finite) has
+    /// no effect.
     pub fn new(time: &[f64], position: &[f64]) -> Self {
         let start = position.first().copied().filter(|x| x.is_finite()).unwrap_or(0.0);
         let mut now = (time.first().copied().unwrap_or(0.0), start);
@@ -161,11 +167,12 @@ impl Motion {
     }
 }
 
-/// The force of each trocar at each sample of `motion` into `forces`, N: trocar i at sample k at `i * motion.samples() + k`; on all
-/// threads. What does not fit is left out.
+/// Writes the force of each trocar at each sample of `motion` into `forces`, N: trocar i at sample
+/// k at `i * motion.samples() + k`; on all threads. Excess values are omitted.
 ///
 /// # Errors
-/// [`Refusal`] of the first trocar that cannot be run; those of others may have been written then.
+/// [`Refusal`] of the first trocar that cannot be run; those of others may have been written
+/// already.
 pub fn forces(ensemble: &impl Ensemble, start: Start, motion: &Motion, forces: &mut [f64]) -> Result<(), Refusal> {
     let samples = motion.samples();
     if samples == 0 {
@@ -179,11 +186,12 @@ pub fn forces(ensemble: &impl Ensemble, start: Start, motion: &Motion, forces: &
     })
 }
 
-/// Σ(`measured` - F)² over the samples of `motion` that have a finite reading (N), the first among them, for each trocar into
-/// `sums`, N²; on all threads. What does not fit is left out.
+/// Writes Σ(`measured` - F)², N², over the samples of `motion` that have a finite reading (N),
+/// including the first, for each trocar into `sums`; on all threads. Excess values are omitted.
 ///
 /// # Errors
-/// [`Refusal`] of the first trocar that cannot be run; those of others may have been written then.
+/// [`Refusal`] of the first trocar that cannot be run; those of others may have been written
+/// already.
 pub fn squared_errors(
     ensemble: &impl Ensemble,
     start: Start,
@@ -200,8 +208,8 @@ pub fn squared_errors(
     })
 }
 
-/// Does `work` on parts of the ensemble, each with its part of `places`, `width` for each trocar; the first refusal in the order
-/// of the ensemble.
+/// Applies `work` to parts of the ensemble, each with its part of `places`, `width` per trocar;
+/// returns the first refusal in the order of the ensemble.
 fn each_part<E: Ensemble>(
     ensemble: &E,
     start: Start,
@@ -234,8 +242,8 @@ fn each_part<E: Ensemble>(
     parts.filter_map(part).min_by_key(|refusal| refusal.index()).map_or(Ok(()), Err)
 }
 
-/// Trocars of one task. Few of them are spread over the threads: a core that steps them one by one is no slower than a vector
-/// of which most is empty.
+/// Trocars of one task. A small number is spread over the threads: stepping them one by one on a
+/// core is no slower than using a mostly empty vector.
 fn task(count: usize) -> usize {
     let each = count.div_ceil(rayon::current_num_threads().max(1)).min(TASK);
     if each > LANES { each.next_multiple_of(LANES) } else { each.max(1) }
@@ -243,7 +251,7 @@ fn task(count: usize) -> usize {
 
 type Profile<'a> = PositionProfile<&'a [f64]>;
 
-/// The trocars of a task where the motion begins.
+/// The trocars of a task at the start of the motion.
 struct Part<'a> {
     seals: Vec<Seal>,
     states: Vec<SealState>,
@@ -265,12 +273,12 @@ impl<'a> Part<'a> {
         Ok(part)
     }
 
-    /// Along the whole motion.
+    /// Runs along the whole motion.
     fn run(mut self, motion: &Motion, sink: impl Sink) {
         let single = |(seal, state): (&Seal, &SealState)| seal.single(state).map(|(element, state)| (*element, *state));
         let singles: Option<Vec<(Element, State)>> = self.seals.iter().zip(&self.states).map(single).collect();
         match singles {
-            // A quarter of the memory of seals that might have four elements.
+            // A quarter of the memory of seals, which may have four elements.
             Some(singles) => {
                 let (elements, mut states): (Vec<_>, Vec<_>) = singles.into_iter().unzip();
                 along(&elements, &mut states, &self.profiles, motion, sink);
@@ -299,31 +307,31 @@ fn along<M: Many>(
     }
 }
 
-/// Where the forces of a block end up.
+/// Destination of the forces of a block.
 trait Sink {
     /// The next sample is number `sample` of the motion.
     fn go_on(&mut self, sample: usize);
 
-    /// A block of `count` trocars from `first` on comes next.
+    /// A block of `count` trocars from `first` follows.
     fn begin(&mut self, first: usize, count: usize);
 
     /// Its forces at `sample`, counted from [`Sink::go_on`].
     fn take(&mut self, sample: usize, forces: &[f64; LANES]);
 
-    /// The block has come to the end of the piece.
+    /// The block has reached the end of the piece.
     fn end(&mut self, first: usize, count: usize);
 }
 
-/// Takes the forces of the seals to those of the trocars.
+/// Converts the forces of the seals to those of the trocars.
 struct Along<'a, S> {
     profiles: &'a [Option<Profile<'a>>],
     shared: Shared<'a>,
-    /// After each step of the piece, m.
+    /// Position after each step of the piece, m.
     position: &'a [f64],
     sink: S,
 }
 
-/// How the forces of a block depend on the position.
+/// Dependence of the forces of a block on the position.
 enum Shared<'a> {
     None,
     One(Profile<'a>),
@@ -378,14 +386,14 @@ impl<S: Sink> Observe for Along<'_, S> {
     }
 }
 
-/// Writes the forces, a row for each trocar.
+/// Writes the forces, one row per trocar.
 struct Rows<'a> {
     rows: &'a mut [f64],
     samples: usize,
     tile: [[f64; LANES]; TILE],
     /// Samples in the tile.
     waiting: usize,
-    /// Number of the first of these, and of the first of the piece.
+    /// Index of the first of these, and of the first of the piece.
     from: usize,
     piece: usize,
     first: usize,
@@ -433,7 +441,7 @@ impl Sink for Rows<'_> {
     }
 }
 
-/// Sums up what the readings differ by.
+/// Sums the squared errors.
 struct Sums<'a> {
     measured: &'a [f64],
     sums: &'a mut [f64],

@@ -1,17 +1,19 @@
-//! Rows in SI units, many at a time: what readers of files hand on.
+//! Blocks of rows in SI units: the output of file readers.
 
 use super::columns::Quantity;
 
-/// Consecutive rows, column by column. All columns that the file has are of one length, the others empty.
+/// Consecutive rows, column by column. All columns that the file has are of equal length, the
+/// others are empty.
 #[derive(Debug, Default)]
 pub(crate) struct Block {
-    /// Numbers by place of the column: a [`Quantity`], or the reader's own order. NaN where a cell is empty.
+    /// Numbers by index of the column: a [`Quantity`], or the reader's own order. NaN for an empty
+    /// cell.
     pub(crate) columns: Vec<Vec<f64>>,
-    /// First row and its line, wherever lines do not simply count on.
+    /// First row and its line, wherever the line numbers are not consecutive.
     pub(crate) lines: Vec<(usize, u64)>,
 }
 
-/// One row in SI units, indexed by [`Quantity`]; NaN for columns the file lacks.
+/// One row in SI units, indexed by [`Quantity`]; NaN for columns that the file does not have.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Row {
     pub(crate) line: u64,
@@ -25,7 +27,7 @@ impl Row {
 }
 
 impl Block {
-    /// Room for `columns` columns.
+    /// An empty block with `columns` columns.
     pub(crate) fn new(columns: usize) -> Self {
         Self { columns: vec![Vec::new(); columns], lines: Vec::new() }
     }
@@ -40,7 +42,7 @@ impl Block {
         self.lines.clear();
     }
 
-    /// Puts down that row `row` and those behind it count on from `line`.
+    /// Records that the lines from row `row` onwards are numbered consecutively from `line`.
     pub(crate) fn count_from(&mut self, row: usize, line: u64) {
         if self.lines.last().is_none_or(|&(first, at)| at + (row - first) as u64 != line) {
             self.lines.push((row, line));
@@ -68,7 +70,7 @@ impl Block {
         self.columns.iter_mut().zip(&other.columns).for_each(|(own, others)| own.extend_from_slice(others));
     }
 
-    /// Cuts off what does not belong to whole rows.
+    /// Removes incomplete rows.
     pub(crate) fn truncate(&mut self, rows: usize) {
         self.columns.iter_mut().for_each(|column| column.truncate(rows));
     }

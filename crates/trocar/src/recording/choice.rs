@@ -1,40 +1,42 @@
-//! What to take from a file: which columns, from which of its tables, between which times.
+//! What to read from a file: which columns, from which of its tables, between which times.
 
 use super::columns::{Given, Layout, Quantity};
 use super::container::{Container, Table};
 use super::{RecordingError, columns};
 
-/// What to take from a file. The default finds time, position and force by their names, from the first row to the last.
+/// What to read from a file. The default finds time, position and force by their names, from the
+/// first row to the last.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Choice {
-    /// Names of the columns: in order, `time_s,position_mm,-,force_n`, or by name, `position_mm=x,force_n=-fz`, where a
-    /// minus reverses the sign and a name with commas stands in double quotes. A file without a header needs the first.
+    /// Names of the columns: in order, `time_s,position_mm,-,force_n`, or by name,
+    /// `position_mm=x,force_n=-fz`. A minus reverses the sign, and a name that contains commas is
+    /// enclosed in double quotes. A file without a header needs the first form.
     pub columns: Option<String>,
-    /// Topics, groups or other tables to look in; all of them when empty.
+    /// Topics, groups or other tables to search; all of them when empty.
     pub topics: Vec<String>,
-    /// Rows to leave out before this time, s, counted from the first row.
+    /// Rows before this time, s, counted from the first row, are omitted.
     pub from: Option<f64>,
-    /// Rows to leave out from this time on, s, counted from the first row.
+    /// Rows from this time on, s, counted from the first row, are omitted.
     pub to: Option<f64>,
-    /// Reverse the sign of the force, for a sensor mounted the other way round.
+    /// Reverse the sign of the force, for a sensor mounted in the opposite direction.
     pub flip_force: bool,
 }
 
 impl Choice {
-    /// These columns, and the rest by default.
+    /// These columns, and defaults for the rest.
     pub fn columns(names: &str) -> Self {
         Self { columns: Some(names.to_owned()), ..Self::default() }
     }
 }
 
-/// Columns of one table, by their places, and the layout that they have once read.
+/// Columns of one table, by their indices, and their layout once read.
 pub(super) struct Picked {
     pub(super) table: usize,
     pub(super) columns: Vec<usize>,
     pub(super) layout: Layout,
 }
 
-/// The one table that holds what is needed.
+/// Selects the one table that contains the required columns.
 pub(super) fn pick(
     file: &str,
     container: &dyn Container,
@@ -48,7 +50,7 @@ pub(super) fn pick(
     for table in allowed {
         match layout_of(file, &tables[table], choice, needed) {
             Ok(layout) => found.push((table, layout)),
-            // The table with the most numbers has the most to say about why not.
+            // The table with the most numeric columns gives the most informative error.
             Err(error) => {
                 let rank = tables[table].columns.iter().filter(|column| column.is_numeric).count();
                 if refused.as_ref().is_none_or(|(best, _)| rank > *best) {
@@ -57,7 +59,7 @@ pub(super) fn pick(
             }
         }
     }
-    // What stands in the file itself goes before what stands in its groups.
+    // Columns of the file itself take precedence over those of its groups.
     if let Some(own) = found.iter().position(|(table, _)| tables[*table].name.is_empty()).filter(|_| found.len() > 1) {
         let (table, mut layout) = found.swap_remove(own);
         let others: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
@@ -76,7 +78,7 @@ pub(super) fn pick(
     Ok(Picked { table, columns, layout })
 }
 
-/// The tables that `topics` name: whole, or from a slash on.
+/// The tables named by `topics`: by full name, or by the part after a slash.
 pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result<Vec<usize>, RecordingError> {
     if topics.is_empty() {
         return Ok((0..tables.len()).collect());
@@ -106,7 +108,7 @@ pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result
     Ok(found)
 }
 
-/// Refuses topics where there is one table without a name: text, or rows of a table.
+/// Rejects topics if there is only one unnamed table: text, or rows of a table.
 pub(crate) fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
     allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
 }

@@ -1,4 +1,4 @@
-//! Rows becoming the columns of a recording, or of excerpts from one that is too long to be held.
+//! Collects rows into the columns of a recording, or into excerpts of one with too many samples.
 
 use std::ops::Range;
 
@@ -11,26 +11,28 @@ use super::{Recording, RecordingError};
 /// Rows in an excerpt: a minute at 1 kHz, so several strokes of a slow protocol.
 const EXCERPT: usize = 1 << 16;
 
-/// Rows becoming columns.
+/// Collects rows into columns.
 pub(super) struct Collector {
     columns: Columns,
     non_finite: RowList,
     excerpts: Excerpts,
 }
 
-/// Which rows are kept once there are too many: of every 2^level excerpts one, drawn by a fixed rule from their numbers alone,
-/// so that the choice depends neither on how the rows come nor on how many there will be.
+/// Rows kept once there are too many: one of every 2^level excerpts, chosen by a fixed rule from
+/// their numbers alone. The choice thus depends neither on the block sizes nor on the total number
+/// of rows.
 struct Excerpts {
     most: usize,
     level: u32,
     /// Finite rows seen.
     seen: u64,
-    /// Number of each excerpt held, in order; each but the last is whole.
+    /// Index of each excerpt held, in order; all but the last are complete.
     held: Vec<u64>,
 }
 
 impl Excerpts {
-    /// Whether excerpt `number` stands for its group: from the top down, each half of a group has the same chance.
+    /// Whether excerpt `number` represents its group: from the top down, each half of a group has
+    /// the same probability.
     fn keeps(&self, number: u64) -> bool {
         let group = number >> self.level;
         let chosen = (1..=self.level).rev().fold(group, |group, level| 2 * group + coin(group, level));
@@ -38,7 +40,8 @@ impl Excerpts {
     }
 }
 
-/// 0 or 1, without a pattern that a periodic protocol could share: the finaliser of SplitMix64 [STEELE].
+/// 0 or 1, without a pattern that could coincide with a periodic protocol: the finaliser of
+/// SplitMix64 [STEELE].
 fn coin(group: u64, level: u32) -> u64 {
     let mut z = group.wrapping_mul(64).wrapping_add(u64::from(level)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -46,13 +49,13 @@ fn coin(group: u64, level: u32) -> u64 {
     (z ^ (z >> 31)) & 1
 }
 
-/// Most rows that are held where `most` are asked for: an excerpt is the least that can be dropped.
+/// Most rows held for a limit of `most`: an excerpt is the smallest unit that can be dropped.
 pub(super) fn held(most: Option<usize>) -> usize {
     most.map_or(usize::MAX, |most| most.max(2 * EXCERPT))
 }
 
 impl Collector {
-    /// For about `capacity` rows; of more than `most`, excerpts.
+    /// For about `capacity` rows; if there are more than `most`, excerpts.
     pub(super) fn new(capacity: usize, has_velocity: bool, most: Option<usize>) -> Self {
         let column = || Vec::with_capacity(capacity);
         let columns = Columns {
@@ -66,7 +69,7 @@ impl Collector {
         Self { columns, non_finite: RowList::default(), excerpts }
     }
 
-    /// In messages, places are counted in `count`.
+    /// Counts positions in messages in units of `count`.
     pub(super) fn counting(mut self, count: Count) -> Self {
         self.columns.lines = Lines::counting(count);
         self
@@ -115,7 +118,7 @@ impl Collector {
         }
     }
 
-    /// Counts a row; whether it is to be kept.
+    /// Counts a row; returns whether it is kept.
     fn is_in_an_excerpt(&mut self) -> bool {
         let number = self.excerpts.seen / EXCERPT as u64;
         let begins = self.excerpts.seen.is_multiple_of(EXCERPT as u64);
@@ -123,7 +126,7 @@ impl Collector {
         if begins && self.excerpts.keeps(number) {
             self.excerpts.held.push(number);
         }
-        // Only the row that is too much thins, however the rows come.
+        // Only a row beyond the limit triggers thinning, regardless of the block sizes.
         if self.excerpts.held.last() == Some(&number) && self.len() == self.excerpts.most {
             self.thin();
         }

@@ -1,8 +1,8 @@
-//! Column names and units: which column of a file is which quantity.
+//! Column names and units: which column of a file holds which quantity.
 
 use super::RecordingError;
 
-/// What a column can hold.
+/// Quantities that a column can hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Quantity {
     Time,
@@ -11,7 +11,7 @@ pub(crate) enum Quantity {
     Velocity,
 }
 
-/// A unit as written in a name, and how many of it make one SI unit.
+/// A unit as written in a name, and its number per SI unit.
 type Unit = (&'static str, f64);
 
 impl Quantity {
@@ -45,7 +45,7 @@ impl Quantity {
         }
     }
 
-    /// A name that is understood, for messages.
+    /// A recognised name, for messages.
     pub(crate) fn example(self) -> &'static str {
         match self {
             Self::Time => "time_s",
@@ -56,17 +56,17 @@ impl Quantity {
     }
 }
 
-/// What a single name says.
+/// Interpretation of a single name.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Reading {
     quantity: Quantity,
-    /// The name is the quantity's word and nothing else.
+    /// The name is exactly the quantity's word.
     exact: bool,
-    /// How many of the column's unit make one SI unit.
+    /// Number of the column's units per SI unit.
     per_si: Option<f64>,
 }
 
-/// Names that speak of a quantity without being its measurement.
+/// Words in names of columns that are related to a quantity but not its measurement.
 const NOT_MEASURED: [&str; 12] = [
     "command",
     "commanded",
@@ -82,7 +82,7 @@ const NOT_MEASURED: [&str; 12] = [
     "std",
 ];
 
-/// Understands `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
+/// Recognises `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
 fn recognise(name: &str) -> Option<Reading> {
     let lower = name.to_lowercase().replace(['µ', 'μ'], "u");
     let mut words: Vec<&str> =
@@ -96,7 +96,7 @@ fn recognise(name: &str) -> Option<Reading> {
     Some(Reading { quantity, exact, per_si })
 }
 
-/// What a name says with the unit declared beside it; the name's own unit goes first.
+/// Interpretation of a name together with its declared unit; the unit in the name takes precedence.
 fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
     let own = recognise(name);
     if unit.is_empty() || own.is_none() {
@@ -116,10 +116,10 @@ fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Readi
     }
 }
 
-/// The quantity whose word the name holds; two different ones cancel out.
+/// The quantity whose word the name contains; `None` for two different ones.
 fn quantity_of(words: &[&str]) -> Option<Quantity> {
     let mut found = Quantity::ALL.into_iter().filter(|q| {
-        // The first word stands for itself even where it could be a unit, as in `t_ms`.
+        // The first word counts as itself even if it could be a unit, as in `t_ms`.
         words.iter().any(|word| q.words().contains(word))
     });
     let first = found.next()?;
@@ -127,7 +127,7 @@ fn quantity_of(words: &[&str]) -> Option<Quantity> {
 }
 
 fn take_unit(words: &mut Vec<&str>, quantity: Quantity) -> Option<f64> {
-    // `m·s^-1` leaves a lone 1 behind.
+    // `m·s^-1` leaves a single 1.
     if words.len() > 2 && words.last() == Some(&"1") {
         words.pop();
     }
@@ -139,10 +139,11 @@ fn take_unit(words: &mut Vec<&str>, quantity: Quantity) -> Option<f64> {
     Some(per_si)
 }
 
-/// A column that is read: where its numbers go, and the divisor that makes them SI, negative where the sign is reversed.
+/// A column to read: the destination of its numbers, and the divisor that converts them to SI,
+/// negative if the sign is reversed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Slot {
-    /// A [`Quantity`], or a place of the reader's own.
+    /// A [`Quantity`], or an index of the reader's own.
     pub(crate) output: usize,
     pub(crate) per_si: f64,
 }
@@ -157,7 +158,7 @@ impl Slot {
     }
 }
 
-/// Source of a layout that reads every column.
+/// Source of a layout that reads all columns.
 const ALL_COLUMNS: &str = "the first line";
 
 /// The columns of one file.
@@ -165,9 +166,9 @@ const ALL_COLUMNS: &str = "the first line";
 pub(crate) struct Layout {
     pub(crate) names: Vec<String>,
     pub(crate) slots: Vec<Option<Slot>>,
-    /// Where the names come from, for messages.
+    /// Source of the names, for messages.
     pub(crate) source: &'static str,
-    /// What was assumed about them.
+    /// Assumptions about them.
     pub(crate) notes: Vec<String>,
 }
 
@@ -176,18 +177,19 @@ impl Layout {
         self.slots.iter().flatten().any(|slot| slot.is(quantity))
     }
 
-    /// Every column as it stands, for who wants to see all of them.
+    /// All columns unchanged.
     pub(crate) fn all(names: Vec<String>) -> Self {
         let slots = (0..names.len()).map(|output| Some(Slot { output, per_si: 1.0 })).collect();
         Self { names, slots, source: ALL_COLUMNS, notes: Vec::new() }
     }
 
-    /// Whether a cell that is no number counts as a missing one: where all columns are read, most of them do not matter.
+    /// Whether a non-numeric cell counts as missing: if all columns are read, most of them are
+    /// irrelevant.
     pub(crate) fn tolerates_text(&self) -> bool {
         self.source == ALL_COLUMNS
     }
 
-    /// What each quantity comes from, as `--columns` would say it.
+    /// The column of each quantity, in the syntax of `--columns`.
     pub(crate) fn words(&self) -> Vec<String> {
         let of = |quantity: Quantity| {
             let mut own = self.slots.iter().zip(&self.names);
@@ -200,14 +202,14 @@ impl Layout {
         Quantity::ALL.into_iter().filter_map(of).collect()
     }
 
-    /// The force with its sign reversed.
+    /// Reverses the sign of the force.
     pub(crate) fn flip_force(&mut self) {
         let slots = self.slots.iter_mut().flatten();
         slots.filter(|slot| slot.is(Quantity::Force)).for_each(|slot| slot.per_si = -slot.per_si);
         self.notes.push("sign of the force reversed".into());
     }
 
-    /// From `--columns time_s,position_mm,-,force_n`.
+    /// Layout from `--columns time_s,position_mm,-,force_n`.
     pub(crate) fn from_mapping(mapping: &str, needed: &[Quantity]) -> Result<Self, RecordingError> {
         let names: Vec<String> = mapping.split(',').map(|name| name.trim().to_owned()).collect();
         let slots = names.iter().map(|name| mapped_slot(name)).collect::<Result<Vec<_>, _>>()?;
@@ -223,8 +225,8 @@ impl Layout {
         Ok(layout)
     }
 
-    /// From the names in a header line, or of a table, with what is declared beside them as `units` (one each, or none at all);
-    /// `given` are the columns that somebody has named by hand.
+    /// Layout from the names in a header line or of a table, with their declared units `units` (one
+    /// each, or none at all); `given` are the columns named explicitly.
     pub(crate) fn from_header(
         file: &str,
         place: &str,
@@ -260,12 +262,13 @@ impl Layout {
     }
 }
 
-/// A column of a table that is no file: where it stands, from 0, and how many of its unit make one SI unit.
+/// A column of a table that is not a file: its index, from 0, and the number of its units per SI
+/// unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TableColumn {
-    /// Place among the names.
+    /// Index among the names.
     pub index: usize,
-    /// To be divided by.
+    /// Divisor for conversion to SI.
     pub per_si: f64,
 }
 
@@ -276,21 +279,21 @@ pub struct TableColumns {
     pub needed: [TableColumn; 3],
     /// Velocity, if there is one.
     pub velocity: Option<TableColumn>,
-    /// What was assumed.
+    /// Assumptions made.
     pub notes: Vec<String>,
 }
 
 impl TableColumns {
-    /// Finds the columns of `table` by their `names`, by the same rules as in the header of a file, or by `mapping`
-    /// (`time_s,position_mm,-,force_n`) in their order.
+    /// Finds the columns of `table` by their `names`, with the same rules as for the header of a
+    /// file, or by `mapping` (`time_s,position_mm,-,force_n`) in their order.
     ///
     /// # Errors
-    /// [`RecordingError`] where a column or its unit is missing or unclear.
+    /// [`RecordingError`] if a column or its unit is missing or ambiguous.
     pub fn find(table: &str, names: &[String], mapping: Option<&str>) -> Result<Self, RecordingError> {
         Self::find_with_units(table, names, &[], mapping)
     }
 
-    /// The same with the units that are declared beside the names; empty where none is.
+    /// The same with the units declared for the names; empty if there are none.
     pub(crate) fn find_with_units(
         table: &str,
         names: &[String],
@@ -332,8 +335,8 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
     Ok(Some(Slot::of(reading.quantity, per_si)))
 }
 
-/// The entries of `--columns`, divided at commas, but not within a name in double quotes: one that begins with them and ends with
-/// them.
+/// The entries of `--columns`, separated by commas except within a name that begins and ends with
+/// double quotes.
 fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
     let (mut found, mut begin, mut quoted) = (Vec::new(), 0, false);
     for (at, c) in mapping.char_indices() {
@@ -364,14 +367,15 @@ fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Given {
     pub(crate) quantity: Quantity,
-    /// As declared in the entry; otherwise the column's own name has to say.
+    /// Unit declared in the entry; otherwise the column's own name must give it.
     per_si: Option<f64>,
     pub(crate) column: String,
     reversed: bool,
 }
 
 impl Given {
-    /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`; a name in double quotes may hold commas.
+    /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`; a name in double quotes may
+    /// contain commas.
     pub(crate) fn parse(mapping: &str) -> Result<Vec<Self>, RecordingError> {
         let given = entries(mapping)?.into_iter().map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
         for (k, entry) in given.iter().enumerate() {
@@ -404,7 +408,7 @@ impl Given {
         Ok(Self { quantity: reading.quantity, per_si: reading.per_si, column, reversed })
     }
 
-    /// Place of the column among `names`: the same name, or the only one that differs in case alone.
+    /// Index of the column among `names`: the same name, or the only one that differs only in case.
     fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
         if let Some(index) = names.iter().position(|name| *name == self.column) {
             return Ok(index);
@@ -419,7 +423,7 @@ impl Given {
         }
     }
 
-    /// With the unit of the entry, else with that of `name`.
+    /// Slot with the unit of the entry, otherwise with that of `name`.
     pub(crate) fn slot_for(&self, name: &str) -> Result<Slot, RecordingError> {
         self.slot(recognise(name))
     }
@@ -450,17 +454,17 @@ fn unit_list(quantity: Quantity) -> String {
     names.join(", ")
 }
 
-/// A `--columns` value for a file with this many columns, keeping what the readings already say.
+/// A `--columns` value for a file with this many columns, keeping what the names already give.
 pub(crate) fn example_mapping(count: usize) -> String {
     let mut names = vec!["-"; count.max(3)];
     names[..3].copy_from_slice(&["time_s", "position_mm", "force_n"]);
     names.join(",")
 }
 
-/// What one quantity gets from a header.
+/// Column of one quantity according to a header.
 enum Choice {
     Column(usize, Slot),
-    /// An optional quantity that cannot be used, and why.
+    /// An optional quantity that cannot be used, and the reason.
     Ignored(String),
     None,
 }
@@ -536,13 +540,13 @@ impl Header<'_> {
     }
 }
 
-/// The quantity that a name with an SI unit speaks of, and the unit.
+/// The quantity denoted by a name with an SI unit, and the unit.
 pub(crate) fn si_quantity(name: &str) -> Option<(Quantity, &'static str)> {
     let reading = recognise(name).filter(|reading| reading.per_si == Some(1.0))?;
     Some((reading.quantity, reading.quantity.units()[0].0))
 }
 
-/// The unit at the end of a name that speaks of one of our quantities.
+/// The unit at the end of a name that denotes one of the quantities.
 pub(crate) fn unit_in(name: &str) -> Option<&'static str> {
     let reading = recognise(name)?;
     let per_si = reading.per_si?;
@@ -559,18 +563,18 @@ pub(crate) fn unit_in(name: &str) -> Option<&'static str> {
     })
 }
 
-/// What a column of times is counted in, per second, if its unit is known; `None` if it is no column of times.
+/// Units per second of a column of times, if known; `None` if it is not a column of times.
 pub(crate) fn time_unit(name: &str, unit: Option<&str>) -> Option<Option<f64>> {
     let reading = recognise(&format!("{name} {}", unit.unwrap_or_default()))?;
     (reading.quantity == Quantity::Time).then_some(reading.per_si)
 }
 
-/// Whether the name speaks of one of our quantities.
+/// Whether the name denotes one of the quantities.
 pub(crate) fn is_recognised(name: &str) -> bool {
     recognise(name).is_some()
 }
 
-/// Whether every cell is a unit and nothing else, as in the second header line some loggers write.
+/// Whether every cell is only a unit, as in the second header line of some loggers.
 pub(crate) fn is_unit_row(cells: &[String]) -> bool {
     let bare = |cell: &String| {
         let lower = cell.to_lowercase().replace(['µ', 'μ'], "u");

@@ -1,8 +1,9 @@
-//! What files hold before anything is chosen from it: tables of named columns.
+//! Content of files before any selection: tables of named columns.
 //!
-//! A Parquet file, an Arrow stream or a text file is one table. A MATLAB or HDF5 file has one table for each group of vectors of one length,
-//! a robot log one for each topic. Which columns are time, position, velocity and force is decided elsewhere
-//! ([`super::columns`]), by their names and units; here they are numbers as they stand in the file.
+//! A Parquet file, an Arrow stream or a text file is one table. A MATLAB or HDF5 file has one table
+//! for each group of vectors of equal length, a robot log one for each topic. [`super::columns`]
+//! identifies the columns of time, position, velocity and force by their names and units. Here they
+//! are numbers as stored in the file.
 
 use std::fs::File;
 use std::io::Read;
@@ -12,70 +13,75 @@ use super::RecordingError;
 use super::formats::{Source, mat5};
 use super::text::TextTable;
 
-/// Most rows handed on at a time: what bounds the memory of everything that streams.
+/// Most rows per batch: bounds the memory of all streaming readers.
 pub(crate) const BATCH_ROWS: usize = 1 << 16;
 
 /// A column of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Name as in the file; for a message the path to the field, such as `position[insertion]` or `wrench.force.z`.
+    /// Name as in the file; for a message, the path to the field, such as `position[insertion]` or
+    /// `wrench.force.z`.
     pub name: String,
-    /// Unit as the file declares it beside the name (an attribute, a field's metadata, a message's definition).
+    /// Unit that the file declares for the name (an attribute, a field's metadata, a message's
+    /// definition).
     pub unit: Option<String>,
     /// Whether it holds numbers; other columns are listed and cannot be read.
     pub is_numeric: bool,
 }
 
-/// Columns of one length.
+/// Columns of equal length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     /// Topic, group or variable; empty where a file is one table.
     pub name: String,
-    /// What it is in the terms of its format, such as `sensor_msgs/msg/JointState`; empty where there is no more to say.
+    /// Its type in the terms of its format, such as `sensor_msgs/msg/JointState`; empty if there is
+    /// none.
     pub kind: String,
-    /// Rows, where the file says so without being read.
+    /// Number of rows, if the file states it without being read.
     pub rows: Option<u64>,
     /// Its columns, in the file's order.
     pub columns: Vec<Column>,
 }
 
 impl Table {
-    /// The one table of a text, of unknown length.
+    /// The single table of a text file, of unknown length.
     pub(super) fn without_a_name(columns: Vec<Column>) -> Self {
         Self { name: String::new(), kind: String::new(), rows: None, columns }
     }
 }
 
-/// A file that has been opened and understood as far as its tables.
+/// An opened file whose tables are known.
 pub(crate) trait Container {
     /// Name of the format, such as `Parquet`.
     fn format(&self) -> &'static str;
 
-    /// What it holds.
+    /// Its tables.
     fn tables(&self) -> &[Table];
 
-    /// What is to be known about it, such as the time that its stamps count from.
+    /// Notes, such as the time origin of its stamps.
     fn notes(&self) -> &[String] {
         &[]
     }
 
-    /// What is damaged or cannot be read in it.
+    /// Damaged or unreadable content.
     fn warnings(&self) -> &[String] {
         &[]
     }
 
-    /// Which clock a column of times follows: the times of two columns may be compared only if this is the same.
+    /// Clock of a column of times: the times of two columns may be compared only if their clocks
+    /// are equal.
     fn clock(&self, _table: usize, _column: usize) -> usize {
         0
     }
 
-    /// Starts to read some columns of one table, by their places, from the first row on.
+    /// Starts to read some columns of one table, by their indices, from the first row.
     ///
     /// # Errors
-    /// [`RecordingError`] when the file cannot be read any more, or a column is not numeric.
+    /// [`RecordingError`] when the file can no longer be read, or a column is not numeric.
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError>;
 
-    /// The same columns whole, for a format that can read them without batches; `None` leaves it to [`Container::open`].
+    /// The complete columns, for a format that can read them without batches; `None` defers to
+    /// [`Container::open`].
     ///
     /// # Errors
     /// As for [`Container::open`] and [`Batches::next`].
@@ -84,27 +90,28 @@ pub(crate) trait Container {
     }
 }
 
-/// Rows of some columns, many at a time.
+/// Batches of rows of some columns.
 pub(crate) trait Batches: Send {
-    /// Replaces what `columns` hold by the next rows, at most [`BATCH_ROWS`] of them, all columns of one length; NaN where a cell is
-    /// missing. `false` at the end, with `columns` empty.
+    /// Replaces the content of `columns` by the next rows, at most [`BATCH_ROWS`], all columns of
+    /// equal length; NaN for a missing cell. `false` at the end, with `columns` empty.
     ///
     /// # Errors
-    /// [`RecordingError`], with the row where the file is damaged; everything in front of it has been handed on before.
+    /// [`RecordingError`], with the row at which the file is damaged; all rows before it were
+    /// returned earlier.
     fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError>;
 
-    /// How the rows were made, where that is more than reading; complete at the end.
+    /// How the rows were computed, if not simply read; complete at the end.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// What was lost on the way so far; complete at the end.
+    /// Losses so far; complete at the end.
     fn warnings(&self) -> Vec<String> {
         Vec::new()
     }
 }
 
-/// A file of any format; text is one table.
+/// Opens a file of any format; text is one table.
 pub(crate) fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     match open(path)? {
         Some(container) => Ok(container),
@@ -112,9 +119,10 @@ pub(crate) fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     }
 }
 
-/// What the first bytes of a file say that it is, if it is one of the formats that are not text.
+/// Opens the file if its first bytes identify a format other than text.
 ///
-/// Only regular files are looked at, as the bytes of a pipe are gone once they are read, and folders that are ROS 2 bags.
+/// Only regular files and folders that are ROS 2 bags are examined, since the bytes of a pipe can
+/// be read only once.
 pub(crate) fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
     let name = path.display().to_string();
     let refused = |source| RecordingError::Open { file: name.clone(), source };
@@ -138,7 +146,7 @@ pub(crate) fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingE
     kind.open(path, file, length, source).map(Some)
 }
 
-/// The bag that a folder is, if it has the mark of one.
+/// Opens a folder as a bag, if it is one.
 fn open_folder(path: &Path, file: String) -> Result<Option<Box<dyn Container>>, RecordingError> {
     if !path.join("metadata.yaml").is_file() {
         return Ok(None);
@@ -152,10 +160,10 @@ fn open_folder(path: &Path, file: String) -> Result<Option<Box<dyn Container>>, 
     Ok(None)
 }
 
-/// First bytes looked at: as far as the second place where the signature of HDF5 may stand.
+/// Number of first bytes examined: up to the second possible position of the HDF5 signature.
 const HEAD: usize = 520;
 
-/// A format that is told by its first bytes.
+/// A format identified by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Parquet,
@@ -198,7 +206,7 @@ impl Kind {
         }
     }
 
-    /// Opens the file, or says which feature this build lacks for it.
+    /// Opens the file, or reports the feature that this build lacks for it.
     #[cfg_attr(not(feature = "all-formats"), allow(unused_variables, reason = "every format takes its own"))]
     fn open(self, path: &Path, file: File, length: u64, source: Source) -> Result<Box<dyn Container>, RecordingError> {
         #[cfg(not(feature = "all-formats"))]
@@ -233,7 +241,8 @@ impl Kind {
     }
 }
 
-/// Whether what follows the mark of a message could be the length of a schema, which begins every stream.
+/// Whether the bytes after the message marker can be the length of a schema, which begins every
+/// stream.
 fn is_arrow_message(head: &[u8]) -> bool {
     let length = head.get(4..8).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
     (16..1 << 24).contains(&length) && length % 8 == 0

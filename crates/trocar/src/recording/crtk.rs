@@ -1,53 +1,55 @@
-//! What the topics of a surgical robot mean, by the names of the collaborative robotics toolkit (key CRTK in SOURCES.md) and the types of
-//! their messages.
+//! Meaning of the topics of a surgical robot, from the names of the collaborative robotics toolkit
+//! (key CRTK in SOURCES.md) and the types of their messages.
 //!
-//! `measured_js`, `measured_cp`, `measured_cv`, `measured_cf` are measured joints, pose, velocity and wrench; `setpoint_`, `servo_`,
-//! `interpolate_`, `move_` and `goal_` are commands, which are never taken for measurements. The instrument moves along its insertion
-//! joint, which is prismatic: position in m, effort in N, positive on insertion.
+//! `measured_js`, `measured_cp`, `measured_cv`, `measured_cf` are measured joints, pose, velocity
+//! and wrench. `setpoint_`, `servo_`, `interpolate_`, `move_` and `goal_` are commands, which are
+//! never used as measurements. The instrument moves along its insertion joint, which is prismatic:
+//! position in m, effort in N, positive on insertion.
 
 use super::columns::Quantity;
 use super::formats::{HEADER_STAMP, LOG_TIME};
 
-/// How sure a reading is.
+/// Certainty of an interpretation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Certainty {
-    /// Could be; somebody has to say so.
+    /// Possible; must be confirmed by the user.
     Unclear,
-    /// Taken where there is nothing better, and said.
+    /// Used if there is nothing better, with a note.
     Likely,
     /// Follows from the names.
     Clear,
 }
 
-/// What a column could be.
+/// Possible meaning of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Candidate {
     pub(crate) quantity: Quantity,
-    /// The unit that names and types imply, SI.
+    /// The SI unit implied by names and types.
     pub(crate) unit: &'static str,
     pub(crate) why: String,
     pub(crate) certainty: Certainty,
 }
 
-/// What the name of a column in a topic says.
+/// Meaning of a column according to its name in a topic.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Meaning {
     Candidate(Candidate),
-    /// A command; the reason in words.
+    /// A command; the reason as text.
     Command(String),
     Unknown,
 }
 
-/// Operations of CRTK that command.
+/// CRTK operations that are commands.
 const COMMANDS: [&str; 5] = ["setpoint", "servo", "interpolate", "move", "goal"];
 
-/// The joint that moves an instrument through its trocar, as the last word of a joint's name.
+/// The joint that moves an instrument through its trocar, as the last part of a joint's name.
 const INSERTION: &str = "insertion";
 
-/// Largest share of the travel along one axis that the other two may have for it to be the instrument's.
+/// Largest travel along the other two axes, relative to that along one axis, at which the latter
+/// counts as the instrument's.
 const ACROSS: f64 = 0.05;
 
-/// What column `field` of the topic `topic` with messages of the type `kind` means.
+/// Meaning of column `field` of the topic `topic` with messages of the type `kind`.
 pub(crate) fn meaning(topic: &str, kind: &str, field: &str) -> Meaning {
     let operation = topic.rsplit('/').next().unwrap_or(topic);
     let verb = operation.split('_').next().unwrap_or(operation);
@@ -67,7 +69,8 @@ pub(crate) fn meaning(topic: &str, kind: &str, field: &str) -> Meaning {
     found.map_or(Meaning::Unknown, Meaning::Candidate)
 }
 
-/// The axis that carries nearly all of the travel of a pose, from the range of each coordinate; `None` when there is no such.
+/// The axis with nearly all of the travel of a pose, from the range of each coordinate; `None` if
+/// there is none.
 pub(crate) fn axis_of_travel(ranges: [f64; 3]) -> Option<usize> {
     let longest = (0..3).max_by(|&a, &b| ranges[a].total_cmp(&ranges[b]))?;
     let is_alone = (0..3).filter(|&axis| axis != longest).all(|axis| ranges[axis] <= ACROSS * ranges[longest]);
@@ -91,7 +94,7 @@ fn time(field: &str) -> Candidate {
     }
 }
 
-/// `position[insertion]` and the like.
+/// `position[insertion]` and similar.
 fn joint(field: &str, measured: bool) -> Option<Candidate> {
     let (array, label) = field.strip_suffix(']')?.split_once('[')?;
     let is_insertion = label.rsplit(['_', '/', '-']).next() == Some(INSERTION) || label.ends_with("insertion_joint");

@@ -1,4 +1,5 @@
-//! Streams that may be compressed: gzip and zstd are told by their first bytes and taken off.
+//! Streams that may be compressed: gzip and zstd are detected by their first bytes and
+//! decompressed.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read};
@@ -17,10 +18,10 @@ const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Bytes read at a time.
 const PIECE: usize = 1 << 16;
 
-/// The text in a file or of standard input.
+/// The text in a file or from standard input.
 pub(super) struct TextInput {
     pub(super) text: Box<dyn Read + Send>,
-    /// Size of the file, compressed or not, and how much of it has been read; `None` for a stream.
+    /// Size of the file, compressed or not, and number of bytes read; `None` for a stream.
     pub(super) file: Option<(u64, Arc<AtomicU64>)>,
 }
 
@@ -44,7 +45,7 @@ impl TextInput {
     }
 }
 
-/// Counts the bytes that go through.
+/// Counts the bytes read.
 struct Counted<R> {
     inner: R,
     read: Arc<AtomicU64>,
@@ -58,10 +59,12 @@ impl<R: Read> Read for Counted<R> {
     }
 }
 
-/// The text of a stream that is compressed, or is not; several gzip members or zstd frames after each other are one text.
+/// The text of a stream that may be compressed; several consecutive gzip members or zstd frames
+/// form one text.
 ///
 /// # Errors
-/// What the operating system said about the first bytes, or that the stream is zstd and this build lacks it.
+/// The error of the operating system for the first bytes, or that the stream is zstd and this build
+/// lacks it.
 fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
     let mut head = Vec::with_capacity(ZSTD.len());
     (&mut input).take(ZSTD.len() as u64).read_to_end(&mut head)?;
@@ -90,7 +93,7 @@ fn zstd_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Se
     Err(io::Error::new(io::ErrorKind::Unsupported, text))
 }
 
-/// A decoder whose errors say what they are about and how far it came.
+/// A decoder whose errors state the format and the position reached.
 struct Told<R> {
     text: R,
     format: &'static str,

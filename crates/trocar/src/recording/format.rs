@@ -1,6 +1,6 @@
-//! How a text file separates its cells and writes its decimals, found from its first lines.
+//! Cell separator and decimal mark of a text file, detected from its first lines.
 
-/// What stands between two cells.
+/// Separator between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Separator {
     Byte(u8),
@@ -14,7 +14,7 @@ pub(crate) struct Format {
     pub(crate) decimal_comma: bool,
 }
 
-/// In order of preference when several explain the lines equally well.
+/// In order of preference if several fit the lines equally well.
 const CANDIDATES: [Format; 9] = [
     Format { separator: Separator::Byte(b';'), decimal_comma: false },
     Format { separator: Separator::Byte(b';'), decimal_comma: true },
@@ -37,7 +37,7 @@ impl Format {
             .unwrap_or(Format { separator: Separator::Byte(b','), decimal_comma: false })
     }
 
-    /// Splits without regard to quotes; good enough to judge a format by.
+    /// Splits without regard to quotes; sufficient to evaluate a format.
     fn cells(self, line: &[u8]) -> Vec<&[u8]> {
         match self.separator {
             Separator::Byte(byte) => line.split(|&b| b == byte).collect(),
@@ -73,7 +73,7 @@ fn comma_number(cell: &[u8]) -> Option<f64> {
     whole.then(|| fast_float2::parse(&*digits).ok()).flatten()
 }
 
-/// Rows made of numbers only, and numbers in all.
+/// Number of rows that consist only of numbers, and total number of numbers.
 fn score(format: Format, rows: &[&[u8]]) -> (usize, usize) {
     let mut score = (0, 0);
     for row in rows {
@@ -92,7 +92,7 @@ fn score(format: Format, rows: &[&[u8]]) -> (usize, usize) {
     score
 }
 
-/// The first candidate with the largest score, if any scores at all.
+/// The first candidate with the largest score, if any is above zero.
 fn best(score: impl Fn(Format) -> (usize, usize)) -> Option<Format> {
     let mut best = ((0, 0), None);
     for format in CANDIDATES {

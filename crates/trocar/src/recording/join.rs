@@ -1,18 +1,24 @@
-//! Topics of a log joined in time: rows at the times of one topic, the others brought to them.
+//! Topics of a log aligned in time: rows at the times of one topic, the others interpolated to
+//! them.
 //!
 //! # Method
-//! - Rows stand at the stamps of one topic, the one of the position unless another is asked for. Its values are as they are.
-//! - The values of every other topic are interpolated linearly between the two samples around the row; a sample at the very time of
-//!   the row counts by itself. Nothing is extrapolated: in front of the first sample and after the last the value is NaN.
-//! - Nor is anything interpolated across a gap: an interval longer than [`LONGEST_GAP`] times the 95th percentile of that topic's
-//!   intervals (found to within 1 %) gives NaN.
-//! - The clock is `header.stamp` where every topic has it, it follows the same clock in all, and it advances in each; else the log's
-//!   time. Stamps that differ from the log's time by a constant beyond their scatter, and by another one in each topic, are of clocks
-//!   that disagree, and are reported.
-//! - Samples are sorted by the clock within [`WINDOW`] rows; those that come later, repeat a time or have none are left out and counted.
+//! - Rows are at the stamps of one topic, by default that of the position. Its values are
+//!   unchanged.
+//! - The values of every other topic are interpolated linearly between the two samples around the
+//!   row; a sample at exactly the time of the row is used alone. Nothing is extrapolated: before
+//!   the first sample and after the last the value is NaN.
+//! - Nor is anything interpolated across a gap: an interval longer than [`LONGEST_GAP`] times the
+//!   95th percentile of that topic's intervals (determined to within 1 %) gives NaN.
+//! - The clock is `header.stamp` if every topic has it, all follow the same clock, and it advances
+//!   in each; otherwise the log's time. If the difference between stamps and the log's time is a
+//!   constant beyond its scatter, and another constant in each topic, the clocks disagree, which is
+//!   reported.
+//! - Samples are sorted by the clock within [`WINDOW`] rows; those that come later, repeat a time
+//!   or have none are omitted and counted.
 //!
-//! Each topic is read twice: its clocks alone, for its rate and gaps, and then the columns asked for. Memory is bounded by the batches of
-//! each topic, whatever its length; the result does not depend on how the file is divided.
+//! Each topic is read twice: first only its clocks, for its rate and gaps, then the requested
+//! columns. Memory is bounded by the batches of each topic, whatever its length; the result does
+//! not depend on how the file is divided.
 
 use std::collections::BTreeMap;
 
@@ -20,19 +26,22 @@ use super::container::{BATCH_ROWS, Batches, Container};
 use super::formats::{HEADER_STAMP, LOG_TIME};
 use super::{RecordingError, Table};
 
-/// Longest interval that is interpolated across, in 95th percentiles of a topic's intervals.
+/// Longest interval across which values are interpolated, in 95th percentiles of a topic's
+/// intervals.
 const LONGEST_GAP: f64 = 3.0;
 
-/// Rows within which samples are put in order.
+/// Rows within which samples are sorted.
 const WINDOW: usize = 4096;
 
-/// Most differences of stamps and log times that are kept; of more, every second, fourth, ... one.
+/// Most differences of stamps and log times that are stored; if there are more, every second,
+/// fourth, ... one.
 const MOST_KEPT: usize = 4096;
 
-/// Largest share of the intervals that may stand still or go back in a clock that advances.
+/// Largest fraction of the intervals that may be zero or negative in a clock that advances.
 const STANDING: f64 = 0.01;
 
-/// How far constant differences between stamps and log times must lie apart, in their scatter, to speak of different clocks.
+/// Least distance between constant differences of stamps and log times, in units of their scatter,
+/// that indicates different clocks.
 const CLEARLY: f64 = 3.0;
 
 /// Smallest difference between clocks that is reported, in s.
@@ -42,23 +51,23 @@ const SMALLEST_SHIFT: f64 = 1e-4;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pick {
     pub(crate) table: usize,
-    /// The clock, if it is not to be chosen.
+    /// The clock, if it is given.
     pub(crate) clock: Option<usize>,
     pub(crate) values: Vec<usize>,
 }
 
-/// Topics on one clock: its times, then the values of each pick.
+/// Topics aligned on one clock: its times, then the values of each pick.
 pub(crate) struct Joined {
     /// Name of the clock's column.
     pub(crate) clock: String,
     pub(crate) batches: Box<dyn Batches>,
-    /// The method, and what each topic was like.
+    /// The method, and properties of each topic.
     pub(crate) notes: Vec<String>,
     /// Clocks that disagree.
     pub(crate) warnings: Vec<String>,
 }
 
-/// Joins `picks` onto the times of the pick at the place `onto`.
+/// Aligns `picks` to the times of the pick with index `onto`.
 ///
 /// # Errors
 /// [`RecordingError`] when the file cannot be read, or a topic has no clock that advances.
@@ -126,7 +135,7 @@ fn choose(
     Ok((clocks, vec![format!("times are {LOG_TIME}, because {why}")]))
 }
 
-/// Stamps whose distance from the log's time differs between topics by more than it scatters.
+/// Stamps whose distance from the log's time differs between topics by more than its scatter.
 fn shifts(container: &dyn Container, picks: &[Pick], surveys: &[Survey]) -> Vec<String> {
     let mut warnings = Vec::new();
     for (a, one) in surveys.iter().enumerate() {
@@ -150,11 +159,11 @@ fn shifts(container: &dyn Container, picks: &[Pick], surveys: &[Survey]) -> Vec<
     warnings
 }
 
-/// What the clocks of a topic are like.
+/// Properties of the clocks of a topic.
 struct Survey {
     stamp_column: Option<usize>,
     log_column: Option<usize>,
-    /// A clock asked for that is neither.
+    /// A requested clock that is neither.
     own_column: Option<usize>,
     stamps: Option<Pace>,
     logs: Option<Pace>,
@@ -203,7 +212,7 @@ fn survey(container: &dyn Container, pick: &Pick) -> Result<Survey, RecordingErr
 struct Pace {
     last: Option<f64>,
     span: f64,
-    /// Intervals that advance, by the leading bits of their length: 128 bins to a doubling.
+    /// Positive intervals, by the leading bits of their length: 128 bins per doubling.
     bins: BTreeMap<u64, u64>,
     advancing: u64,
     standing: u64,
@@ -233,7 +242,7 @@ impl Pace {
         self.advancing > 0 && self.standing as f64 <= STANDING * self.advancing as f64
     }
 
-    /// Upper end of the bin of the interval that a share of them do not exceed, in s.
+    /// Upper end of the bin of the interval that the fraction `share` of them do not exceed, in s.
     fn quantile(&self, share: f64) -> f64 {
         let mut left = (share * self.advancing as f64).ceil() as u64;
         for (bin, count) in &self.bins {
@@ -259,7 +268,7 @@ struct Lag {
     seen: u64,
 }
 
-/// Middle of the lags, and the width within which nine of ten lie, in s.
+/// Middle of the lags, and the width that contains nine of ten, in s.
 struct Spread {
     median: f64,
     width: f64,
@@ -299,7 +308,7 @@ impl Lag {
 struct Lane {
     name: String,
     batches: Box<dyn Batches>,
-    /// As they come from the file, and how many of them have been taken.
+    /// Samples as read from the file, and the number already used.
     inbox: Vec<Vec<f64>>,
     taken: usize,
     /// In order from `from` to `ready`; the clock is the first column.
@@ -311,7 +320,7 @@ struct Lane {
     left_out: u64,
     rate: f64,
     longest: f64,
-    /// The sample in front of the row that is being made.
+    /// The sample before the current row.
     before: Option<Vec<f64>>,
     outside: u64,
     in_gaps: u64,
@@ -340,8 +349,8 @@ impl Lane {
         }
     }
 
-    /// Takes the next [`WINDOW`] rows of the file and puts them in order with those that wait. Always as many, so that nothing depends on
-    /// how the file hands them on.
+    /// Reads the next [`WINDOW`] rows of the file and sorts them with those waiting. The number is
+    /// constant, so the result does not depend on the batches of the file.
     fn fill(&mut self) -> Result<(), RecordingError> {
         for column in &mut self.rows {
             column.drain(..self.from);
@@ -368,7 +377,7 @@ impl Lane {
         Ok(())
     }
 
-    /// Sorts what waits by the clock, without rows that have no time or come too late.
+    /// Sorts the waiting rows by the clock, without rows that have no time or come too late.
     fn order(&mut self) {
         let clock = &self.rows[0];
         if clock.iter().all(|time| *time >= self.last) && clock.is_sorted() {
@@ -393,7 +402,7 @@ impl Lane {
         Ok(Some(self.rows[0][self.from]))
     }
 
-    /// Takes the next sample out.
+    /// Removes the next sample.
     fn pop(&mut self) -> Vec<f64> {
         let row: Vec<f64> = self.rows.iter().map(|column| column[self.from]).collect();
         self.from += 1;
@@ -401,7 +410,7 @@ impl Lane {
         row
     }
 
-    /// Adds the values at `time`, which never goes back, to `columns`.
+    /// Adds the values at `time`, which never decreases, to `columns`.
     fn at(&mut self, time: f64, columns: &mut [Vec<f64>]) -> Result<(), RecordingError> {
         while self.head()?.is_some_and(|head| head <= time) {
             let sample = self.pop();
@@ -510,7 +519,7 @@ mod tests {
     /// Difference allowed between a line and its interpolation, in its own unit: rounding of numbers up to 10.
     const EXACT: f64 = 1e-11;
 
-    /// Topics in memory, handed on in pieces.
+    /// Topics in memory, returned in pieces.
     struct Log {
         tables: Vec<Table>,
         columns: Vec<Vec<Vec<f64>>>,
@@ -524,7 +533,7 @@ mod tests {
     }
 
     impl Log {
-        /// Topics of stamps, log times and one value each.
+        /// Topics with stamps, log times and one value each.
         fn new(piece: usize, topics: &[(&str, Vec<[f64; 3]>)]) -> Self {
             let column = |name: &str| Column { name: name.into(), unit: None, is_numeric: true };
             let table = |(name, _): &(&str, Vec<[f64; 3]>)| Table {
@@ -580,7 +589,8 @@ mod tests {
         (all, joined)
     }
 
-    /// A topic from `start` s on with `intervals`, on the line `value = 3 + 2 (t - late)`, logged 1 ms after its stamp.
+    /// A topic from `start` s with `intervals`, on the line `value = 3 + 2 (t - late)`, logged 1 ms
+    /// after its stamp.
     fn line(start: f64, intervals: &[f64], late: f64) -> Vec<[f64; 3]> {
         let mut time = start;
         let row = |interval: &f64| {
@@ -624,7 +634,8 @@ mod tests {
                 rows.chunks_mut(2 + (seed % 20) as usize).for_each(<[_]>::reverse);
                 rows
             };
-            // Stamps out of order would not count as advancing: the clock is the same, as it is asked for.
+            // Stamps out of order would not count as advancing: the clock is the same because it is
+            // requested.
             let log = Log::new(piece, &[("/a", turned(&a)), ("/b", turned(&b))]);
             let picks: Vec<Pick> = (0..2).map(|table| Pick { table, clock: Some(0), values: vec![2] }).collect();
             let mut found = vec![Vec::new(); 3];
@@ -634,7 +645,7 @@ mod tests {
                 found.iter_mut().zip(&batch).for_each(|(all, batch)| all.extend_from_slice(batch));
             }
             prop_assert_eq!(&found[..2], &expected[..2]);
-            // The gaps were found in the order of the file, which is all that may differ.
+            // The gaps were determined in the order of the file, the only permitted difference.
             for (found, expected) in found[2].iter().zip(&expected[2]) {
                 prop_assert!(found.is_nan() || expected.is_nan() || found == expected);
             }

@@ -1,22 +1,22 @@
-//! Lines of CSV on their way out.
+//! Output of CSV lines.
 
 use std::io::Write;
 
-/// Lines of CSV, formatted into a reusable buffer that is handed on in large pieces.
+/// Lines of CSV, formatted into a reusable buffer that is written in large pieces.
 #[derive(Default)]
 pub(crate) struct Line {
     bytes: Vec<u8>,
     digits: zmij::Buffer,
 }
 
-/// Where the decimal point goes: sign and ten digits before it.
+/// Position of the decimal point: sign and ten digits before it.
 const POINT: usize = 12;
 
 /// Bytes copied of a short decimal, at least its longest form.
 const WIDTH: usize = 24;
 
 impl Line {
-    /// Bytes collected before they are handed on.
+    /// Bytes collected before they are written.
     const PIECE: usize = 1 << 16;
 
     /// Appends a number and a comma.
@@ -28,8 +28,9 @@ impl Line {
         self
     }
 
-    /// Appends a number of up to six decimals, as times and encoder positions mostly are, in a quarter of the time that
-    /// the shortest digits of any number take. Nothing is lost: the quotient below is what these digits read back as.
+    /// Appends a number of up to six decimals, as most times and encoder positions are, in a
+    /// quarter of the time needed for the shortest digits of an arbitrary number. Nothing is lost:
+    /// the quotient below is the value that these digits represent.
     fn short_decimal(&mut self, value: f64) -> bool {
         let scaled = value * 1e6;
         let units = (scaled + 0.5_f64.copysign(scaled)) as i64;
@@ -38,7 +39,8 @@ impl Line {
             return false;
         }
         let size = units.unsigned_abs();
-        // The digits end at `POINT + 7`; what follows lets the copy below have a fixed length.
+        // The digits end at `POINT + 7`; the bytes after them allow the copy below to have a fixed
+        // length.
         let mut digits = [b'0'; POINT + 7 + WIDTH];
         digits[POINT] = b'.';
         let mut decimals = (size % 1_000_000) as u32;
@@ -65,14 +67,14 @@ impl Line {
         true
     }
 
-    /// Appends a word and a comma.
+    /// Appends a string and a comma.
     pub(crate) fn word(&mut self, word: &str) -> &mut Self {
         self.bytes.extend_from_slice(word.as_bytes());
         self.bytes.push(b',');
         self
     }
 
-    /// Ends the line in place of the last comma.
+    /// Ends the line, replacing the last comma.
     pub(crate) fn finish(&mut self, output: &mut impl Write) -> std::io::Result<()> {
         if let Some(last) = self.bytes.last_mut() {
             *last = b'\n';
@@ -80,7 +82,7 @@ impl Line {
         if self.bytes.len() >= Self::PIECE { self.flush(output) } else { Ok(()) }
     }
 
-    /// Hands on what is left.
+    /// Writes the remaining bytes.
     pub(crate) fn flush(&mut self, output: &mut impl Write) -> std::io::Result<()> {
         output.write_all(&self.bytes)?;
         self.bytes.clear();

@@ -1,4 +1,5 @@
-//! Which topics of a robot log are position, velocity and force, put together on one clock.
+//! Selects the topics of a robot log that are position, velocity and force, and aligns them on one
+//! clock.
 
 use super::RecordingError;
 use super::choice::{Choice, allowed};
@@ -8,30 +9,30 @@ use super::crtk::{Candidate, Certainty, Meaning, axis_of_travel, meaning};
 use super::formats::{HEADER_STAMP, LOG_TIME};
 use super::join::{Pick, join};
 
-/// Topics joined, and what was assumed.
+/// Aligned topics, and the assumptions made.
 pub(super) struct Chosen {
     pub(super) layout: Layout,
     pub(super) batches: Box<dyn Batches>,
     pub(super) warnings: Vec<String>,
 }
 
-/// A column of a topic taken for a quantity.
+/// A topic column used for a quantity.
 struct Taken {
     quantity: Quantity,
     table: usize,
     column: usize,
     slot: Slot,
-    /// In words, unless somebody has named it.
+    /// The reason, unless the column was named by the user.
     why: Option<String>,
 }
 
-/// Whether tables are topics of a log: they have its times.
+/// Whether tables are topics of a log: they have log times.
 pub(super) fn is_log(tables: &[Table]) -> bool {
     let is_clock = |name: &str| name == HEADER_STAMP || name == LOG_TIME;
     tables.iter().any(|table| table.columns.iter().any(|column| is_clock(&column.name)))
 }
 
-/// Finds the quantities in the topics of `container` and joins them onto the times of the position.
+/// Finds the quantities in the topics of `container` and aligns them to the times of the position.
 pub(super) fn choose(
     file: &str,
     container: &dyn Container,
@@ -74,7 +75,7 @@ impl Topics<'_> {
         format!("{}.{}", table.name, table.columns[column].name)
     }
 
-    /// All numeric columns of the topics to look in.
+    /// All numeric columns of the topics to search.
     fn columns(&self) -> impl Iterator<Item = (usize, usize)> {
         let tables = self.container.tables();
         let of = move |table: &usize| {
@@ -84,7 +85,8 @@ impl Topics<'_> {
         self.allowed.iter().flat_map(of).filter(move |(table, column)| tables[*table].columns[*column].is_numeric)
     }
 
-    /// The column that `--columns` names: by topic and field, or by the field alone where only one topic has it.
+    /// The column that `--columns` names: by topic and field, or by the field alone if only one
+    /// topic has it.
     fn named(&self, given: &Given) -> Result<Taken, RecordingError> {
         let field = |(table, column): (usize, usize)| &self.container.tables()[table].columns[column].name;
         let whole = self.columns().find(|&(table, column)| self.name(table, column) == given.column);
@@ -106,7 +108,7 @@ impl Topics<'_> {
         Ok(Taken { quantity: given.quantity, table, column, slot, why: None })
     }
 
-    /// What names and types say of a column.
+    /// Meaning of a column according to names and types.
     fn candidate(&self, table: usize, column: usize) -> Option<Candidate> {
         let topic = &self.container.tables()[table];
         match meaning(&topic.name, &topic.kind, &topic.columns[column].name) {
@@ -116,7 +118,8 @@ impl Topics<'_> {
         }
     }
 
-    /// The column that is clearly a quantity. Velocity is taken from the topic of the position alone.
+    /// The column that is clearly a quantity. Velocity is taken only from the topic of the
+    /// position.
     fn found(
         &self,
         quantity: Quantity,
@@ -149,7 +152,7 @@ impl Topics<'_> {
         }
     }
 
-    /// Of a pose, the axis that carries nearly all of the travel is likely the instrument's.
+    /// Of a pose, the axis with nearly all of the travel is likely that of the instrument.
     fn settle_axes(&self, candidates: &mut [(usize, usize, Candidate)]) -> Result<(), RecordingError> {
         if candidates.iter().any(|(_, _, candidate)| candidate.certainty > Certainty::Unclear) {
             return Ok(());
@@ -183,7 +186,7 @@ impl Topics<'_> {
         }
     }
 
-    /// The column of `table` that is called as the clock is that somebody has named.
+    /// The column of `table` that has the name of the clock chosen by the user.
     fn same_clock(&self, clock: &Taken, table: usize) -> Result<usize, RecordingError> {
         let tables = self.container.tables();
         let name = &tables[clock.table].columns[clock.column].name;
@@ -194,7 +197,7 @@ impl Topics<'_> {
         })
     }
 
-    /// All that was taken, as rows at the times of the first.
+    /// All selected columns, as rows at the times of the first.
     fn joined(&self, taken: &[Taken], clock: Option<Taken>) -> Result<Chosen, RecordingError> {
         let mut picks: Vec<Pick> = Vec::new();
         for column in taken {
@@ -229,7 +232,7 @@ impl Topics<'_> {
     }
 }
 
-/// A topic of single numbers that is called after a quantity with its unit, such as `/bench/force_n`.
+/// A topic of single numbers whose name is a quantity with its unit, such as `/bench/force_n`.
 fn by_topic_name(topic: &Table, column: usize) -> Option<Candidate> {
     if topic.columns[column].name != "data" {
         return None;

@@ -1,7 +1,8 @@
 //! Recordings of an instrument moving through a seal: time, position and force, read from and written to CSV.
 //!
-//! The only place that knows file columns and units. Everything behind it is SI: s, m, m/s, N; velocity and force
-//! are positive on insertion. What a file lacks is reported in [`Quality`], never repaired on reading.
+//! The only module that knows file columns and units. Everything after it is in SI: s, m, m/s, N;
+//! velocity and force are positive on insertion. Missing data are reported in [`Quality`], never
+//! repaired on reading.
 
 use std::fmt;
 use std::io::Write;
@@ -55,13 +56,13 @@ mod screen;
 mod tables;
 mod text;
 
-/// Fewest samples that make a recording.
+/// Fewest samples of a recording.
 pub const MIN_SAMPLES: usize = 8;
 
 /// Longest stroke accepted, in m: no instrument moves further through a trocar.
 pub const LONGEST_STROKE: f64 = 2.0;
 
-/// Where in a recording something was found.
+/// A position in a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// Line of the file, counted from 1.
@@ -82,23 +83,23 @@ impl fmt::Display for Place {
     }
 }
 
-/// One recording in SI units; all columns have the same length and time strictly increases.
+/// One recording in SI units; all columns have the same length and time is strictly increasing.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// File name without its folder.
     pub name: String,
-    /// SHA-256 of the file's bytes (of the text in it, where that is compressed by gzip or zstd), or of the columns when there is no file;
-    /// lower-case hexadecimal.
+    /// SHA-256 of the file's bytes (of its text if it is compressed by gzip or zstd), or of the
+    /// columns when there is no file; lower-case hexadecimal.
     pub sha256: String,
     /// Time in s.
     pub time: Vec<f64>,
-    /// Position in m, growing on insertion.
+    /// Position in m, increasing on insertion.
     pub position: Vec<f64>,
-    /// Force in N, the device on the seal.
+    /// Force in N, of the device on the seal.
     pub force: Vec<f64>,
     /// Velocity in m/s, if the file has it.
     pub velocity: Option<Vec<f64>>,
-    /// What was found about the data.
+    /// Quality of the data.
     pub quality: Quality,
 }
 
@@ -107,9 +108,9 @@ pub struct Recording {
 pub struct Readings {
     /// Time in s.
     pub time: Vec<f64>,
-    /// Position in m, growing on insertion.
+    /// Position in m, increasing on insertion.
     pub position: Vec<f64>,
-    /// Force in N, the device on the seal.
+    /// Force in N, of the device on the seal.
     pub force: Vec<f64>,
     /// Velocity in m/s, if there is one.
     pub velocity: Option<Vec<f64>>,
@@ -127,14 +128,15 @@ impl Readings {
     }
 }
 
-/// How to read a file.
+/// Options for reading a file.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
-    /// What to take from the file.
+    /// What to read from the file.
     pub choice: Choice,
     /// Largest force the sensor can read, in N; readings there count as saturated.
     pub sensor_limit: Option<f64>,
-    /// Most samples to keep; of a longer recording excerpts spread over the whole are taken, and a note says so.
+    /// Most samples to keep; of a longer recording, excerpts spread over its whole length are kept,
+    /// and a note reports this.
     pub most_samples: Option<usize>,
     /// Most memory the columns may take, in bytes.
     pub memory_limit: Option<u64>,
@@ -147,10 +149,11 @@ impl From<&Recording> for trocar_runtime::model_file::RecordingInfo {
 }
 
 impl Recording {
-    /// A recording from columns in SI units, looked over like one from a file.
+    /// A recording from columns in SI units, checked like one from a file.
     ///
     /// # Errors
-    /// [`RecordingError`] when the columns differ in length or the data have no meaning, as for [`read`].
+    /// [`RecordingError`] when the columns differ in length or the data are invalid, as for
+    /// [`read`].
     pub fn from_columns(
         name: impl Into<String>,
         time: Vec<f64>,
@@ -186,8 +189,9 @@ impl Recording {
         collector.finish(&name, name.clone(), readings.sha256(), sensor_limit)
     }
 
-    /// A recording from blocks of rows in SI units, cropped and thinned like one from a file, whatever its length; `next` replaces the
-    /// rows of a block, `false` at the end. Its hash is that of the hashes of its columns, each as in [`Readings`].
+    /// A recording of any length from blocks of rows in SI units, cropped and thinned like one from
+    /// a file. `next` replaces the rows of a block and returns `false` at the end. The hash is that
+    /// of the hashes of its columns, each as in [`Readings`].
     ///
     /// # Errors
     /// Those of `next`, and as for [`Recording::from_columns`].
@@ -219,7 +223,7 @@ impl Recording {
         self.time.len()
     }
 
-    /// Whether there are no samples; never so for a recording that was read.
+    /// Whether there are no samples; never true for a recording that was read.
     pub fn is_empty(&self) -> bool {
         self.time.is_empty()
     }
@@ -229,20 +233,22 @@ impl Recording {
         self.time.last().unwrap_or(&0.0) - self.time.first().unwrap_or(&0.0)
     }
 
-    /// Whether sample `i` reads the end of the sensor's range, as found in [`Quality::saturated`].
+    /// Whether sample `i` is at the limit of the sensor's range, as found in
+    /// [`Quality::saturated`].
     pub fn is_clipped(&self, i: usize) -> bool {
         let force = self.force[i];
         self.quality.saturated.iter().any(|s| if s.level < 0.0 { force <= s.level } else { force >= s.level })
     }
 
-    /// Ranges of samples without a gap or reset inside; nothing may be concluded across their ends.
+    /// Ranges of samples without a gap or reset; no conclusion may be drawn across their ends.
     pub fn unbroken(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let starts = std::iter::once(0).chain(self.quality.breaks.iter().copied());
         let ends = self.quality.breaks.iter().copied().chain(std::iter::once(self.len()));
         starts.zip(ends).map(|(from, to)| from..to)
     }
 
-    /// The samples in `range` as a recording of their own, `what` after its name; a velocity column is left out.
+    /// The samples in `range` as a separate recording, with `what` appended to its name; a velocity
+    /// column is omitted.
     ///
     /// # Errors
     /// As for [`Recording::from_columns`].
@@ -252,7 +258,7 @@ impl Recording {
         Self::from_columns(name, cut(&self.time), cut(&self.position), cut(&self.force))
     }
 
-    /// The recording with the inertia and weight of a moving mass taken out of the force:
+    /// The recording with the inertia and weight of a moving mass removed from the force:
     /// `force - mass * (acceleration + gravity)`.
     ///
     /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the insertion axis (0 when
@@ -279,15 +285,15 @@ impl Recording {
 /// Reads a recording from a file; `-` reads text from standard input.
 ///
 /// # Errors
-/// [`RecordingError`], naming file and line, when a cell is no number, a row has the wrong number of cells, a column or
-/// its unit is missing or ambiguous, time stands still or runs backwards by more than an interval, the stroke is
-/// longer than any instrument's, or fewer than [`MIN_SAMPLES`] samples remain. Everything milder ends up in
-/// [`Recording::quality`].
+/// [`RecordingError`], naming file and line, when a cell is not a number, a row has the wrong
+/// number of cells, a column or its unit is missing or ambiguous, time is constant or decreases by
+/// more than an interval, the stroke is longer than that of any instrument, or fewer than
+/// [`MIN_SAMPLES`] samples remain. Less severe findings are recorded in [`Recording::quality`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingError> {
     read_in_words(path, options).map(|(recording, _)| recording)
 }
 
-/// The same, with the columns that it was read from in words of `--columns`.
+/// The same, with the columns used, in the syntax of `--columns`.
 pub(crate) fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, Vec<String>), RecordingError> {
     let file = path.display().to_string();
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
@@ -296,7 +302,8 @@ pub(crate) fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recor
     let rows = reader.expected().unwrap_or(0);
     let kept = options.most_samples.map_or(rows, |most| rows.min(most as u64));
     check_memory(&file, kept, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
-    // The estimate saves the copies of a growing column; a few percent cover lines that get shorter.
+    // The estimate avoids copies of a growing column; a few percent allow for lines that become
+    // shorter.
     let mut collector = Collector::new((kept + kept / 32) as usize, has_velocity, options.most_samples);
     collector = collector.counting(reader.count());
     while let Some(block) = reader.next_block()? {
@@ -307,18 +314,20 @@ pub(crate) fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recor
     recording.quality.notes.extend(reader.notes());
     let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
     recording.quality.warnings.extend(reader.warnings().into_iter().map(of_the_file));
-    // Columns without names are told in order.
+    // Columns without names are identified by their order.
     let in_order = options.choice.columns.clone().filter(|columns| !columns.contains('='));
     let words = in_order.map_or_else(|| reader.layout().words(), |columns| vec![columns]);
     Ok((recording, words))
 }
 
-/// [`Quality::position_resolution`] from the first rows of a file alone, in constant memory; 0 if none was found.
+/// [`Quality::position_resolution`] from only the first rows of a file, in constant memory; 0 if
+/// none was found.
 ///
 /// A force column is not needed.
 ///
 /// # Errors
-/// [`RecordingError`] when the file cannot be opened, its columns are unclear or one of those rows is no row of numbers.
+/// [`RecordingError`] when the file cannot be opened, its columns are ambiguous or one of those
+/// rows is not a row of numbers.
 pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, RecordingError> {
     let mut reader = Rows::open(path, choice, &[Quantity::Time, Quantity::Position], false)?;
     let mut positions = Vec::new();
@@ -329,13 +338,13 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
     Ok(screen::resolution(&positions))
 }
 
-/// Most rows that are held where `most` samples are asked for.
+/// Most rows held for a limit of `most` samples.
 #[cfg(feature = "parquet")]
 pub(crate) fn most_held(most: Option<usize>) -> u64 {
     collect::held(most) as u64
 }
 
-/// Refuses what would not fit.
+/// Rejects data that would not fit into the memory.
 pub(crate) fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
     const MB: u64 = 1_000_000;
     let needed = rows * columns * size_of::<f64>() as u64;
@@ -355,7 +364,7 @@ pub(crate) fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u6
 /// Every number is the shortest that reads back as the same value.
 ///
 /// # Errors
-/// What the operating system says when the output cannot take the bytes.
+/// The error of the operating system when the output cannot be written.
 pub fn write(
     mut output: impl Write,
     time: &[f64],

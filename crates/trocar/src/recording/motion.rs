@@ -4,9 +4,10 @@
 //! x(t) ~ a0 + a1 (t - t_i) + a2 (t - t_i)^2   least squares over |t - t_i| <= window / 2
 //! velocity = a1, acceleration = 2 a2
 //! ```
-//! The window never crosses a gap or a reset, and takes in further samples where fewer than five lie inside. On even
-//! sampling the fit passes half of the power at 0.86 / window Hz for the acceleration and 0.58 / window Hz for the
-//! velocity; at the ends of a stretch the window is one-sided and the noise several times larger.
+//! The window never crosses a gap or a reset, and is extended if it contains fewer than five
+//! samples. For even sampling the fit passes half of the power at 0.86 / window Hz for the
+//! acceleration and 0.58 / window Hz for the velocity. At the ends of a stretch the window is
+//! one-sided and the noise several times larger.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -16,16 +17,16 @@ use super::Recording;
 /// Fewest samples in a window: two more than the coefficients.
 const FEWEST: usize = 5;
 
-/// Windows tried for the acceleration: from five samples up, each this much longer than the last.
+/// Windows tried for the acceleration: from five samples, each longer than the last by this factor.
 const WINDOW_STEP: f64 = std::f64::consts::SQRT_2;
 
-/// Longest window tried, in s: what accelerates an instrument changes faster.
+/// Longest window tried, in s: forces on an instrument change faster.
 const LONGEST_WINDOW: f64 = 0.5;
 
-/// The wider window beside which an acceleration is told from noise, in windows.
+/// Width of the wider window, with which an acceleration is distinguished from noise, in windows.
 const WIDER: f64 = 4.0;
 
-/// Mean square, in noise variances, from which the two windows differ by more than noise.
+/// Mean square, in noise variances, above which the two windows differ by more than noise.
 const ABOVE_NOISE: f64 = 3.0;
 
 /// Velocity in m/s at every sample, from the positions over `window` seconds.
@@ -41,17 +42,19 @@ pub fn local_acceleration(recording: &Recording, window: f64) -> Vec<f64> {
 }
 
 impl Recording {
-    /// Acceleration in m/s^2 at every sample, as a mass feels it.
+    /// Acceleration in m/s^2 at every sample, as it acts on a mass.
     ///
-    /// The local fit over [`Recording::acceleration_window`], where it differs by more than noise from the fit over a window four
-    /// times as wide, and the latter elsewhere. With `d` the difference, `<d^2>` its mean square over the wider window and V the noise
-    /// variance of the narrower fit,
+    /// The local fit over [`Recording::acceleration_window`] where it differs by more than noise
+    /// from the fit over a window four times as wide, and the latter elsewhere. With `d` the
+    /// difference, `<d^2>` its mean square over the wider window and V the noise variance of the
+    /// narrower fit,
     ///
     /// ```text
     /// a = a_wide + d max(0, 1 - (3 V / <d^2>)^2)
     /// ```
-    /// Without that, noise in the accelerations would make a mass that is fitted to them too small (errors in variables). Pulses
-    /// blurred by the window are scaled to what a window of a third holds of them (regression calibration).
+    /// Without this, noise in the accelerations would bias a mass fitted to them towards zero
+    /// (errors in variables). Pulses blurred by the window are scaled by the ratio found with a
+    /// window of a third of its length (regression calibration).
     #[must_use]
     pub fn acceleration(&self) -> Vec<f64> {
         self.acceleration_about(self.acceleration_window())
@@ -74,8 +77,8 @@ impl Recording {
         best
     }
 
-    /// What a pulse of the true acceleration holds of that over `window`: blur grows with the square of the samples in the window,
-    /// and another window shows by how much.
+    /// Ratio of a pulse of the true acceleration to that over `window`. Blur grows with the square
+    /// of the samples in the window, and a second window determines its amount.
     fn left_by_blur(&self, acceleration: &[f64], window: f64) -> f64 {
         let third = window / 3.0;
         let other = if self.samples_in(third) < self.samples_in(window) { third } else { 2.0 * window };
@@ -88,9 +91,9 @@ impl Recording {
         1.0 + (of_pulses.clamp(0.8, 1.25) - 1.0) * n / (n - m).abs()
     }
 
-    /// Samples that a fit over `window` seconds takes.
+    /// Number of samples in a fit over `window` seconds.
     fn samples_in(&self, window: f64) -> f64 {
-        // A window of whole intervals holds the samples at its ends, whatever rounding makes of it.
+        // A window of whole intervals includes the samples at its ends, regardless of rounding.
         let on_each_side = (0.5 * window / self.quality.median_interval + 1e-6).floor();
         (2.0 * on_each_side + 1.0).max(FEWEST as f64)
     }
@@ -98,18 +101,19 @@ impl Recording {
     /// Variance, (m/s^2)^2, of the acceleration of a fit to `samples` positions.
     fn acceleration_variance(&self, samples: f64) -> f64 {
         let interval = self.quality.median_interval;
-        // Rounding to a step scatters by the step over the square root of twelve.
+        // Rounding to a step has the standard deviation of the step over the square root of twelve.
         let noise = self.quality.position_noise.max(self.quality.position_resolution / 12_f64.sqrt());
         let squared = samples * samples;
         720.0 * (noise / (interval * interval)).powi(2) / (samples * (squared - 1.0) * (squared - 4.0))
     }
 
-    /// The window in s that gives the acceleration with the least error, in the mean over the recording.
+    /// The window in s with the least error of the acceleration, averaged over the recording.
     ///
-    /// n positions with standard deviation s, taken every h seconds, give the acceleration with variance
-    /// `V(n) = 720 s^2 / (h^4 n (n^2 - 1) (n^2 - 4))`, and a bias b that grows with the square of the window. The bias is seen in the
-    /// difference from the fit over half the window, m samples: its mean square is
-    /// `b^2 (1 - (m / n)^2)^2 + V(m) - V(n)`, since the longer fit is the efficient one.
+    /// n positions with standard deviation s, taken every h seconds, give the acceleration with
+    /// variance `V(n) = 720 s^2 / (h^4 n (n^2 - 1) (n^2 - 4))`, and a bias b that grows with the
+    /// square of the window. The bias is estimated from the difference to the fit over half the
+    /// window, m samples: its mean square is `b^2 (1 - (m / n)^2)^2 + V(m) - V(n)`, since the
+    /// longer fit is the efficient one.
     #[must_use]
     pub fn acceleration_window(&self) -> f64 {
         let interval = self.quality.median_interval;
@@ -122,7 +126,7 @@ impl Recording {
             let variance = self.acceleration_variance(n);
             let by_noise = self.acceleration_variance(m) - variance;
             let long = local_acceleration(self, window);
-            // Half the window was tried two steps ago, but for the first two.
+            // Half the window was tried two steps ago, except for the first two.
             let short = earlier.pop_front().filter(|_| tried > 1);
             let short = short.unwrap_or_else(|| local_acceleration(self, window / 2.0));
             let excess = (mean_square_difference(&long, &short) - by_noise).max(0.0);
@@ -138,12 +142,12 @@ impl Recording {
     }
 }
 
-/// Mean square of what another window changes about the acceleration.
+/// Mean square change of the acceleration with another window.
 fn mean_square_difference(long: &[f64], short: &[f64]) -> f64 {
     long.iter().zip(short).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / long.len() as f64
 }
 
-/// Mean square of `values` over those up to `around` on either side of each.
+/// Mean square of `values` over up to `around` values on either side of each.
 fn mean_squares(values: &[f64], around: usize) -> Vec<f64> {
     let mut sums = vec![0.0];
     sums.extend(values.iter().scan(0.0, |sum, v| {
@@ -157,7 +161,7 @@ fn mean_squares(values: &[f64], around: usize) -> Vec<f64> {
     (0..values.len()).map(mean).collect()
 }
 
-/// What a sharper acceleration holds of a smooth one, where that is large.
+/// Ratio of a sharper acceleration to a smooth one, where the latter is large.
 fn pulse_ratio(smooth: &[f64], sharp: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = smooth.iter().map(|a| a.abs()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -183,8 +187,9 @@ fn local_fit(recording: &Recording, window: f64, take: impl Fn(Fit) -> f64) -> V
     out
 }
 
-/// Sums that slide along with the window. Their origin is moved to the present sample, and they are added up afresh,
-/// once per window length: rounding cannot pile up, and the cost per sample stays the same for any window.
+/// Sums over the sliding window. Once per window length their origin is moved to the present sample
+/// and they are recomputed. Rounding errors thus do not accumulate, and the cost per sample does
+/// not depend on the window.
 fn fit_stretch(time: &[f64], position: &[f64], half: f64, mut emit: impl FnMut(Fit)) {
     if time.len() < 3 {
         time.iter().for_each(|_| emit(Fit::default()));
@@ -205,7 +210,8 @@ fn fit_stretch(time: &[f64], position: &[f64], half: f64, mut emit: impl FnMut(F
     }
 }
 
-/// The samples within `half` of sample `k`, never fewer than five if the stretch has them; both ends only advance.
+/// The samples within `half` of sample `k`, at least five if the stretch has them; both ends only
+/// advance.
 fn window_around(time: &[f64], k: usize, half: f64, before: &Range<usize>) -> Range<usize> {
     let fewest = FEWEST.min(time.len());
     let mut start = before.start;
@@ -226,13 +232,13 @@ fn window_around(time: &[f64], k: usize, half: f64, before: &Range<usize>) -> Ra
 /// Moments of the samples in the window about an origin in time and position.
 struct Sums {
     origin: (f64, f64),
-    /// Inverse of the unit of time that keeps the powers near one.
+    /// Inverse of the time unit that keeps the powers near one.
     per_unit: f64,
     /// Sums of powers 0 to 4 of time.
     powers: [f64; 5],
     /// Sums of position times powers 0 to 2 of time.
     products: [f64; 3],
-    /// Sample at which the origin has to move.
+    /// Sample at which the origin must be moved.
     until: usize,
 }
 

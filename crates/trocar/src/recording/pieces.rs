@@ -9,15 +9,15 @@ use super::columns::Quantity;
 use super::rows::Rows;
 use super::{MIN_SAMPLES, ReadOptions, Recording, RecordingError};
 
-/// Reads a recording piece by piece; each is looked over by itself, and no piece holds more samples than asked for, but for the last,
-/// which may hold the few more that would be too few for one of their own.
+/// Reads a recording piece by piece; each is checked separately. No piece holds more samples than
+/// requested except the last, which may include the few that would be too few for a separate piece.
 pub struct Pieces {
     file: String,
     name: String,
     rows: Rows<'static>,
-    /// What the file has.
+    /// The columns of the file.
     columns: Vec<Quantity>,
-    /// Rows read and not yet handed on.
+    /// Rows read and not yet returned.
     ahead: VecDeque<Row>,
     samples: usize,
     sensor_limit: Option<f64>,
@@ -25,11 +25,11 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// Opens the file at `path`, or standard input for `-`, to be read in pieces of `samples` samples, at least
-    /// [`MIN_SAMPLES`].
+    /// Opens the file at `path`, or standard input for `-`, to be read in pieces of `samples`
+    /// samples, at least [`MIN_SAMPLES`].
     ///
     /// # Errors
-    /// As for [`read`](super::read), as far as they show before the first row.
+    /// As for [`read`](super::read), as far as they are detected before the first row.
     pub fn open(path: &Path, options: &ReadOptions, samples: usize) -> Result<Self, RecordingError> {
         let file = path.display().to_string();
         let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
@@ -40,12 +40,13 @@ impl Pieces {
         Ok(Self { file, name, rows, columns, ahead: VecDeque::new(), samples, sensor_limit, found: 0 })
     }
 
-    /// Part of the file read so far, 0 to 1 (0 for a stream), and the rows.
+    /// Fraction of the file read so far, 0 to 1 (0 for a stream), and the number of rows.
     pub fn progress(&self) -> (f64, u64) {
         (self.rows.part(), self.found)
     }
 
-    /// The next piece, or `None` after the last. The hash of a piece is empty: it is no file.
+    /// The next piece, or `None` after the last. The hash of a piece is empty, since it is not a
+    /// file.
     ///
     /// # Errors
     /// As for [`read`](super::read).
@@ -59,7 +60,7 @@ impl Pieces {
                 self.found += 1;
                 match self.columns.iter().all(|quantity| row.get(*quantity).is_finite()) {
                     true => self.ahead.push_back(row),
-                    // Only counted: it makes no sample.
+                    // Only counted: it gives no sample.
                     false => collector.add(row),
                 }
             }

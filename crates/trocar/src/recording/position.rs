@@ -1,12 +1,13 @@
-//! What a position sensor may do to its readings: single ones that are off, and all of them late.
+//! Errors of a position sensor: single outliers, and a delay of all readings.
 
 use std::ops::Range;
 
 use super::{MIN_SAMPLES, Recording, RecordingError};
 
-/// A glitch is off the line through its neighbours by this many times noise and resolution, at least by [`FLOOR`] ...
+/// A glitch deviates from the line through its neighbours by this many times noise and resolution,
+/// at least by [`FLOOR`] ...
 const OVER_NOISE: f64 = 10.0;
-/// ... and by this many times what the neighbours are off it, in the median.
+/// ... and by this many times the median deviation of the neighbours.
 const OVER_NEIGHBOURS: f64 = 4.0;
 /// Least size of a glitch, m.
 const FLOOR: f64 = 1e-6;
@@ -18,8 +19,8 @@ fn median<const N: usize>(mut values: [f64; N]) -> f64 {
     0.5 * (values[(N - 1) / 2] + values[N / 2])
 }
 
-/// How far `x[i]` is off the line through its neighbours, and these themselves in the median, m. The line is that of the
-/// median slope (THEIL), so that another glitch among the neighbours does not bend it.
+/// Deviation of `x[i]` from the line through its neighbours, and their own median deviation, m. The
+/// line has the median slope (THEIL), so another glitch among the neighbours does not affect it.
 fn off_line(t: &[f64], x: &[f64], i: usize) -> (f64, f64) {
     let near: [usize; 2 * NEIGHBOURS] =
         std::array::from_fn(|k| if k < NEIGHBOURS { i - NEIGHBOURS + k } else { i + 1 + k - NEIGHBOURS });
@@ -33,8 +34,9 @@ fn off_line(t: &[f64], x: &[f64], i: usize) -> (f64, f64) {
 }
 
 impl Recording {
-    /// The recording with single positions that jump off and come straight back put between their neighbours, and a
-    /// note on how many those were. A model that integrates the motion would snap through at each of them.
+    /// The recording with single positions that jump away and immediately return replaced by
+    /// interpolation, and a note with their number. A model that integrates the motion would snap
+    /// through at each of them.
     #[must_use]
     pub fn without_glitches(mut self) -> Self {
         let least = (OVER_NOISE * self.quality.position_noise.max(self.quality.position_resolution)).max(FLOOR);
@@ -62,11 +64,13 @@ impl Recording {
         self
     }
 
-    /// The recording with every force beside the position that was read `lag` seconds later: what a position sensor with
-    /// that delay would have read in time. The last `lag` seconds before an end or a gap are lost.
+    /// The recording with each force paired with the position that was read `lag` seconds later,
+    /// which compensates that delay of the position sensor. The last `lag` seconds before an end or
+    /// a gap are lost.
     ///
     /// # Errors
-    /// [`RecordingError::TooFewSamples`] when too little is left, and for a lag that is no number ≥ 0.
+    /// [`RecordingError::TooFewSamples`] when too little is left, and for a lag that is not a
+    /// number ≥ 0.
     pub fn with_position_delay(&self, lag: f64) -> Result<Self, RecordingError> {
         if lag == 0.0 {
             return Ok(self.clone());

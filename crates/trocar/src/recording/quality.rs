@@ -1,17 +1,17 @@
-//! What is known about the data themselves: sampling, noise, and everything lost or doubtful.
+//! Properties of the data: sampling, noise, and everything lost or doubtful.
 
 use serde::{Deserialize, Serialize};
 
-/// Rows with a fault in common.
+/// Rows with the same fault.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RowList {
-    /// How many.
+    /// Number of rows.
     pub count: usize,
     /// Lines of the first ones (samples, counted from 0, when there is no file).
     pub lines: Vec<u64>,
 }
 
-/// Lines listed of dropped rows.
+/// Largest number of lines listed.
 const LISTED: usize = 20;
 
 impl RowList {
@@ -22,7 +22,7 @@ impl RowList {
         }
     }
 
-    /// The places in words, `lines 3, 7, 9, ...`.
+    /// The lines as text, `lines 3, 7, 9, ...`.
     pub(super) fn places(&self, unit: &str) -> String {
         let shown: Vec<String> = self.lines.iter().take(5).map(u64::to_string).collect();
         let plural = if self.count == 1 { "" } else { "s" };
@@ -31,7 +31,7 @@ impl RowList {
     }
 }
 
-/// Time without samples.
+/// An interval without samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// First sample after the gap.
@@ -46,7 +46,7 @@ pub struct Gap {
     pub to: f64,
 }
 
-/// A jump of the position that no motion explains.
+/// A jump of the position that is no motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Reset {
     /// First sample after the jump.
@@ -58,36 +58,36 @@ pub struct Reset {
     pub jump: f64,
 }
 
-/// Force readings stuck at the end of the sensor's range.
+/// Force readings constant at the limit of the sensor's range.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Saturation {
-    /// Samples concerned.
+    /// Number of samples.
     pub count: usize,
-    /// The reading they are stuck at.
+    /// The limit, N.
     #[serde(rename = "level_n")]
     pub level: f64,
     /// Line of the first.
     pub first_line: u64,
 }
 
-/// Which kind of loss or doubt a warning is about.
+/// Kind of loss or doubt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum WarningKind {
-    /// Time without samples.
+    /// Intervals without samples.
     Gaps,
     /// Intervals scatter widely.
     Jitter,
-    /// Rows that repeat the one before, or its time.
+    /// Rows that repeat the previous one, or its time.
     RepeatedRows,
     /// Rows out of order by less than a sampling interval.
     UnorderedRows,
     /// Rows with an empty, NaN or infinite cell.
     NonFiniteRows,
-    /// Rows that hold an old position in the middle of motion.
+    /// Rows that repeat an old position during motion.
     HeldRows,
-    /// Force stuck at the end of the sensor's range.
+    /// Force constant at the limit of the sensor's range.
     Saturation,
     /// Position jumps.
     Resets,
@@ -99,25 +99,25 @@ pub enum WarningKind {
     Source,
 }
 
-/// One loss or doubt, for people to read.
+/// One loss or doubt, for the user.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Warning {
-    /// What it is about.
+    /// Its kind.
     pub kind: WarningKind,
-    /// What was found and where.
+    /// The finding and its location.
     pub message: String,
-    /// The way out, if there is one.
+    /// The remedy, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hint: Option<String>,
 }
 
-/// What was found about a recording. Numbers are SI; keys in JSON carry the unit.
+/// Quality of a recording. Values are in SI units; keys in JSON include the unit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Median interval between samples.
     #[serde(rename = "median_interval_s")]
     pub median_interval: f64,
-    /// Root mean square deviation of the intervals from their median, gaps left out.
+    /// Root mean square deviation of the intervals from their median, without gaps.
     #[serde(rename = "jitter_s")]
     pub jitter: f64,
     /// Longest interval.
@@ -126,39 +126,42 @@ pub struct Quality {
     /// Range of the position.
     #[serde(rename = "stroke_m")]
     pub stroke: f64,
-    /// Times without samples.
+    /// Intervals without samples.
     pub gaps: Vec<Gap>,
-    /// Rows equal to the one before, or with the same time; left out.
+    /// Rows equal to the previous one, or with the same time; omitted.
     pub repeated_rows: RowList,
-    /// Rows whose time lies less than one interval before the row above; left out.
+    /// Rows whose time is less than one interval before the previous row's; omitted.
     pub unordered_rows: RowList,
-    /// Rows with an empty, NaN or infinite cell; left out.
+    /// Rows with an empty, NaN or infinite cell; omitted.
     pub non_finite_rows: RowList,
-    /// Rows that hold an old position in the middle of motion, as when the logger stalled; left as they are.
+    /// Rows that repeat an old position during motion, as after a stall of the logger; left
+    /// unchanged.
     pub held_rows: RowList,
-    /// Force stuck at the end of the sensor's range, at most one entry per end.
+    /// Force constant at the limit of the sensor's range, at most one entry per limit.
     pub saturated: Vec<Saturation>,
     /// Position jumps.
     pub resets: Vec<Reset>,
-    /// Samples at which a new stretch begins: after gaps and resets, in order.
+    /// Samples at which a new unbroken part begins: after gaps and resets, in order.
     pub breaks: Vec<usize>,
-    /// Step of which all positions are whole multiples (encoder or printed digits); 0 if none was found.
+    /// Step of which all positions are integer multiples (encoder or printed digits); 0 if none was
+    /// found.
     #[serde(rename = "position_resolution_m")]
     pub position_resolution: f64,
     /// Robust standard deviation of the position about its neighbours.
     #[serde(rename = "position_noise_m")]
     pub position_noise: f64,
-    /// Step of which all forces are whole multiples; 0 if none was found.
+    /// Step of which all forces are integer multiples; 0 if none was found.
     #[serde(rename = "force_resolution_n")]
     pub force_resolution: f64,
     /// Robust standard deviation of the force about its neighbours.
     #[serde(rename = "force_noise_n")]
     pub force_noise: f64,
-    /// Whether the force opposes the motion throughout, as with a sensor mounted the other way round.
+    /// Whether the force opposes the motion throughout, as with a sensor mounted in the opposite
+    /// direction.
     pub force_opposes_motion: bool,
-    /// Everything lost or doubtful; not empty means exit code 3.
+    /// Everything lost or doubtful; if not empty, the exit code is 3.
     pub warnings: Vec<Warning>,
-    /// What was assumed, such as which columns were taken.
+    /// Assumptions made, such as the columns used.
     pub notes: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Rows of a recording in SI units, many at a time, whatever kind of file they come from.
+//! Rows of a recording in SI units, in blocks, from any kind of file.
 
 use std::fs::File;
 use std::io::Read;
@@ -21,10 +21,10 @@ use super::{Place, RecordingError, log};
 /// Bytes hashed at a time.
 const HASHED: usize = 1 << 20;
 
-/// Reads rows of some file or stream.
+/// Reads rows of a file or stream.
 pub(crate) struct Rows<'a> {
     source: Source<'a>,
-    /// Size of a text's file, and how much of it has been read; compressed or not.
+    /// Size of a text file, and number of bytes read; compressed or not.
     text_file: Option<(u64, Arc<AtomicU64>)>,
     crop: Crop,
     block: Block,
@@ -56,7 +56,8 @@ impl Rows<'static> {
 }
 
 impl<'a> Rows<'a> {
-    /// Rows of a text stream; `file` names it in messages; `is_file` where nobody waits for an answer to each row.
+    /// Rows of a text stream; `file` names it in messages; `is_file` if it is not used in real
+    /// time.
     pub(crate) fn from_text(
         file: &str,
         input: Box<dyn Read + Send + 'a>,
@@ -94,7 +95,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// What places are counted in.
+    /// Unit in which positions are counted.
     pub(crate) fn count(&self) -> Count {
         match self.source {
             Source::Text(_) => Count::Lines,
@@ -102,12 +103,12 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Where a row stands.
+    /// Position of a row.
     pub(crate) fn place(&self, row: Row) -> Place {
         self.count().place(row.line)
     }
 
-    /// How many rows there will be, where that can be told beforehand; roughly.
+    /// Approximate number of rows, if known in advance.
     pub(crate) fn expected(&self) -> Option<u64> {
         match &self.source {
             Source::Text(reader) => self.text_file.as_ref().map(|(size, read)| {
@@ -118,7 +119,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Part of the rows read so far, 0 to 1; 0 where nobody knows how many there are.
+    /// Fraction of the rows read so far, 0 to 1; 0 if their number is unknown.
     pub(crate) fn part(&self) -> f64 {
         let (done, all) = match &self.source {
             Source::Text(_) => {
@@ -130,7 +131,7 @@ impl<'a> Rows<'a> {
         all.filter(|all| *all > 0).map_or(0.0, |all| done as f64 / all as f64)
     }
 
-    /// SHA-256 of the file, in hexadecimal; meaningful after the last row, where it was asked for.
+    /// SHA-256 of the file, in hexadecimal; valid after the last row, if requested.
     pub(crate) fn digest(&mut self) -> Result<String, RecordingError> {
         match &mut self.source {
             Source::Text(reader) => Ok(reader.digest()),
@@ -141,7 +142,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// How columns were chosen and rows made; complete after the last row.
+    /// How columns were chosen and rows computed; complete after the last row.
     pub(crate) fn notes(&self) -> Vec<String> {
         let mut notes = self.layout().notes.clone();
         if let Source::Table(table) = &self.source {
@@ -150,7 +151,7 @@ impl<'a> Rows<'a> {
         notes
     }
 
-    /// What is lost or doubtful about the file itself; complete after the last row.
+    /// Losses and doubts about the file itself; complete after the last row.
     pub(crate) fn warnings(&self) -> Vec<String> {
         match &self.source {
             Source::Text(_) => Vec::new(),
@@ -231,14 +232,15 @@ impl TableRows {
                 column.iter_mut().for_each(|x| *x /= slot.per_si);
             }
         }
-        // Rows are counted from 1, as lines are.
+        // Rows are counted from 1, like lines.
         block.count_from(0, self.read + 1);
         self.read += block.len() as u64;
         Ok(true)
     }
 }
 
-/// Hashes a file on a thread of its own, while it is read; of a folder all files in it, by their names.
+/// Hashes a file on a separate thread while it is read; for a folder, all files in it, by their
+/// names.
 fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
     let path: PathBuf = path.to_owned();
     std::thread::spawn(move || {
@@ -249,7 +251,8 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
     })
 }
 
-/// The hash that a recording read from `path` will have: of the text, decompressed, of all files of a folder, or of the file.
+/// The hash that a recording read from `path` will have: of the decompressed text, of all files of
+/// a folder, or of the file.
 pub(crate) fn digest_of(path: &Path) -> Result<String, RecordingError> {
     let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
     let mut hash = Sha256::new();
@@ -281,7 +284,7 @@ fn hash_stream(mut stream: impl Read, hash: &mut Sha256) -> std::io::Result<()> 
     }
 }
 
-/// Which rows to keep, by their time after the first.
+/// Selects the rows to keep, by their time after the first.
 pub(crate) struct Crop {
     from: Option<f64>,
     to: Option<f64>,
@@ -293,7 +296,7 @@ impl Crop {
         Self { from: choice.from, to: choice.to, first: None }
     }
 
-    /// Places of the next rows that are kept; `None` where all are.
+    /// Indices of the next rows to keep; `None` for all.
     pub(crate) fn kept(&mut self, time: &[f64]) -> Option<Vec<usize>> {
         if self.from.is_none() && self.to.is_none() {
             return None;
@@ -325,7 +328,7 @@ mod tests {
     use super::*;
     use crate::recording::{ReadOptions, read};
 
-    /// What a journal of recordings is looked up by, without reading them.
+    /// A journal of recordings uses this hash for look-up, without reading them.
     #[test]
     fn the_hash_of_a_file_is_that_of_its_recording() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,47 +1,50 @@
-//! Looks a recording over: drops what cannot be used, refuses what has no meaning, and writes down the rest.
+//! Checks a recording: drops unusable rows, rejects invalid data, and records the quality of the
+//! rest.
 
 use std::ops::Range;
 
 use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 use super::{LONGEST_STROKE, MIN_SAMPLES, Place, RecordingError};
 
-/// Stroke in m below which the unit is doubtful: less than the seal of any trocar deforms.
+/// Stroke in m below which the unit is doubtful: less than the deformation of the seal of any
+/// trocar.
 const DOUBTFUL_STROKE: f64 = 1e-3;
 
-/// A gap is this much longer than 95 % of the intervals: two lost samples still count as jitter.
+/// Ratio of a gap to the 95th percentile of the intervals: two lost samples still count as jitter.
 const GAP_FACTOR: f64 = 3.0;
 
-/// Jitter above this part of the interval is worth a warning.
+/// Jitter, as a fraction of the interval, above which there is a warning.
 const DOUBTFUL_JITTER: f64 = 0.2;
 
-/// Part of the rows that may carry the time of the row before.
+/// Fraction of the rows that may have the time of the previous row.
 const TOLERATED_COINCIDENT: f64 = 0.05;
 
-/// A jump moves this many times faster than the samples on both sides ...
+/// A jump is faster by this factor than the samples on both sides ...
 const JUMP_FACTOR: f64 = 10.0;
 
-/// ... and this many times further than noise and resolution explain.
+/// ... and larger by this factor than noise and resolution explain.
 const JUMP_OVER_NOISE: f64 = 20.0;
 
-/// Samples on each side that a jump is compared with.
+/// Samples on each side with which a jump is compared.
 const JUMP_NEIGHBOURS: usize = 4;
 
-/// Over a stall and the step that ends it, the mean speed differs from that around by at most this factor.
+/// Largest ratio between the mean speed over a stall including the step that ends it, and the mean
+/// speed around it.
 const STALL_FACTOR: f64 = 3.0;
 
-/// Samples on each side over which that mean speed is taken.
+/// Samples on each side over which that mean speed is computed.
 const STALL_NEIGHBOURS: usize = 25;
 
-/// Identical extreme readings in a row that noise does not produce.
+/// Consecutive identical extreme readings that noise does not produce.
 const SATURATED_RUN: usize = 5;
 
-/// Values looked at for resolution and noise: enough for three digits, few enough to cost nothing.
+/// Values used to determine resolution and noise: enough for three digits, at negligible cost.
 pub(super) const LOOKED_AT: usize = 1 << 16;
 
-/// Deviations beyond this many standard deviations are not noise.
+/// Deviations above this many standard deviations are not noise.
 const NOISE_LIMIT: f64 = 5.0;
 
-/// From a Gaussian's median absolute value to its standard deviation.
+/// Ratio of a Gaussian's standard deviation to its median absolute value.
 const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
 
 /// The columns of a recording with the line of every sample.
@@ -54,7 +57,7 @@ pub(super) struct Columns {
     pub(super) lines: Lines,
 }
 
-/// What places are counted in.
+/// Unit in which positions are counted.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Count {
     /// Lines of a text, from 1.
@@ -84,11 +87,11 @@ impl Count {
     }
 }
 
-/// Line numbers, stored only where they do not simply count on.
+/// Line numbers, stored only where they are not consecutive.
 #[derive(Debug, Default)]
 pub(super) struct Lines {
     count: Count,
-    /// Sample and its line, wherever lines were left out before it.
+    /// Sample and its line, wherever lines were omitted before it.
     jumps: Vec<(usize, u64)>,
 }
 
@@ -109,7 +112,7 @@ impl Lines {
         line + (index - first) as u64
     }
 
-    /// Those of the samples in `kept`, which move together.
+    /// The line numbers of the samples in `kept`, which become contiguous.
     pub(super) fn keep(&mut self, kept: &[Range<usize>]) {
         let old = std::mem::take(&mut self.jumps);
         let old = Self { count: self.count, jumps: old };
@@ -127,8 +130,8 @@ impl Lines {
     }
 }
 
-/// Drops rows that add nothing, and describes the rest. `excerpts` are the times, s, at which another excerpt begins: what lies
-/// in front of them is no gap.
+/// Drops redundant rows and describes the rest. `excerpts` are the times, s, at which another
+/// excerpt begins: the interval before them is not a gap.
 pub(super) fn screen(
     file: &str,
     mut columns: Columns,
@@ -168,7 +171,7 @@ fn check_length(file: &str, found: usize) -> Result<(), RecordingError> {
     Ok(())
 }
 
-/// Leaves out rows whose time does not advance, and refuses a clock that runs backwards or stands still.
+/// Omits rows whose time does not increase, and rejects a clock that decreases or is constant.
 fn drop_standing_time(file: &str, columns: &mut Columns, quality: &mut Quality) -> Result<(), RecordingError> {
     if columns.time.windows(2).all(|pair| pair[1] > pair[0]) {
         return Ok(());
@@ -224,7 +227,7 @@ fn never_advances(file: &str, columns: &Columns) -> RecordingError {
 }
 
 impl Columns {
-    /// Moves sample `from` to the place `to` in front of it.
+    /// Moves sample `from` to the earlier index `to`.
     fn keep(&mut self, from: usize, to: usize) {
         if from == to {
             return;
@@ -282,16 +285,17 @@ pub(crate) fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
-/// The middle value; `None` of nothing.
+/// The median; `None` without values.
 pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len().checked_sub(1)? / 2;
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Standard deviation about the straight line through the two neighbours, which takes out slow motion.
+/// Standard deviation about the straight line through the two neighbours, which removes slow
+/// motion.
 ///
-/// Jumps are left out by comparison with the median. The median itself would be coarse where the noise is only a
-/// few steps of `resolution`.
+/// Jumps are excluded by comparison with the median. The median itself would be coarse if the noise
+/// is only a few steps of `resolution`.
 fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
     let stride = (values.len() / LOOKED_AT).max(1);
     let deviations = (1..values.len() - 1).step_by(stride).map(|k| {
@@ -311,17 +315,19 @@ fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// The greatest step of which nearly all differences are whole multiples.
+/// The largest step of which nearly all differences are integer multiples.
 ///
-/// The numbers are brought to whole multiples of a power of ten first. Each block of differences has its own
-/// greatest common divisor, and the divisor that most blocks share is taken, so a few odd values do no harm.
+/// The values are first scaled to integer multiples of a power of ten. Each block of differences
+/// has its own greatest common divisor, and the divisor common to most blocks is used, so a few odd
+/// values have no effect.
 pub(super) fn resolution(values: &[f64]) -> f64 {
     let looked_at = &values[..values.len().min(LOOKED_AT)];
     let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
     let Some(scale) = (0..=10)
         .map(|digits| 10_f64.powi(digits))
-        // Beyond 2^43 units the last digits of a double no longer tell a whole number from another.
+        // Above 2^43 units the last digits of a double no longer distinguish integers from other
+        // numbers.
         .find(|&scale| largest * scale < 8.8e12 && looked_at.iter().all(|&x| is_whole(x, scale)))
     else {
         return 0.0;
@@ -349,7 +355,8 @@ fn gcd(mut a: u64, mut b: u64) -> u64 {
     a
 }
 
-/// Steps of the position that are far faster than the motion before and after: resets, or the end of a stall.
+/// Position steps that are much faster than the motion before and after: resets, or the end of a
+/// stall.
 fn find_jumps(columns: &Columns, quality: &mut Quality) {
     let path = Path { time: &columns.time, position: &columns.position };
     let noise = quality.position_noise.max(quality.position_resolution);
@@ -360,7 +367,7 @@ fn find_jumps(columns: &Columns, quality: &mut Quality) {
             continue;
         }
         let stalled = path.stalled_before(k);
-        // A single equal position is chance where noise is a few steps of the resolution.
+        // A single equal position is chance if the noise is a few steps of the resolution.
         if k - stalled > 2 && path.catches_up(stalled, k) {
             (stalled + 1..k).for_each(|j| quality.held_rows.add(columns.lines.of(j)));
         } else if path.speed(k - 1, k) > JUMP_FACTOR * path.typical_speed_around(k) {
@@ -381,7 +388,7 @@ impl Path<'_> {
         ((self.position[to] - self.position[from]) / (self.time[to] - self.time[from])).abs()
     }
 
-    /// Larger of the median speeds in the few samples before and after the step to `k`.
+    /// Larger of the median speeds over the few samples before and after the step to `k`.
     fn typical_speed_around(&self, k: usize) -> f64 {
         let typical = |range: Range<usize>| {
             let mut speeds = [0.0; JUMP_NEIGHBOURS];
@@ -394,13 +401,13 @@ impl Path<'_> {
         before.max(typical(k + 1..(k + 1 + JUMP_NEIGHBOURS).min(self.time.len())))
     }
 
-    /// The first of the samples before `k` that all carry the position of sample `k - 1`.
+    /// The first of the samples before `k` that have the same position as sample `k - 1`.
     fn stalled_before(&self, k: usize) -> usize {
         let position = self.position[k - 1];
         k - self.position[..k].iter().rev().take_while(|&&x| x == position).count()
     }
 
-    /// Whether the way from `from` to `to` as a whole has about the mean speed of the motion before or after it.
+    /// Whether the mean speed from `from` to `to` is about that of the motion before or after it.
     fn catches_up(&self, from: usize, to: usize) -> bool {
         let first = from.saturating_sub(STALL_NEIGHBOURS);
         let last = (to + STALL_NEIGHBOURS).min(self.time.len() - 1);
@@ -413,16 +420,18 @@ impl Path<'_> {
     }
 }
 
-/// Runs of one and the same extreme reading; with noise on the force only the end of the range does that.
+/// Runs of the same extreme reading; with noise on the force, only the limit of the range produces
+/// them.
 fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Option<f64>) {
     let (low, high) = range(&columns.force);
-    // Where the sensor is saturated for most of the time, the readings as a whole seem to be without noise.
+    // If the sensor is saturated for most of the time, the readings as a whole appear to be free of
+    // noise.
     let inside = columns.time.iter().zip(&columns.force).filter(|(_, force)| low < **force && **force < high);
     let (time, force): (Vec<f64>, Vec<f64>) = inside.unzip();
     let noisy = force.len() >= MIN_SAMPLES && noise(&time, &force, quality.force_resolution) > quality.force_resolution;
     for (level, sign) in [(high, 1.0), (low, -1.0)] {
         let limit = sensor_limit.filter(|limit| sign * level >= *limit);
-        // Without noise any constant force repeats exactly, so repetition says nothing.
+        // Without noise any constant force repeats exactly, so repetition is no evidence.
         if limit.is_none() && !noisy {
             continue;
         }
@@ -438,9 +447,10 @@ fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Optio
     }
 }
 
-/// Whether the mean force while inserting lies clearly below that while withdrawing.
+/// Whether the mean force during insertion is clearly below that during withdrawal.
 ///
-/// An offset cancels in the difference; it takes both directions and a difference above half the scatter.
+/// An offset cancels in the difference. Both directions and a difference above half the scatter are
+/// required.
 fn force_opposes_motion(columns: &Columns) -> bool {
     let (time, position, force) = (&columns.time, &columns.position, &columns.force);
     let travel: f64 = position.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
@@ -482,7 +492,7 @@ impl Moments {
     }
 }
 
-/// Words for everything lost or doubtful. `unit` is what places are counted in: `line` or `sample`.
+/// Warnings about everything lost or doubtful. `unit` is the unit of positions: `line` or `sample`.
 fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let mut warn = |kind, message: String, hint: Option<&str>| {

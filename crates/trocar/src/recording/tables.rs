@@ -1,4 +1,4 @@
-//! Columns of files of any format, by name, as they stand in the file.
+//! Columns of files of any format, by name, as stored in the file.
 
 use std::path::Path;
 
@@ -7,21 +7,21 @@ use rayon::prelude::*;
 use super::RecordingError;
 use super::container::{self, Container, Table};
 
-/// What a file holds: its tables and their columns.
+/// Content of a file: its tables and their columns.
 ///
 /// # Errors
-/// [`RecordingError`] when the file cannot be opened, is damaged, or is of a format that is not read.
+/// [`RecordingError`] when the file cannot be opened, is damaged, or has an unsupported format.
 pub fn tables(path: impl AsRef<Path>) -> Result<Vec<Table>, RecordingError> {
     Ok(container::any(path.as_ref())?.tables().to_vec())
 }
 
-/// Columns of the table called `table` of a file, in the order asked for; NaN where a cell is missing.
+/// Columns of the table named `table` of a file, in the requested order; NaN for a missing cell.
 ///
-/// The numbers are as in the file, in its units, but for moments and durations, which are seconds: moments since the column's
-/// first.
+/// The numbers are those of the file, in its units, except timestamps and durations, which are in
+/// seconds: timestamps since the column's first.
 ///
 /// # Errors
-/// As for [`tables`], and when the table or a column is missing or holds no numbers.
+/// As for [`tables`], and when the table or a column is missing or not numeric.
 pub fn read_columns(path: impl AsRef<Path>, table: &str, columns: &[&str]) -> Result<Vec<Vec<f64>>, RecordingError> {
     let path = path.as_ref();
     let container = container::any(path)?;
@@ -31,18 +31,18 @@ pub fn read_columns(path: impl AsRef<Path>, table: &str, columns: &[&str]) -> Re
     }
     let rows = container.tables()[table].rows.unwrap_or(0);
     let mut batches = container.open(table, &places)?;
-    // What the file says of its rows is not trusted with more than a start.
+    // The number of rows stated in the file is used only for an initial allocation.
     let start = rows.min(1 << 24) as usize;
     let mut all: Vec<Vec<f64>> = places.iter().map(|_| Vec::with_capacity(start)).collect();
     let mut batch = vec![Vec::new(); places.len()];
     while batches.next(&mut batch)? {
-        // Fresh memory is what takes time here.
+        // Allocating new memory dominates the time here.
         all.par_iter_mut().zip(&batch).for_each(|(all, batch)| all.extend_from_slice(batch));
     }
     Ok(all)
 }
 
-/// Places of a table and of some of its columns.
+/// Indices of a table and of some of its columns.
 fn find(
     path: &Path,
     container: &dyn Container,

@@ -1,8 +1,9 @@
-//! Rows of numbers out of a text stream, in constant memory.
+//! Rows of numbers from a text stream, in constant memory.
 //!
-//! What has been read is cut at line ends into pieces that are parsed at the same time, while its hash is taken. Plain numeric
-//! lines take a path of their own (`fast_line`); quotes, comments, blank lines, decimal commas and everything wrong take the
-//! general one. A piece stops in front of a line that is wrong; the reader words the error once all rows before it are handed on.
+//! The input is split at line ends into pieces that are parsed in parallel, while its hash is
+//! computed. Plain numeric lines use a fast path (`fast_line`). Quotes, comments, blank lines,
+//! decimal commas and all faults use the general one. A piece ends before an invalid line; the
+//! reader formulates the error once all earlier rows have been returned.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -17,25 +18,26 @@ use super::decompress::TextInput;
 use super::format::{Format, Separator, whitespace_cells};
 use super::{RecordingError, columns};
 
-/// Bytes read at a time from a file, and from what somebody may be waiting for; the second is also the longest line accepted.
+/// Bytes read at a time from a file, and from a real-time stream; the second is also the longest
+/// line accepted.
 const CHUNK: usize = 4 << 20;
 const LONGEST_LINE: usize = 256 * 1024;
 
-/// Bytes worth a piece of their own.
+/// Least size of a piece in bytes.
 const PIECE: usize = 128 * 1024;
 
-/// Lines looked at to find the format.
+/// Lines examined to detect the format.
 const SNIFFED_LINES: usize = 16;
 
 /// Characters of a file quoted in a message.
 const QUOTED: usize = 60;
 
-/// What the reader is told about the columns.
+/// Columns requested from the reader.
 #[derive(Clone, Copy)]
 pub(crate) enum Wanted<'a> {
     /// Quantities, by a `--columns` value or by the names in the header; these must be there.
     Quantities(Option<&'a str>, &'a [Quantity]),
-    /// All columns, as they stand.
+    /// All columns, unchanged.
     All,
 }
 
@@ -43,7 +45,7 @@ pub(crate) enum Wanted<'a> {
 pub(crate) struct TextReader<R> {
     file: String,
     input: R,
-    /// Whether to wait for a full buffer; not where rows come from somebody who waits for an answer.
+    /// Whether to wait for a full buffer; false for rows that are used in real time.
     greedy: bool,
     buffer: Vec<u8>,
     /// Next byte to parse.
@@ -52,7 +54,7 @@ pub(crate) struct TextReader<R> {
     complete: usize,
     /// End of the bytes read.
     filled: usize,
-    /// First byte that the hash has not seen.
+    /// First byte not yet included in the hash.
     unhashed: usize,
     finished: bool,
     bytes_read: u64,
@@ -102,7 +104,7 @@ impl<R: Read> TextReader<R> {
         &mut self.layout
     }
 
-    /// SHA-256 of all bytes of the text, decompressed, in hexadecimal; meaningful after the last row.
+    /// SHA-256 of all bytes of the text, decompressed, in hexadecimal; valid after the last row.
     pub(crate) fn digest(&mut self) -> String {
         self.take_hash();
         self.hash.take().map(|hash| hex(&hash.finalize())).unwrap_or_default()
@@ -112,12 +114,12 @@ impl<R: Read> TextReader<R> {
         self.bytes_read
     }
 
-    /// Average bytes per line of what came first.
+    /// Average bytes per line of the first buffer.
     pub(crate) fn bytes_per_line(&self) -> f64 {
         self.bytes_per_line
     }
 
-    /// Replaces what `block` holds by the next rows; `false` at the end.
+    /// Replaces the content of `block` by the next rows; `false` at the end.
     pub(crate) fn fill(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
         block.clear();
         while block.len() == 0 {
@@ -132,7 +134,7 @@ impl<R: Read> TextReader<R> {
         Ok(true)
     }
 
-    /// Parses the complete lines up to the first that is wrong, and takes their hash meanwhile.
+    /// Parses the complete lines up to the first invalid one, and computes their hash meanwhile.
     fn parse_buffer(&mut self, block: &mut Block) -> Option<Fault> {
         let bytes = &self.buffer[self.start..self.complete];
         let (format, layout) = (self.format, &self.layout);
@@ -170,7 +172,8 @@ impl<R: Read> TextReader<R> {
         self.unhashed = self.filled;
     }
 
-    /// Moves the unfinished line to the front and reads on until at least one line is complete.
+    /// Moves the unfinished line to the front and continues reading until at least one line is
+    /// complete.
     fn refill(&mut self) -> Result<bool, RecordingError> {
         self.take_hash();
         self.buffer.copy_within(self.complete..self.filled, 0);
@@ -181,7 +184,7 @@ impl<R: Read> TextReader<R> {
                 let (file, line, limit) = (self.file.clone(), self.line, LONGEST_LINE);
                 return Err(RecordingError::LineTooLong { file, line, limit });
             }
-            // One byte is kept for the newline that the last line may lack.
+            // One byte is reserved for the newline that the last line may lack.
             let space = self.buffer.len() - 1;
             let read = match self.input.read(&mut self.buffer[self.filled..space]) {
                 Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
@@ -198,7 +201,7 @@ impl<R: Read> TextReader<R> {
         Ok(self.complete > 0)
     }
 
-    /// Counts `read` new bytes in; none are the end of the stream.
+    /// Counts `read` new bytes; zero means the end of the stream.
     fn take_in(&mut self, read: usize) {
         let fresh = &self.buffer[self.filled..self.filled + read];
         if let Some(at) = fresh.iter().rposition(|&b| b == b'\n') {
@@ -218,7 +221,7 @@ impl<R: Read> TextReader<R> {
         }
     }
 
-    /// Skips a byte order mark; refuses what is not text.
+    /// Skips a byte order mark; rejects anything that is not text.
     fn check_text(&mut self) -> Result<(), RecordingError> {
         let bytes = &self.buffer[..self.complete.max(self.filled)];
         let found = if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
@@ -257,7 +260,7 @@ impl<R: Read> TextReader<R> {
         if !self.layout.slots.is_empty() {
             return Ok(());
         }
-        // Some tools write the names as the last comment above the numbers.
+        // Some tools write the names as the last comment before the numbers.
         let commented = comment.map(|(line, text)| (line, self.cells(&text)));
         if let Some((line, names)) = commented.filter(|(_, cells)| cells.len() == names.len())
             && let Ok(layout) = self.layout_of(line, names, &[], wanted)
@@ -278,7 +281,7 @@ impl<R: Read> TextReader<R> {
         })
     }
 
-    /// Names need not be understood (`--columns` may say what they are), but they are not numbers.
+    /// Names need not be recognised (`--columns` may define them), but they are not numbers.
     fn is_header(&self, cells: &[String]) -> bool {
         let numeric = |cell: &&String| !cell.is_empty() && self.format.number(cell.as_bytes()).is_some();
         cells.iter().any(|cell| columns::is_recognised(cell)) || cells.iter().filter(numeric).count() == 0
@@ -304,7 +307,7 @@ impl<R: Read> TextReader<R> {
         Ok(())
     }
 
-    /// What the names say; columns whose next cell is text are not read where all are.
+    /// Layout from the names; if all columns are read, those whose next cell is text are skipped.
     fn layout_of(
         &self,
         line: u64,
@@ -348,7 +351,7 @@ impl<R: Read> TextReader<R> {
         }
     }
 
-    /// The `k`-th complete line in the buffer from here on, without its end.
+    /// The `k`-th complete line in the buffer from the current position, without its end.
     fn peek_line(&self, k: usize) -> Option<&[u8]> {
         let bytes = &self.buffer[self.start..self.complete];
         let line = bytes.split_inclusive(|&b| b == b'\n').nth(k)?;
@@ -370,7 +373,8 @@ impl<R: Read> TextReader<R> {
         (0..cells).map(|k| String::from_utf8_lossy(splitter.cell(k)).trim().to_owned()).collect()
     }
 
-    /// Words what is wrong with the line reached, or fails to read whether it is the last.
+    /// Formulates the error of the current line; fails if it cannot be read whether this is the
+    /// last line.
     fn word(&mut self, fault: Fault) -> Result<RecordingError, RecordingError> {
         match fault {
             Fault::FieldCount(found) => self.field_count(self.line, found),
@@ -458,16 +462,16 @@ impl Batches for TextBatches {
     }
 }
 
-/// What is wrong with a line.
+/// Fault of a line.
 #[derive(Debug)]
 enum Fault {
-    /// This many cells.
+    /// Number of cells.
     FieldCount(usize),
-    /// The cell of this column.
+    /// The cell of this column is not a number.
     NotANumber(usize, String),
 }
 
-/// Cuts `bytes`, which end with a line, into about `count` pieces that do.
+/// Splits `bytes`, which end with a line end, into about `count` pieces that do, too.
 fn cut(bytes: &[u8], count: usize) -> Vec<&[u8]> {
     let mut pieces = Vec::with_capacity(count.max(1));
     let mut rest = bytes;
@@ -493,7 +497,7 @@ struct Piece {
 }
 
 impl Piece {
-    /// Parses up to the end of `bytes` or the first line that is wrong.
+    /// Parses up to the end of `bytes` or the first invalid line.
     fn parse(bytes: &[u8], format: Format, layout: &Layout, columns: usize) -> Self {
         let mut piece = Self { rows: Block::new(columns), used: 0, lines: 0, fault: None };
         let mut splitter = Splitter::new(format.separator);
@@ -527,8 +531,8 @@ impl Piece {
     }
 }
 
-/// Parses one plain line into `columns`: numbers, single separators, no quotes. `None` leaves the line to the general path, and
-/// perhaps a part of it behind.
+/// Parses one plain line into `columns`: numbers, single separators, no quotes. `None` leaves the
+/// line to the general path; a part of it may already have been appended.
 fn fast_line(bytes: &[u8], format: Format, layout: &Layout, columns: &mut [Vec<f64>]) -> Option<usize> {
     let Separator::Byte(separator) = format.separator else {
         return None;
@@ -554,7 +558,7 @@ fn fast_line(bytes: &[u8], format: Format, layout: &Layout, columns: &mut [Vec<f
     Some(at)
 }
 
-/// One line in full generality into `columns`; `false` for blank and comment lines.
+/// Parses any line into `columns`; `false` for blank and comment lines.
 fn general_line(
     line: &[u8],
     format: Format,
@@ -581,7 +585,7 @@ fn general_line(
     Ok(true)
 }
 
-/// Splits a line into cells, quotes removed.
+/// Splits a line into cells and removes quotes.
 struct Splitter {
     separator: Separator,
     reader: csv_core::Reader,
@@ -615,7 +619,7 @@ impl Splitter {
         self.text.resize(line.len() + 1, 0);
         self.ends.resize(line.len() + 2, 0);
         let (_, read, written, ends) = self.reader.read_record(line, &mut self.text, &mut self.ends);
-        // The end of input closes the last cell, and a quote left open with it.
+        // The end of input closes the last cell, even one with an unclosed quote.
         let rest = self.reader.read_record(&line[read..], &mut self.text[written..], &mut self.ends[ends..]);
         rest.3 + ends
     }
@@ -626,7 +630,7 @@ impl Splitter {
     }
 }
 
-/// A piece of a file as a message may show it.
+/// A part of a file in a form suitable for messages.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     let short: String = text.chars().take(QUOTED).flat_map(char::escape_debug).collect();

@@ -11,13 +11,13 @@ use serde::{Deserialize, Deserializer};
 use super::SweepError;
 use crate::bench::Protocol;
 
-/// The shipped example with every key and what it means.
+/// The shipped example, which describes every key.
 pub const EXAMPLE_TOML: &str = include_str!("../../../../data/sweep.toml");
 
 /// Most rows of a table.
 pub const MAX_ROWS: u64 = 1_000_000_000;
 
-/// What to vary, and along which motion.
+/// The parameters to vary, and the motion.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SweepConfig {
@@ -27,7 +27,7 @@ pub struct SweepConfig {
     /// Seed of all draws.
     #[serde(default = "one")]
     pub seed: u64,
-    /// File of the model to vary; none for the plausible trocar.
+    /// File of the model to vary; none selects the plausible trocar.
     #[serde(default)]
     pub model: Option<PathBuf>,
     /// The motion.
@@ -51,7 +51,7 @@ pub struct Motion {
     /// Experiment of the virtual bench.
     #[serde(default)]
     pub protocol: Option<String>,
-    /// Document of the rig; none for the usual one.
+    /// Configuration of the rig; none selects the default.
     #[serde(default)]
     pub rig: Option<PathBuf>,
     /// File with time and position.
@@ -59,29 +59,29 @@ pub struct Motion {
     pub file: Option<PathBuf>,
 }
 
-/// Where the values of a parameter come from.
+/// Source of the values of a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// The form.
+    /// The distribution.
     pub law: Law,
-    /// Multiples of the value that the model has.
+    /// Whether the values are multiples of the model's own.
     pub relative: bool,
 }
 
-/// Forms of a parameter.
+/// Distributions of a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Law {
-    /// Always the same.
+    /// Constant.
     Fixed(f64),
-    /// Between two numbers, each as likely.
+    /// Uniform between two numbers.
     Uniform([f64; 2]),
     /// Mean and standard deviation.
     Normal([f64; 2]),
     /// Median, and standard deviation of the logarithm.
     Lognormal([f64; 2]),
-    /// Least, most likely, greatest.
+    /// Minimum, mode, maximum.
     Triangular([f64; 3]),
-    /// One of these, each as likely.
+    /// One of these, with equal probability.
     List(Vec<f64>),
     /// Every one of these.
     Grid(Vec<f64>),
@@ -152,7 +152,7 @@ impl<'de> Visitor<'de> for ChoiceVisitor {
 }
 
 impl Law {
-    /// What is wrong with its numbers.
+    /// Description of invalid numbers.
     fn fault(&self) -> Option<&'static str> {
         let (numbers, good, wanted): (&[f64], bool, _) = match self {
             Self::Fixed(_) => (&[], true, ""),
@@ -187,14 +187,15 @@ impl SweepConfig {
     /// Reads a document.
     ///
     /// # Errors
-    /// [`SweepError`] with the place: no TOML, an unknown key, a form or a number that makes no sense.
+    /// [`SweepError`] with the line: invalid TOML, an unknown key, an invalid distribution or
+    /// number.
     pub fn from_toml(text: &str) -> Result<Self, SweepError> {
         let config: Self = toml::from_str(text).map_err(|error| SweepError::Syntax(error.to_string()))?;
         config.check(text)?;
         Ok(config)
     }
 
-    /// That its numbers make sense; `text` is what it was read from, empty where there is none.
+    /// Checks its numbers; `text` is the source document, or empty.
     pub(crate) fn check(&self, text: &str) -> Result<(), SweepError> {
         for (name, choice) in self.seal.iter().chain(&self.rig) {
             if let Some(wanted) = choice.law.fault() {
@@ -226,19 +227,19 @@ impl SweepConfig {
         }
     }
 
-    /// Points of the grid.
+    /// Number of points of the grid.
     pub(crate) fn points(&self) -> Option<u64> {
         let grids = self.seal.values().chain(self.rig.values()).filter_map(|choice| choice.law.grid());
         grids.map(|values| values.len() as u64).try_fold(1_u64, u64::checked_mul)
     }
 
-    /// Rows of the table; `None` above [`MAX_ROWS`].
+    /// Number of rows of the table; `None` above [`MAX_ROWS`].
     pub fn rows(&self) -> Option<u64> {
         self.points()?.checked_mul(self.runs).filter(|rows| *rows <= MAX_ROWS)
     }
 }
 
-/// Line of `key`, from 1; 0 where it is not found.
+/// Line of `key`, from 1; 0 if it is not found.
 pub(crate) fn line_of(text: &str, key: &str) -> usize {
     let names = |line: &str| {
         let name = line.split('=').next().unwrap_or_default().trim().trim_matches(['"', '\'']);

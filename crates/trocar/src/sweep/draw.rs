@@ -17,12 +17,13 @@ pub(crate) struct Drawn {
 }
 
 impl Drawn {
-    /// Run `row` of `config`: the grid's last name changes first, the runs at one point follow one another. Stream `row` of the
-    /// generator gives the noise's seed, then every drawn number in the order of the names, the seal's before the rig's.
+    /// Run `row` of `config`. The last name of the grid changes first, and the runs at one point
+    /// are consecutive. Stream `row` of the generator gives the seed of the noise, then every drawn
+    /// number in the order of the names, the seal's before the rig's.
     pub(crate) fn new(config: &SweepConfig, row: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(config.seed);
         generator.set_stream(row);
-        // Below 2^53: whole in every table.
+        // Below 2^53: exactly representable as an integer in every table.
         let seed = generator.next_u64() >> 11;
         let mut point = row / config.runs;
         let laws: Vec<&Law> = config.seal.values().chain(config.rig.values()).map(|choice| &choice.law).collect();
@@ -47,7 +48,7 @@ fn draw(law: &Law, generator: &mut ChaCha8Rng) -> f64 {
         Law::Lognormal([median, deviation]) => median * libm::exp(deviation * normal(generator)),
         Law::Triangular([least, likely, greatest]) => {
             let (part, width) = (unit(generator), greatest - least);
-            // The distribution function, turned round.
+            // The inverse of the distribution function.
             let below = likely - least;
             if part * width < below {
                 least + libm::sqrt(part * width * below)
@@ -60,7 +61,7 @@ fn draw(law: &Law, generator: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-/// Uniform in [0, 1), every result exact.
+/// Uniform in [0, 1), without rounding.
 fn unit(generator: &mut ChaCha8Rng) -> f64 {
     (generator.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
 }

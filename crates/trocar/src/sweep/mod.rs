@@ -1,16 +1,21 @@
-//! Sweeps: one model many times, with parameters of seal, rig and motion drawn at random or taken from a grid.
+//! Sweeps: one model simulated many times, with parameters of seal, rig and motion drawn at random
+//! or taken from a grid.
 //!
-//! Every run is a row of a table: its number, its seed, its parameters, and what came out ([`Outcome`]). A row depends on the
-//! document and on its number alone: any number of threads gives the same table. A run whose parameters make no model is a row
-//! with its reason; it stops nothing.
+//! Every run is a row of a table: its number, its seed, its parameters, and its results
+//! ([`Outcome`]). A row depends only on the document and on its number, so any number of threads
+//! gives the same table. A run with invalid parameters is a row with the reason; it does not stop
+//! the sweep.
 //!
-//! - **Seals only**: all runs share one motion, and the seals are stepped side by side ([`crate::many`]).
-//! - **Rigs and experiments**: each run moves a virtual bench of its own, and its seal is then stepped along the true motion.
+//! - **Seals only**: all runs share one motion, and the seals are stepped in parallel
+//!   ([`crate::many`]).
+//! - **Rigs and experiments**: each run moves its own virtual bench, and its seal is then stepped
+//!   along the true motion.
 //!
-//! The seal starts as the bench's homing leaves it, deformed backwards to its end; along a file it starts undeformed.
+//! The seal starts in the state after the homing of the bench, fully deformed backwards; along a
+//! file it starts undeformed.
 //!
-//! Memory: [`WINDOW`] rows for each thread at a time, with traces also their forces, and the table's writer
-//! ([`crate::table::TableWriter`]).
+//! Memory: [`WINDOW`] rows for each thread at a time, with traces also their forces, and the
+//! table's writer ([`crate::table::TableWriter`]).
 
 pub mod config;
 mod draw;
@@ -38,23 +43,23 @@ use draw::Drawn;
 pub use tally::Outcome;
 use tally::{Path, RESULTS, Tally};
 
-/// Rows that one thread works on at a time.
+/// Rows that one thread processes at a time.
 pub const WINDOW: u64 = 256;
 
 /// Rows of one task.
 const TASK: u64 = 64;
 
-/// Force that deforms every seal backwards to its end, N.
+/// Force that fully deforms every seal backwards, N.
 const BACKWARDS: f64 = -1e6;
 
-/// Why a sweep cannot be made.
+/// Why a sweep is not possible.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SweepError {
-    /// The document is no TOML, or has other keys or kinds of values.
+    /// The document is not valid TOML, or has unknown keys or wrong types of values.
     #[error("{0}\nhint: `trocar sweep --print-config` prints an example with every key")]
     Syntax(String),
-    /// A form whose numbers make no sense. Here as below, line 0 is one that is not known.
+    /// A distribution with invalid numbers. Here and below, line 0 means unknown.
     #[error("{}{key}: expected {wanted}", at(*line))]
     Form {
         /// Line of the document.
@@ -64,7 +69,7 @@ pub enum SweepError {
         /// What was expected.
         wanted: &'static str,
     },
-    /// No run at all.
+    /// The number of runs is zero.
     #[error("{}runs must be 1 or more", at(*line))]
     NoRuns {
         /// Line of the document.
@@ -78,16 +83,16 @@ pub enum SweepError {
         /// Most rows.
         limit: u64,
     },
-    /// A motion that is none, or two.
+    /// No motion, or two.
     #[error("[motion]: {why}\n\nhint: give protocol = \"validation\", or file = \"motion.csv\"")]
     Motion {
-        /// What is wrong.
+        /// The problem.
         why: &'static str,
     },
     /// No such protocol.
     #[error("[motion]: {unknown}")]
     Protocol {
-        /// What was found and what there is.
+        /// The name found and those available.
         unknown: String,
     },
     /// A parameter that the model does not have.
@@ -95,12 +100,12 @@ pub enum SweepError {
     UnknownParameter {
         /// Line of the document.
         line: usize,
-        /// What was found.
+        /// The key found.
         key: String,
-        /// What there is.
+        /// Keys that exist.
         known: String,
     },
-    /// A key that the rig does not have, or that is no number there.
+    /// A key that the rig does not have, or that is not a number there.
     #[error(
         "{}[rig] has no number {key:?}\n\nhint: `trocar bench --print-config` prints them; write \"rod.mass_kg\"",
         at(*line)
@@ -108,10 +113,10 @@ pub enum SweepError {
     UnknownRigKey {
         /// Line of the document.
         line: usize,
-        /// What was found.
+        /// The key found.
         key: String,
     },
-    /// A rig with a model that the bench does not hold.
+    /// A rig with a model that the bench does not support.
     #[error("[rig]: the virtual bench holds EMS elements, not a {kind} model\n\nhint: leave [rig] empty")]
     RigNeedsElements {
         /// Kind of the model.
@@ -122,41 +127,41 @@ pub enum SweepError {
     ReadRig {
         /// Its file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The rig's document is wrong.
+    /// The rig's document is invalid.
     #[error("{}: {source}", path.display())]
     Rig {
         /// Its file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         source: bench::ConfigError,
     },
-    /// The experiment that gives the motion does not end.
+    /// The experiment that defines the motion does not end.
     #[error(transparent)]
     Bench(#[from] bench::BenchError),
-    /// The model's file.
+    /// Error of the model file.
     #[error(transparent)]
     Model(#[from] ModelFileError),
-    /// Parameters that make no model.
+    /// Invalid parameters.
     #[error(transparent)]
     Parameter(#[from] ParamError),
-    /// The motion's file.
+    /// Error of the motion file.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The motion has a single row, or none.
+    /// The motion has fewer than two rows.
     #[error("{}: a motion needs two rows or more", path.display())]
     TooShort {
         /// Its file.
         path: PathBuf,
     },
-    /// The table or a trace.
+    /// Error of the table or a trace.
     #[error(transparent)]
     Output(#[from] OutputError),
 }
 
-/// The place in a document, where it is known.
+/// The line in a document, if known.
 fn at(line: usize) -> String {
     if line == 0 { String::new() } else { format!("line {line}: ") }
 }
@@ -168,22 +173,22 @@ pub struct Sweep {
     seal: Seal,
     protocol: Option<Protocol>,
     rig: toml::Table,
-    /// The motion that all runs share; none where each moves its own rig.
+    /// The motion shared by all runs; none if each run has its own rig.
     shared: Option<Path>,
-    /// For each parameter of the seal the numbers of [`Seal::tunables`] that it sets.
+    /// For each parameter of the seal, the indices of [`Seal::tunables`] that it sets.
     places: Vec<Vec<usize>>,
-    /// Present values of the parameters, the seal's before the rig's.
+    /// Current values of the parameters, the seal's before the rig's.
     present: Vec<f64>,
 }
 
-/// How a sweep went.
+/// Summary of a sweep.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Summary {
     /// Rows of the table.
     pub rows: u64,
     /// Rows without a result.
     pub failed: u64,
-    /// Reason of the first of these.
+    /// Reason of the first failure.
     pub first_failure: Option<String>,
 }
 
@@ -194,16 +199,16 @@ struct Row {
 }
 
 impl Sweep {
-    /// Reads what the document `text` names; `folder` is where its files are sought.
+    /// Reads the files named in the document `text`, relative to `folder`.
     ///
     /// # Errors
-    /// [`SweepError`] with the place: the document, a name that model or rig does not have, a file.
+    /// [`SweepError`] with the line: the document, a name that model or rig does not have, a file.
     pub fn new(text: &str, folder: &FilePath) -> Result<Self, SweepError> {
         Self::of(SweepConfig::from_toml(text)?, text, folder, None)
     }
 
-    /// The same with a document that has been read already, from `text` (for the lines in messages; empty where there is
-    /// none), and of `model` in place of the one that it names.
+    /// The same with a document already parsed from `text` (for the lines in messages; may be
+    /// empty), and with `model` in place of the one that it names.
     ///
     /// # Errors
     /// As for [`Sweep::new`].
@@ -263,16 +268,16 @@ impl Sweep {
         self.config.rows().unwrap_or(config::MAX_ROWS)
     }
 
-    /// Samples of each run; 0 where each has its own number.
+    /// Samples of each run; 0 if the runs differ.
     pub fn samples(&self) -> usize {
         self.shared.as_ref().map_or(0, |path| path.position.len())
     }
 
-    /// Runs everything on all threads and writes the table `out`, and into the folder `traces` one file for each run.
-    /// `report` gets the number of rows done.
+    /// Runs all rows on all threads and writes the table `out`, and one file per run into the
+    /// folder `traces`. `report` receives the number of rows done.
     ///
     /// # Errors
-    /// [`SweepError::Output`]; the table then does not appear.
+    /// [`SweepError::Output`]; the table is then not created.
     pub fn run(
         &self,
         out: &FilePath,
@@ -289,11 +294,11 @@ impl Sweep {
         Ok(summary)
     }
 
-    /// The same for somebody who takes the table piece by piece: the number of rows done and the columns of those that are new,
-    /// in the order of [`Sweep::fields`].
+    /// The same, passing the table to `take` piece by piece: the number of rows done and the
+    /// columns of the new rows, in the order of [`Sweep::fields`].
     ///
     /// # Errors
-    /// Of `take`, and [`SweepError::Output`] for a trace that cannot be written.
+    /// Those of `take`, and [`SweepError::Output`] for a trace that cannot be written.
     pub fn each(
         &self,
         traces: Option<&FilePath>,
@@ -341,7 +346,7 @@ impl Sweep {
         columns
     }
 
-    /// Rows `from` to before `to`.
+    /// Rows from `from` up to, but not including, `to`.
     fn part(&self, from: u64, to: u64, traces: Option<&FilePath>) -> Result<Vec<Row>, SweepError> {
         cancel::check();
         let drawn: Vec<Drawn> = (from..to).map(|row| self.draw(row)).collect();
@@ -360,7 +365,7 @@ impl Sweep {
         Ok(drawn.into_iter().zip(outcomes).map(|(drawn, outcome)| Row { drawn, outcome }).collect())
     }
 
-    /// The parameters of a run, as absolute numbers.
+    /// The parameters of a run, as absolute values.
     fn draw(&self, row: u64) -> Drawn {
         let mut drawn = Drawn::new(&self.config, row);
         let choices = self.config.seal.values().chain(self.config.rig.values());
@@ -380,7 +385,7 @@ impl Sweep {
         self.seal.tuned(&values).map_err(|error| error.to_string())
     }
 
-    /// All `seals` along one path, side by side.
+    /// Runs all `seals` along one path in parallel.
     fn along(
         &self,
         path: &Path,
@@ -392,7 +397,7 @@ impl Sweep {
         let singles: Option<Vec<Element>> = sound.iter().map(single).collect();
         let mut forces = vec![0.0; if traces.is_some() { sound.len() * path.position.len() } else { 0 }];
         let mut outcomes = match singles {
-            // A quarter of the memory of seals that might have four elements.
+            // A quarter of the memory of seals, which may have four elements.
             Some(elements) => {
                 let states: Vec<_> = elements.iter().map(|element| self.start(element)).collect();
                 self.tally(path, &elements, &states, &mut forces)
@@ -481,7 +486,7 @@ impl Summary {
     }
 }
 
-/// The element of a seal with one.
+/// The element of a seal that has exactly one.
 fn single(seal: &Seal) -> Option<Element> {
     match seal {
         Seal::Ems(stages) => <[Element; 1]>::try_from(stages.elements()).ok().map(|[element]| element),
@@ -489,7 +494,8 @@ fn single(seal: &Seal) -> Option<Element> {
     }
 }
 
-/// The numbers of [`Seal::tunables`] called `name`, and the value of the first; `name@2` is that of the second element.
+/// The indices of [`Seal::tunables`] named `name`, and the value of the first; `name@2` is that of
+/// the second element.
 fn places_of(seal: &Seal, name: &str) -> Option<(Vec<usize>, f64)> {
     let (name, element) = match name.split_once('@') {
         Some((name, number)) => (name, Some(number.parse::<usize>().ok()?.checked_sub(1)?)),
@@ -511,7 +517,7 @@ fn unknown_parameter(text: &str, seal: &Seal, key: &str) -> SweepError {
     SweepError::UnknownParameter { line: line_of(text, key), key: key.to_owned(), known: known.join(", ") }
 }
 
-/// The rig's document, complete.
+/// The complete document of the rig.
 fn read_rig(path: Option<PathBuf>) -> Result<toml::Table, SweepError> {
     let config = match path {
         None => BenchConfig::default(),
@@ -532,7 +538,7 @@ fn number_at(rig: &toml::Table, key: &str) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
-/// Puts `value` at `key`, which is there; a whole number where the rig has one.
+/// Sets the existing `key` to `value`; as an integer if the rig has one there.
 fn set_number(rig: &mut toml::Table, key: &str, value: f64) -> Result<(), String> {
     if let Some((section, rest)) = key.split_once('.') {
         let inner = rig.get_mut(section).and_then(toml::Value::as_table_mut).ok_or("no such section")?;

@@ -1,11 +1,11 @@
-//! What a run comes to in a few numbers.
+//! Summary results of a run.
 
 use trocar_model::PositionProfile;
 use trocar_model::batch::{LANES, Lanes, Observe};
 
 use crate::cancel;
 
-/// Samples between two looks at whether somebody has called the work off.
+/// Samples between two checks for cancellation.
 const LOOK: usize = 2048;
 
 /// Names of the results, in the order of [`Outcome::numbers`].
@@ -19,27 +19,27 @@ pub(crate) const RESULTS: [&str; 7] = [
     "rms_error_n",
 ];
 
-/// Results of one run; NaN for what there is none of.
+/// Results of one run; NaN for a missing one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// Greatest amount of the force, N.
+    /// Largest absolute force, N.
     pub peak_force: f64,
     /// Root of the mean square of the force over time, N.
     pub rms_force: f64,
     /// ∫F dx, J: the area of the loop where the motion ends where it began.
     pub work: f64,
-    /// That over the length of the way, N.
+    /// `work` divided by the path length, N.
     pub work_per_metre: f64,
-    /// Amount of the force when the instrument first slides, N.
+    /// Absolute force when the instrument first slides, N.
     pub break_away_force: f64,
-    /// Part of the time in which the seal deforms and the instrument moves with it.
+    /// Fraction of the time in which the seal deforms and the instrument moves with it.
     pub deforming_share: f64,
-    /// Root mean square of what the measured force differs by, N.
+    /// Root mean square difference to the measured force, N.
     pub rms_error: f64,
 }
 
 impl Outcome {
-    /// Of a run that did not come off.
+    /// Outcome of a failed run.
     pub(crate) const NONE: Self = Self {
         peak_force: f64::NAN,
         rms_force: f64::NAN,
@@ -63,14 +63,14 @@ impl Outcome {
     }
 }
 
-/// A motion: the way from sample to sample, and what was measured there.
+/// A motion: the displacement from sample to sample, and the readings.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Path {
     pub(crate) time: Vec<f64>,
     pub(crate) position: Vec<f64>,
-    /// Readings, N, where there are any; NaN for a missing one.
+    /// Readings, N, if any; NaN for a missing one.
     pub(crate) reading: Vec<f64>,
-    /// Displacement (m) and duration (s) to each sample but the first.
+    /// Displacement (m) and duration (s) to each sample except the first.
     pub(crate) steps: Vec<(f64, f64)>,
 }
 
@@ -81,7 +81,7 @@ impl Path {
         Self { time, position, reading, steps }
     }
 
-    /// The same way without anything to compare with.
+    /// The same motion without readings.
     pub(crate) fn without_readings(self) -> Self {
         Self { reading: Vec::new(), ..self }
     }
@@ -91,7 +91,7 @@ impl Path {
     }
 }
 
-/// Sums of one block of models while they run.
+/// Running sums of one block of models.
 #[derive(Debug, Clone, Copy)]
 struct Sums {
     last: [f64; LANES],
@@ -104,19 +104,19 @@ struct Sums {
     error: [f64; LANES],
 }
 
-/// Sums up all models of a batch along a path.
+/// Sums over all models of a batch along a path.
 pub(crate) struct Tally<'a> {
     path: &'a Path,
     profile: Option<PositionProfile<&'a [f64]>>,
     outcomes: Vec<Outcome>,
     /// Force of each model before the first step, N.
     at_start: &'a [f64],
-    /// All forces, model after model; empty where nobody wants them.
+    /// All forces, model after model; empty if not requested.
     traces: &'a mut [f64],
     sums: Sums,
     first: usize,
     count: usize,
-    /// Time, way and readings, which all models share.
+    /// Time, displacement and reading, shared by all models.
     shared: [f64; 3],
 }
 

@@ -9,13 +9,14 @@ use crate::recording::RecordingError;
 /// A column of several files.
 pub(super) struct Joined {
     pub(super) name: String,
-    /// As declared beside the name in the first file that has it.
+    /// The unit declared with the name in the first file that has the column.
     pub(super) unit: String,
-    /// Its place in each file, and what its cells are, if they are read; `None` where a file does not have it.
+    /// Its index in each file, and the type of its cells, if they are read; `None` if a file does
+    /// not have it.
     pub(super) places: Vec<Option<(usize, Option<Cells>)>>,
 }
 
-/// All columns of the files, in the order of the first.
+/// All columns of the files, in the order of the first file.
 pub(super) fn joined(parts: &[Taken<'_>]) -> Vec<Joined> {
     let mut columns: Vec<Joined> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
@@ -34,13 +35,13 @@ pub(super) fn joined(parts: &[Taken<'_>]) -> Vec<Joined> {
 }
 
 impl Joined {
-    /// Whether it holds numbers or moments in one of the files.
+    /// Whether it holds numbers or timestamps in one of the files.
     pub(super) fn is_numeric(&self) -> bool {
         let is_numeric = |cells: Cells| matches!(cells, Cells::Number | Cells::Whole | Cells::Moment(_));
         self.places.iter().flatten().any(|(_, cells)| cells.is_some_and(is_numeric))
     }
 
-    /// What stands in all its cells; `None` where they vary, or are moments.
+    /// The value common to all its cells; `None` if they vary or are timestamps.
     pub(super) fn constant(&self, parts: &[Taken<'_>]) -> Result<Option<Cell>, RecordingError> {
         let mut first: Option<Cell> = None;
         let is_told = |cells: Option<Cells>| cells.is_some_and(|cells| !matches!(cells, Cells::Moment(_)));
@@ -63,7 +64,7 @@ impl Joined {
         Ok(first)
     }
 
-    /// Refuses a column whose cells are not numbers, or not of one kind in all files.
+    /// Rejects a column whose cells are not numbers, or not of the same kind in all files.
     pub(super) fn check(&self, name: &str, parts: &[Taken<'_>]) -> Result<(), RecordingError> {
         let mut all = parts.iter().zip(&self.places).filter_map(|(part, place)| Some((part, (*place)?)));
         let Some((first, (place, cells))) = all.next() else { return Ok(()) };
@@ -86,7 +87,7 @@ impl Joined {
     }
 }
 
-/// What a column holds, for messages.
+/// Content of a column, for messages.
 fn words(cells: Option<Cells>) -> &'static str {
     match cells {
         Some(Cells::Number | Cells::Whole) => "numbers",

@@ -1,4 +1,4 @@
-//! Time, position and force of a recording, file after file in the order of time.
+//! Time, position and force of a recording, file by file in chronological order.
 
 use super::joined::Joined;
 use super::{Cells, Selected, Taken, Value};
@@ -10,13 +10,14 @@ use crate::recording::{
     ReadOptions, Readings, Recording, RecordingError, TableColumns, check_memory, check_topics, most_held,
 };
 
-/// A column that is read, and how many of its unit make one SI unit.
+/// A column to read, and the number of its units per SI unit.
 struct Chosen<'a> {
     column: &'a Joined,
     per_si: f64,
 }
 
-/// The recording in the files `parts`, by its columns among those `offered`; excerpts of one that is too long to be held.
+/// Reads the recording in the files `parts`, with columns chosen among those `offered`; only
+/// excerpts of one with too many samples.
 pub(super) fn input(
     name: &str,
     parts: &[Taken<'_>],
@@ -47,21 +48,21 @@ pub(super) fn input(
     Ok(Input::Recording(Box::new(recording)))
 }
 
-/// Rows in blocks, file after file.
+/// Rows in blocks, file by file.
 struct Stream<'a> {
     name: &'a str,
     /// In the order of their first times.
     parts: Vec<(usize, &'a Taken<'a>)>,
     /// Time, position, force, and velocity if there is one.
     chosen: Vec<Chosen<'a>>,
-    /// The first moment, where times are moments.
+    /// The first timestamp, if times are timestamps.
     origin: i64,
-    /// The file being read: its place in `parts`, its columns, and the piece that follows.
+    /// The file being read: its index in `parts`, its columns, and its next piece.
     part: usize,
     open: Option<Vec<Option<Selected>>>,
     piece: usize,
     rows: u64,
-    /// Of the file before, and of this one.
+    /// Of the previous file, and of this one.
     spans: [Option<Span>; 2],
 }
 
@@ -81,14 +82,15 @@ impl<'a> Stream<'a> {
         for (k, part) in parts.iter().enumerate() {
             ordered.push((first_time(part, time.places[k])?, k, part));
         }
-        // The sort is stable: of two that begin at once the first by name goes first; without any time it goes last.
+        // The sort is stable: files with equal first times keep the order of their names; a file
+        // without any time comes last.
         ordered.sort_by(|((a, raw_a), ..), ((b, raw_b), ..)| a.total_cmp(b).then(raw_a.cmp(raw_b)));
         let origin = ordered.first().map_or(0, |((_, raw), ..)| *raw);
         let parts = ordered.into_iter().map(|(_, k, part)| (k, part)).collect();
         Ok(Self { name, parts, chosen, origin, part: 0, open: None, piece: 0, rows: 0, spans: [None; 2] })
     }
 
-    /// All rows, of which there are about so many.
+    /// All rows, of which there are approximately `rows`.
     fn readings(mut self, rows: usize) -> Result<Readings, RecordingError> {
         let mut columns: Vec<Vec<f64>> = self.chosen.iter().map(|_| Vec::with_capacity(rows)).collect();
         let mut block = Block::new(Quantity::ALL.len());
@@ -101,7 +103,7 @@ impl<'a> Stream<'a> {
         Ok(Readings { time, position, force, velocity: column() })
     }
 
-    /// Replaces what the block holds by the next rows of one file; `false` at the end.
+    /// Replaces the content of the block by the next rows of one file; `false` at the end.
     fn next(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
         block.clear();
         while let Some(&(k, part)) = self.parts.get(self.part) {
@@ -137,7 +139,7 @@ impl<'a> Stream<'a> {
         Ok(false)
     }
 
-    /// Refuses a file that begins before the one in front of it ends, by more than an interval.
+    /// Rejects a file that starts before the end of the previous one, by more than an interval.
     fn check_order(&mut self, times: &[f64]) -> Result<(), RecordingError> {
         let mut times = times.iter().copied().filter(|time| time.is_finite()).peekable();
         let Some(&first) = times.peek() else { return Ok(()) };
@@ -158,7 +160,7 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// The first time that a file has, as it stands there, and the moment that it is; infinite without any.
+/// The first time of a file, as stored and as a timestamp; infinite if there is none.
 fn first_time(part: &Taken<'_>, place: Option<(usize, Option<Cells>)>) -> Result<(f64, i64), RecordingError> {
     let mut found = (f64::INFINITY, 0);
     let Some((column, cells)) = place else { return Ok(found) };

@@ -1,4 +1,5 @@
-//! The same table from work done elsewhere: other processes, other machines, whichever engine hands it out.
+//! The same table from work done elsewhere: in other processes, on other machines, distributed by
+//! any engine.
 //!
 //! ```text
 //! Collector: sources, what the journal has ──▶ anywhere: identify_source, pure ──▶ text ──▶ Collector: journal ──▶ table
@@ -17,15 +18,15 @@ use crate::fleet::journal::{Entry, Journal, Place, journal_path};
 use crate::fleet::one::{Config, refused};
 use crate::fleet::row::Cell;
 
-/// A unit of work on its way to a worker, with what is known of it already.
+/// A unit of work for a worker, with the results already known.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Order {
     source: Source,
-    /// Hashes of recordings done before, by name.
+    /// Hashes of recordings finished before, by name.
     known: BTreeMap<String, String>,
 }
 
-/// A finished recording on its way back; without an entry where the journal has it.
+/// A finished recording returned by a worker; without an entry if the journal has it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Part {
     name: String,
@@ -33,11 +34,12 @@ struct Part {
     entry: Option<Entry>,
 }
 
-/// Identifies all recordings of one source: `order` is one of [`Collector::orders`], the result is for
-/// [`Collector::add`]. A pure function of the files and `config`; recordings that fail are rows.
+/// Identifies all recordings of one source: `order` is one of [`Collector::orders`], the result is
+/// for [`Collector::add`]. A pure function of the files and `config`; recordings that fail are
+/// rows.
 ///
 /// # Errors
-/// Text that is no order.
+/// Text that is not an order.
 pub fn identify_source(order: &str, config: &Config) -> Result<String, serde_json::Error> {
     let Order { source, known } = serde_json::from_str(order)?;
     let place = |(name, sha256): (String, String)| (name, Place { at: 0, length: 0, sha256 });
@@ -61,7 +63,8 @@ fn part(name: String, Finished { metadata, done, .. }: Finished) -> Part {
     Part { name, metadata, entry }
 }
 
-/// Takes what comes from elsewhere, in any order, and writes the table that [`run`](super::run) would.
+/// Collects the results from elsewhere, in any order, and writes the same table as
+/// [`run`](super::run).
 pub struct Collector {
     sources: Vec<Source>,
     config: Config,
@@ -76,7 +79,7 @@ impl Collector {
     /// Opens the journal of `table`.
     ///
     /// # Errors
-    /// [`OutputError`] when it cannot be written, or another process writes it.
+    /// [`OutputError`] when it cannot be written, or another process is writing it.
     pub fn open(dataset: Dataset, config: &Config, table: &Path) -> Result<Self, OutputError> {
         let (journal, before) = Journal::open(&journal_path(table), &config.hash())?;
         let gathered = Gathered::new(dataset.sources.len());
@@ -84,10 +87,10 @@ impl Collector {
         Ok(Self { sources, config: config.clone(), table, before, journal, gathered, added: BTreeSet::new() })
     }
 
-    /// One for each source, in the order of the table.
+    /// One order per source, in the order of the table.
     ///
     /// # Errors
-    /// A path that is no text.
+    /// A path that is not valid text.
     pub fn orders(&self) -> Result<Vec<String>, serde_json::Error> {
         let mut known: HashMap<&str, BTreeMap<String, String>> = HashMap::new();
         for (name, place) in &self.before {
@@ -103,10 +106,12 @@ impl Collector {
         self.sources.iter().map(order).collect()
     }
 
-    /// Takes what [`identify_source`] made of the order at `source`; a second time it changes nothing.
+    /// Adds the result of [`identify_source`] for the order at `source`; adding it twice has no
+    /// effect.
     ///
     /// # Errors
-    /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::Part`] for text from somewhere else.
+    /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::Part`] for text
+    /// from another origin.
     pub fn add(&mut self, source: usize, parts: &str) -> Result<Tally, FleetError> {
         let parts: Vec<Part> = serde_json::from_str(parts).map_err(|error| FleetError::Part(error.to_string()))?;
         let mut all = Vec::with_capacity(parts.len());
@@ -120,7 +125,8 @@ impl Collector {
         self.take(source, all)
     }
 
-    /// A source that nobody could finish, with the reason: a row that failed, and that is tried again when the work goes on.
+    /// Records a source that could not be finished, with the reason: a failed row, which is tried
+    /// again when the work is resumed.
     ///
     /// # Errors
     /// As for [`Collector::add`].
@@ -140,7 +146,7 @@ impl Collector {
         if self.added.insert(source) {
             let (sender, receiver) = mpsc::channel();
             for finished in all {
-                // The receiver stands below.
+                // The receiver is used below.
                 let _ = sender.send(finished);
             }
             drop(sender);
@@ -152,7 +158,7 @@ impl Collector {
     /// Writes the table and removes the journal.
     ///
     /// # Errors
-    /// [`FleetError::Output`]; [`FleetError::Part`] where a source is missing.
+    /// [`FleetError::Output`]; [`FleetError::Part`] if a source is missing.
     pub fn write(mut self) -> Result<Fleet, FleetError> {
         if let Some(missing) = (0..self.sources.len()).find(|source| !self.added.contains(source)) {
             return Err(FleetError::Part(format!("{} is missing", self.sources[missing].name)));

@@ -1,4 +1,5 @@
-//! The recordings as steps for the classical models, with the scales that the identification found in them.
+//! The recordings as simulation steps for the classical models, with the scales that the
+//! identification found.
 
 use trocar_model::Stages;
 
@@ -10,14 +11,14 @@ use crate::segment::Stretch;
 
 use super::kind::Scales;
 
-/// Half width assumed where no deformation is resolved, as a part of the longest stroke.
+/// Half width assumed where no deformation is resolved, as a fraction of the longest stroke.
 pub(crate) const ASSUMED_WIDTH: f64 = 0.05;
 
-/// Most clusters of cycles: fewer than for the EMS element, since without a steady state of its own the fit must not take
-/// neighbouring cycles for independent.
+/// Most clusters of cycles. This is fewer than for the EMS element: without a steady state of its
+/// own, the fit must not treat neighbouring cycles as independent.
 const MOST_CLUSTERS: usize = 40;
 
-/// Steps to simulate, and the sizes of things.
+/// Steps to simulate, and the scales of the data.
 #[derive(Debug, Clone)]
 pub(crate) struct ClassicalData {
     pub(crate) training: Training,
@@ -25,7 +26,7 @@ pub(crate) struct ClassicalData {
 }
 
 impl ClassicalData {
-    /// `recordings` hold no inertia any more; `found` was identified from them.
+    /// `recordings` must be free of inertia; `found` was identified from them.
     pub(crate) fn new(recordings: &[Recording], found: &Identification, options: &IdentifyOptions) -> Self {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
@@ -42,8 +43,9 @@ impl ClassicalData {
     }
 }
 
-/// All samples of `recordings`, weighing the same: what is minimised is nearly what is scored, but for samples taken
-/// together (by the half width, m), and for those before `stages` forget their unknown start.
+/// All samples of `recordings` with equal weights. The criterion is thus nearly the score, except
+/// for samples averaged into one step (by the half width, m) and for those before `stages` forget
+/// their unknown initial state.
 pub(crate) fn plain_training(
     recordings: &[Recording],
     found: &Identification,

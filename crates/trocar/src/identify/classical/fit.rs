@@ -1,4 +1,4 @@
-//! The fit of one classical model, with intervals and doubts.
+//! The fit of one classical model, with intervals and warnings.
 
 use std::sync::Arc;
 
@@ -14,17 +14,18 @@ use super::data::ClassicalData;
 use super::kind::{Coordinate, Kind, Quantity, build, coordinates, quantities};
 use super::starts;
 
-/// When the short fits from every start stop, and when the best is done.
+/// Stopping criteria of the short fits from every start, and of the final fit.
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
 pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6, promise: f64::INFINITY };
-/// Part of the squares that a fit at rest may still promise.
+/// Largest relative decrease of the squared error still predicted for a fit that counts as
+/// converged.
 const WORST_PROMISE: f64 = 2e-3;
-/// Fresh starts that are fitted to the end.
+/// Data-based starts that are fitted to convergence.
 const FINALISTS: usize = 2;
-/// Scale of a number in steps of its difference quotient.
+/// Scale of a parameter in steps of its difference quotient.
 const SCALE: f64 = 1e4;
 
-/// A classical model as the recordings give it.
+/// A classical model identified from the recordings.
 #[derive(Debug, Clone)]
 pub struct ClassicalFit {
     /// Which model.
@@ -33,21 +34,21 @@ pub struct ClassicalFit {
     pub model: Classical,
     /// Sensor offset F_0, N.
     pub offset: f64,
-    /// All parameters with intervals, the sensor offset among them.
+    /// All parameters with intervals, including the sensor offset.
     pub parameters: Vec<Parameter>,
     /// Root mean square error, N, over the steps fitted.
     pub rms: f64,
-    /// Damped steps taken from the best start.
+    /// Damped steps from the best start.
     pub iterations: usize,
-    /// Whether the fit came to rest.
+    /// Whether the fit converged.
     pub converged: bool,
-    /// What to know about the result.
+    /// Warnings about the result.
     pub warnings: Vec<Warning>,
-    /// The free numbers themselves, the offset first: a start for a larger model of the family.
+    /// The free parameters, the offset first: a start for a larger model of the family.
     pub(super) numbers: Vec<f64>,
 }
 
-/// A classical model under trial; logarithms where the fit moves those.
+/// A classical model under trial; logarithms where the fit uses them.
 #[derive(Debug, Clone)]
 pub(super) struct ClassicalTrial {
     kind: Kind,
@@ -56,7 +57,7 @@ pub(super) struct ClassicalTrial {
 }
 
 impl ClassicalTrial {
-    /// A trial at `numbers`, each held within its range.
+    /// A trial at `numbers`, each clamped to its range.
     pub(super) fn new(kind: Kind, coordinates: &Arc<[Coordinate]>, numbers: &[f64]) -> Self {
         let values = numbers.iter().zip(coordinates.iter()).map(|(x, c)| {
             let held = x.clamp(c.range[0], c.range[1]);
@@ -65,7 +66,7 @@ impl ClassicalTrial {
         Self { kind, coordinates: coordinates.clone(), values: values.collect() }
     }
 
-    /// The numbers themselves, the offset first.
+    /// The parameter values, the offset first.
     fn numbers(&self) -> Vec<f64> {
         self.values.iter().zip(self.coordinates.iter()).map(|(u, c)| if c.log { u.exp() } else { *u }).collect()
     }
@@ -109,22 +110,22 @@ impl Trial for ClassicalTrial {
     }
 }
 
-/// Fits that a model may start from: it can do what they do.
+/// Fits of special cases that a model may start from.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Kin<'a> {
-    /// Of the same family with one element less.
+    /// Same family with one element less.
     pub(crate) smaller: Option<&'a ClassicalFit>,
-    /// Of [`Kind::special`].
+    /// Fit of [`Kind::special`].
     pub(crate) special: Option<&'a ClassicalFit>,
 }
 
-/// Fits one model, from starts read off the data and from its kin.
+/// Fits one model, from starts derived from the data and from its special cases.
 ///
-/// Of the fresh starts the best after a short fit are fitted to the end; those from its kin always are, so that no model
-/// ends worse than a smaller one.
+/// Only the best data-based starts after a short fit are fitted to convergence. Starts from special
+/// cases always are, so no model ends with a larger error than a smaller one.
 ///
 /// # Errors
-/// A sentence when no start gives a model that runs.
+/// A message when no start gives a model that runs.
 pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: Kin) -> Result<ClassicalFit, String> {
     let special = match (kin.special, kind.special()) {
         (None, Some(special)) => Some(fit(special, data, Kin::default())?),
@@ -176,7 +177,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     quantities(best.kind, &best.coordinates).into_iter().map(estimate).collect()
 }
 
-/// What is doubtful about a fit: that it is not at rest, and what the data do not pin.
+/// Warnings about a fit: lack of convergence, and parameters that the data do not determine.
 pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> Vec<Warning> {
     let mut all = Vec::new();
     if let Some(message) = unrest(found) {
@@ -187,7 +188,7 @@ pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> V
     all
 }
 
-/// Why a fit is not at rest, if it is not.
+/// Why a fit has not converged; `None` if it has.
 fn unrest<T: Trial>(found: &Fitted<T>) -> Option<String> {
     if !found.converged {
         return Some(format!("the fit did not converge in {} iterations", found.iterations));
@@ -201,7 +202,7 @@ fn unrest<T: Trial>(found: &Fitted<T>) -> Option<String> {
     })
 }
 
-/// What is known against the model's passivity.
+/// Warning about the passivity of the model.
 fn energy_warning(model: &Classical) -> Option<Warning> {
     let message = match model {
         Classical::LuGre(lugre) => match lugre.passivity() {

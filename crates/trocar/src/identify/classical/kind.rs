@@ -1,4 +1,4 @@
-//! Which classical model, its free numbers, and the model that they make.
+//! Classical friction models, their free parameters, and their construction from these.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use trocar_model::{
 
 use trocar_model::Classical;
 
-/// A classical friction model, with its number of elements where it has several.
+/// A classical friction model, with its number of elements where that is variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
     /// F_c·sgn v.
@@ -24,11 +24,11 @@ pub enum Kind {
     LuGre,
     /// LuGre with the rational Stribeck curve.
     LuGreRational,
-    /// Modified Leuven with so many elements of hysteresis.
+    /// Modified Leuven with this many hysteresis elements.
     Leuven(usize),
-    /// Maxwell-Slip with so many elements, EMS (1)-(4).
+    /// Maxwell-Slip with this many elements, EMS (1)-(4).
     MaxwellSlip(usize),
-    /// Generalized Maxwell-Slip with so many elements, EMS (5)-(7).
+    /// Generalized Maxwell-Slip with this many elements, EMS (5)-(7).
     Gms(usize),
 }
 
@@ -48,7 +48,7 @@ impl Kind {
         }
     }
 
-    /// Number of elements; 1 for models that have no choice.
+    /// Number of elements; 1 for models with a fixed structure.
     pub fn elements(self) -> usize {
         match self {
             Self::Leuven(n) | Self::MaxwellSlip(n) | Self::Gms(n) => n,
@@ -56,7 +56,7 @@ impl Kind {
         }
     }
 
-    /// The same family with `count` elements; unchanged where it has no choice.
+    /// The same family with `count` elements; unchanged for models with a fixed structure.
     pub fn with_elements(self, count: usize) -> Self {
         match self {
             Self::Leuven(_) => Self::Leuven(count),
@@ -71,7 +71,7 @@ impl Kind {
         (self.elements() > 1).then(|| self.with_elements(self.elements() - 1))
     }
 
-    /// The model of another family that it becomes with some parameters at zero.
+    /// The model of another family that results when some parameters are zero.
     pub fn special(self) -> Option<Self> {
         match self {
             Self::Gms(n) => Some(Self::MaxwellSlip(n)),
@@ -79,7 +79,7 @@ impl Kind {
         }
     }
 
-    /// Number of free parameters, without the sensor's offset.
+    /// Number of free parameters, without the sensor offset.
     pub fn parameters(self) -> usize {
         match self {
             Self::Coulomb => 1,
@@ -103,7 +103,7 @@ impl fmt::Display for Kind {
     }
 }
 
-/// What the data say about sizes, before any classical model is fitted.
+/// Scales of the data, determined before any classical model is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scales {
     /// F_0, N.
@@ -112,7 +112,7 @@ pub(crate) struct Scales {
     pub(crate) force: f64,
     /// β, N s/m.
     pub(crate) viscous: f64,
-    /// Half of the travel from one sliding direction to the other, m.
+    /// Half of the travel between sliding in one direction and sliding in the other, m.
     pub(crate) half_width: f64,
     /// Longest stroke, m.
     pub(crate) stroke: f64,
@@ -120,16 +120,16 @@ pub(crate) struct Scales {
     pub(crate) speeds: [f64; 2],
 }
 
-/// One free number.
+/// One free parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Coordinate {
     pub(super) name: String,
     pub(super) unit: &'static str,
-    /// Whether the fit moves the logarithm.
+    /// Whether the fit uses the logarithm.
     pub(super) log: bool,
-    /// Range of the number itself.
+    /// Range of the parameter itself.
     pub(super) range: [f64; 2],
-    /// Step of the difference quotient, in the number or its logarithm.
+    /// Step of the difference quotient, in the parameter or its logarithm.
     pub(super) step: f64,
 }
 
@@ -143,7 +143,7 @@ impl Coordinate {
     }
 }
 
-/// The free numbers of a kind, the sensor's offset first, in the order in which [`build`] takes them.
+/// The free parameters of a kind, the sensor offset first, in the order that [`build`] expects.
 pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
     let Scales { force, stroke, half_width, speeds: [slowest, fastest], .. } = *scales;
     let most = 1e3 * force / fastest;
@@ -201,7 +201,7 @@ fn stribeck([coulomb_force, rise, stribeck_velocity, stribeck_exponent, viscous_
     SlidingFriction { coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping }
 }
 
-/// The model of the numbers `p`, which begin after the sensor's offset.
+/// The model with the parameters `p`, which start after the sensor offset.
 pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
     Ok(match kind {
         Kind::Coulomb => Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], 0.0))?),
@@ -238,19 +238,20 @@ pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
     })
 }
 
-/// The last element bears the whole static force: the bank can then hold every sliding force.
+/// The last element carries the whole static force, so the bank can hold every sliding force.
 fn leuven_elements(n: usize, p: &[f64]) -> Vec<SlipElement> {
     let inner = (0..n - 1).map(|i| SlipElement { stiffness: p[6 + 2 * i], limit_force: p[6 + 2 * i] * p[7 + 2 * i] });
     let last = SlipElement { stiffness: p[4 + 2 * n], limit_force: p[0] + p[1] };
     inner.chain([last]).collect()
 }
 
-/// F_c = Σ k_i·Δ_i, N: what the elements hold at Coulomb friction.
+/// F_c = Σ k_i·Δ_i, N: the force of the elements at Coulomb friction.
 fn gms_coulomb_force(n: usize, p: &[f64]) -> f64 {
     (0..n).map(|i| p[4 + 3 * i] * p[5 + 3 * i]).sum()
 }
 
-/// One attraction C, N/s, for all: C_i = C·ν_i with ν_i = α_i/k_i (GMS in its force form, SOURCES.md).
+/// One attraction coefficient C, N/s, for all: C_i = C·ν_i with ν_i = α_i/k_i (GMS in its force
+/// form, SOURCES.md).
 fn gms_elements(n: usize, p: &[f64]) -> Vec<GmsElement> {
     let coulomb = gms_coulomb_force(n, p);
     let element = |i: usize| {
@@ -261,22 +262,22 @@ fn gms_elements(n: usize, p: &[f64]) -> Vec<GmsElement> {
     (0..n).map(element).collect()
 }
 
-/// How a number follows from the free ones.
+/// A quantity as a function of the free parameters.
 type Formula = Box<dyn Fn(&[f64]) -> f64>;
 
-/// A number to report: how it follows from the free numbers, the offset first.
+/// A reported quantity as a function of the free parameters, the offset first.
 pub(super) struct Quantity {
     pub(super) name: String,
     pub(super) unit: &'static str,
     /// Whether its interval is taken on the logarithm.
     pub(super) log: bool,
     pub(super) of: Formula,
-    /// Free numbers that it stands for: held at an end of their range, it is not determined.
+    /// Free parameters that it represents. It is not determined if one of them is held at a bound.
     pub(super) from: Vec<usize>,
 }
 
 impl Quantity {
-    /// Least value that makes sense: what follows where the number that it stands for is at the lower end of its range.
+    /// Least meaningful value: the value at the lower bound of the parameter that it represents.
     pub(super) fn least(&self, numbers: &[f64]) -> f64 {
         let [only] = self.from[..] else { return f64::NEG_INFINITY };
         if self.log || only == 0 {
@@ -288,7 +289,7 @@ impl Quantity {
     }
 }
 
-/// What is reported of a kind: its free numbers, and in place of some the usual ones.
+/// The reported quantities of a kind: its free parameters, some replaced by the customary ones.
 pub(super) fn quantities(kind: Kind, coordinates: &[Coordinate]) -> Vec<Quantity> {
     let usual = |(j, c): (usize, &Coordinate)| match c.name.strip_prefix("limit_deflection_m_") {
         Some(i) => Quantity {
@@ -309,7 +310,8 @@ pub(super) fn quantities(kind: Kind, coordinates: &[Coordinate]) -> Vec<Quantity
     sum.into_iter().chain(coordinates.iter().enumerate().map(usual)).collect()
 }
 
-/// Σ k_i·Δ_i, N, of a bank whose elements begin at number `first`, `stride` numbers each.
+/// Σ k_i·Δ_i, N, of a bank whose elements start at parameter `first`, with `stride` parameters
+/// each.
 fn bank_force(n: usize, first: usize, stride: usize) -> Quantity {
     let of = move |p: &[f64]| (0..n).map(|i| p[first + stride * i] * p[first + stride * i + 1]).sum();
     Quantity { name: "coulomb_force_n".into(), unit: "N", log: true, of: Box::new(of), from: Vec::new() }

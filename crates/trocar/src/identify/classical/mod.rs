@@ -1,9 +1,10 @@
-//! Classical friction models from the recordings that an EMS element is identified from.
+//! Classical friction models, identified from the same recordings as an EMS element.
 //!
-//! Same data, same handling: the passes and stretches of the segmentation, samples taken together where the motion is
-//! small, scored from where the start no longer matters, clusters of passes for the intervals. Every model is fitted by
-//! free-run simulation (output-error least squares); linear ones are thereby solved in closed form, the stiffnesses of
-//! Maxwell-Slip start from a convex problem (non-negative least squares for given limits, RIZOS).
+//! Data and preprocessing are the same: passes and stretches from the segmentation, samples
+//! averaged where the motion is small, scoring from where the initial state no longer matters, and
+//! clusters of passes for the intervals. Every model is fitted by free-run simulation (output-error
+//! least squares). Linear models are thereby solved in closed form. The stiffnesses of Maxwell-Slip
+//! start from a convex problem (non-negative least squares for given limits, RIZOS).
 
 mod data;
 mod fit;

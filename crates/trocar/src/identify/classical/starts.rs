@@ -1,4 +1,4 @@
-//! Where the fits of the classical models start from: numbers read off the data.
+//! Starting points of the fits of the classical models, derived from the data.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,10 +10,11 @@ use super::kind::{Kind, Scales};
 
 /// Limits tried for the elements of a bank.
 const GRID: usize = 24;
-/// Widths of the two elements that an element is divided into, relative to its own.
+/// Widths of the two elements into which an element is split, relative to its own.
 const DIVIDED: [f64; 2] = [0.7, 1.3];
 
-/// Starts with the same forces as the model's kin, which the fit can only improve; the sensor's offset first.
+/// Starts with the same forces as the fitted special cases, which the fit can only improve; the
+/// sensor offset first.
 pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
     let Scales { force, speeds: [slowest, _], .. } = data.scales;
     let grown = kin.smaller.and_then(|fit| match kind {
@@ -28,7 +29,7 @@ pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f6
     grown.into_iter().chain(generalised).collect()
 }
 
-/// Several starts read off the data, each with the sensor's offset first.
+/// Several starts derived from the data, each with the sensor offset first.
 pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
     let Scales { offset, force, viscous, half_width, speeds: [slowest, fastest], .. } = data.scales;
     let stiffnesses = [0.5, 2.0, 8.0].map(|factor| factor * force / half_width);
@@ -57,7 +58,8 @@ pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>>
     after_offset.into_iter().map(|numbers| [vec![offset], numbers].concat()).collect()
 }
 
-/// From LuGre, which is the Leuven model of one element and n = 1, and from Maxwell-Slip, which it nears for large n.
+/// From LuGre, which is the Leuven model with one element and n = 1, and from Maxwell-Slip, which
+/// it approaches for large n.
 fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
     let Scales { force, viscous, half_width, speeds: [slowest, _], .. } = data.scales;
     let of = |head: [f64; 6], bank: &[[f64; 2]]| {
@@ -101,7 +103,8 @@ fn gms(n: usize, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
     all
 }
 
-/// The numbers of the smaller model with its first element doubled, each half as stiff: the same forces.
+/// The parameters of the smaller model with its first element duplicated, each half as stiff: the
+/// same forces.
 fn doubled(numbers: &[f64], first: usize, stride: usize) -> Vec<f64> {
     let mut element = numbers[first..first + stride].to_vec();
     element.iter_mut().enumerate().filter(|(i, _)| *i != 1).for_each(|(_, x)| *x *= 0.5);
@@ -112,12 +115,12 @@ fn doubled(numbers: &[f64], first: usize, stride: usize) -> Vec<f64> {
     all
 }
 
-/// Stiffness and limit of each element in a row, with `damping` behind each if there is one.
+/// Stiffness and limit of each element in sequence, with `damping` after each if there is one.
 fn flattened(bank: &[[f64; 2]], damping: Option<f64>) -> Vec<f64> {
     bank.iter().flat_map(|[k, limit]| [Some(*k), Some(*limit), damping].into_iter().flatten()).collect()
 }
 
-/// The bank of the smaller model with its strongest element divided into a shorter and a longer one.
+/// The bank of the smaller model with its strongest element split into a shorter and a longer one.
 fn divided(smaller: Option<&ClassicalFit>, first: usize, stride: usize) -> Option<Vec<[f64; 2]>> {
     let numbers = &smaller?.numbers;
     let mut bank: Vec<[f64; 2]> =
@@ -129,8 +132,8 @@ fn divided(smaller: Option<&ClassicalFit>, first: usize, stride: usize) -> Optio
     Some(bank)
 }
 
-/// Stiffness and limit of `n` elements: non-negative least squares over a grid of limits, of which the `n` strongest
-/// stay and are solved again; where fewer are needed, the strongest are divided.
+/// Stiffness and limit of `n` elements: non-negative least squares over a grid of limits. The `n`
+/// strongest are kept and solved again; if fewer are found, the strongest are split.
 fn convex_bank(n: usize, data: &ClassicalData) -> Vec<[f64; 2]> {
     let Scales { half_width, stroke, force, .. } = data.scales;
     let (shortest, longest) = (0.02 * half_width, (4.0 * half_width).min(0.45 * stroke));
@@ -158,7 +161,8 @@ fn convex_bank(n: usize, data: &ClassicalData) -> Vec<[f64; 2]> {
     bank
 }
 
-/// Stiffnesses for given limits: the force is linear in them (RIZOS), with a viscous part and the offset beside.
+/// Stiffnesses for given limits: the force is linear in them (RIZOS), together with a viscous term
+/// and the offset.
 fn bank_at(limits: &[f64], data: &ClassicalData) -> Vec<[f64; 2]> {
     let p = limits.len() + 2;
     let (mut gram, mut moment) = (DMatrix::zeros(p, p), DVector::zeros(p));

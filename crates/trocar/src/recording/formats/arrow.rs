@@ -1,8 +1,9 @@
-//! Arrow files (Feather version 2) and streams, one table each: numbers are taken out of record batches as they stand,
-//! LZ4 and zstd decompressed (key ARROWIPC in SOURCES.md).
+//! Arrow files (Feather version 2) and streams, one table each: numbers are read unchanged from
+//! record batches, which may be compressed by LZ4 or zstd (key ARROWIPC in SOURCES.md).
 //!
-//! Only the columns asked for are read and decompressed. Moments (timestamps) become seconds since the column's first,
-//! durations and times of day seconds, nulls NaN. Memory: the buffers of one record batch, no more than its rows justify.
+//! Only the requested columns are read and decompressed. Timestamps become seconds since the
+//! column's first, durations and times of day become seconds, nulls become NaN. Memory: the buffers
+//! of one record batch, limited by its number of rows.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -17,10 +18,10 @@ use super::{Source, read_exact_at};
 use crate::recording::RecordingError;
 use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table};
 
-/// Mark in front of a message's length, since version 0.15.
+/// Marker before a message's length, since version 0.15.
 const CONTINUED: [u8; 4] = [0xff; 4];
 
-/// Bytes of the mark at both ends of a file, and of the length in front of the last one.
+/// Bytes of the marker at both ends of a file, and of the length before the last one.
 const MARK: u64 = 6;
 
 /// Longest description of a record batch.
@@ -29,7 +30,7 @@ const LONGEST_MESSAGE: u64 = 1 << 26;
 /// Most rows of a record batch: more would not fit into any memory.
 const MOST_ROWS: usize = 1 << 40;
 
-/// A record batch: where its message and its buffers are.
+/// A record batch: positions of its message and its buffers.
 #[derive(Debug, Clone, Copy)]
 struct Block {
     at: u64,
@@ -47,16 +48,17 @@ pub(in crate::recording) struct Arrow {
     fields: Vec<Field>,
 }
 
-/// How a column lies in a record batch.
+/// Layout of a column in a record batch.
 #[derive(Debug, Clone)]
 struct Field {
-    /// Its place among the nodes and buffers of all columns.
+    /// Its position among the nodes and buffers of all columns.
     start: Extent,
-    /// `None` where it is no number.
+    /// `None` if it is not numeric.
     kind: Option<(Width, Scale)>,
 }
 
-/// What columns take of a record batch: nodes, buffers, and views, which take as many buffers more as each batch says.
+/// Space of columns in a record batch: nodes, buffers, and views, for which each batch states a
+/// number of additional buffers.
 #[derive(Debug, Clone, Copy, Default)]
 struct Extent {
     nodes: usize,
@@ -74,7 +76,7 @@ impl Extent {
     }
 }
 
-/// How a number is stored.
+/// Storage type of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Width {
     Bool,
@@ -91,7 +93,7 @@ enum Width {
 }
 
 impl Width {
-    /// Bytes that `rows` of them take.
+    /// Size of `rows` of them in bytes.
     fn bytes(self, rows: usize) -> usize {
         match self {
             Self::Bool => rows.div_ceil(8),
@@ -135,7 +137,7 @@ impl Arrow {
         Self::of(file, blocks, &schema, source)
     }
 
-    /// A stream kept in a file: one message behind the other, the schema first.
+    /// A stream stored in a file: consecutive messages, the schema first.
     pub(in crate::recording) fn stream(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
         let mut at = 0;
         let mut schema = None;
@@ -212,7 +214,7 @@ impl Arrow {
     }
 }
 
-/// The description of a record batch, without what stands in front of it.
+/// The description of a record batch, without its prefix.
 fn message(file: &File, block: Block, limit: u64) -> Result<Vec<u8>, String> {
     if block.message < 8 || block.message > LONGEST_MESSAGE || block.at + block.message > limit {
         return Err(format!("a description of {} bytes", block.message));
@@ -252,19 +254,19 @@ impl Container for Arrow {
     }
 }
 
-/// A schema out of a message.
+/// The schema in a message.
 #[cfg(feature = "parquet")]
 pub(super) fn schema(message: &[u8]) -> Option<Schema> {
     try_fb_to_schema(root_as_message(message).ok()?.header_as_schema()?).ok()
 }
 
-/// The unit that a field's metadata name.
+/// The unit named in a field's metadata.
 pub(super) fn unit_of(metadata: &Metadata) -> Option<String> {
     let named = |key: &str| matches!(key.to_lowercase().as_str(), "unit" | "units");
     metadata.iter().find(|(key, _)| named(key)).map(|(_, unit)| unit.clone())
 }
 
-/// How many of a unit make a second.
+/// Number of units per second.
 pub(super) fn parts_of(unit: TimeUnit) -> f64 {
     match unit {
         TimeUnit::Second => 1.0,
@@ -298,7 +300,7 @@ fn kind(kind: &DataType) -> Option<(Width, Scale)> {
     })
 }
 
-/// What a column takes, with everything inside it.
+/// Space of a column, including all nested ones.
 fn extent(kind: &DataType) -> Extent {
     let all = |fields: &mut dyn Iterator<Item = &DataType>| fields.map(extent).fold(Extent::default(), Extent::and);
     let own = |buffers| Extent::new(1, buffers, 0);
@@ -323,17 +325,17 @@ fn extent(kind: &DataType) -> Extent {
     }
 }
 
-/// A column asked for.
+/// A requested column.
 struct Wanted {
     name: String,
     start: Extent,
     width: Width,
     scale: Scale,
-    /// Whether the first moment is known.
+    /// Whether the first timestamp is known.
     anchored: bool,
 }
 
-/// Rows of some columns, record batch after record batch.
+/// Rows of some columns, one record batch after the other.
 struct Rows {
     arrow: Arrow,
     wanted: Vec<Wanted>,
@@ -437,7 +439,7 @@ fn decoded(bytes: &[u8], width: Width, scale: Scale, rows: usize) -> Vec<f64> {
     }
 }
 
-/// Buffer `index` of a record batch, decompressed, of which `most` bytes are needed.
+/// Buffer `index` of a record batch, decompressed; `most` bytes of it are needed.
 fn buffer(file: &File, block: Block, batch: &RecordBatch<'_>, index: usize, most: usize) -> Result<Vec<u8>, String> {
     let buffers = batch.buffers().ok_or("no buffers")?;
     if index >= buffers.len() {
@@ -458,7 +460,7 @@ fn buffer(file: &File, block: Block, batch: &RecordBatch<'_>, index: usize, most
     }
 }
 
-/// A length of -1 says that the bytes are not compressed.
+/// A length of -1 means that the bytes are not compressed.
 fn decompressed(codec: CompressionType, size: i64, compressed: &[u8], most: usize) -> Result<Vec<u8>, String> {
     if size == -1 {
         return Ok(compressed.to_vec());

@@ -1,30 +1,32 @@
-//! Numbers out of messages as ROS lays them out, without decoding what is not asked for.
+//! Numbers from serialised ROS messages, without decoding other fields.
 //!
-//! ROS 2 (`cdr`): four bytes that say the byte order, then the fields in order, each number aligned to its own size relative to the
-//! first byte behind those four (plain CDR of version 1; key CDR in SOURCES.md). ROS 1 (`ros1`): the same fields in little endian
-//! without those four bytes and without alignment. A text is a count of bytes and the bytes; a sequence is a count and the elements.
+//! ROS 2 (`cdr`): four bytes that state the byte order, followed by the fields in order, each
+//! number aligned to its own size relative to the first byte after those four (plain CDR of version
+//! 1; key CDR in SOURCES.md). ROS 1 (`ros1`): the same fields in little endian without those four
+//! bytes and without alignment. A string is a count of bytes and the bytes; a sequence is a count
+//! and the elements.
 //!
-//! A [`Plan`] is made once from a definition and the fields wanted. It walks over a message up to the last of them, by arithmetic
-//! where sizes are fixed, and reads only those.
+//! A [`Plan`] is made once from a definition and the requested fields. It steps through a message
+//! up to the last of them, by arithmetic where sizes are fixed, and reads only these fields.
 
 use super::rosmsg::{Arity, Field, Kind, Primitive, Struct};
 
-/// How a message is laid out.
+/// Serialisation of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Layout {
     Cdr,
     Ros1,
 }
 
-/// One step from a message to a number in it.
+/// One step on the path from a message to a number in it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Step {
-    /// Field of a struct, by its place.
+    /// Field of a struct, by its index.
     Field(usize),
     /// Element of an array, counted from 0.
     Element(usize),
-    /// Element of an array at the place where this text stands in an array of names: the field at the place `.1` of the struct that
-    /// is `.0` levels further out.
+    /// Element of an array at the index of this string in an array of names: the field with index
+    /// `.1` of the struct that is `.0` levels further out.
     Named(String, Names),
 }
 
@@ -32,7 +34,7 @@ pub(crate) enum Step {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Names(pub(crate) Vec<usize>);
 
-/// The bytes of a message, and how far they have been read.
+/// The bytes of a message, and the current position.
 #[derive(Clone, Copy)]
 pub(crate) struct Cursor<'a> {
     bytes: &'a [u8],
@@ -46,7 +48,7 @@ const CDR_BIG: [u8; 2] = [0, 0];
 const CDR_LITTLE: [u8; 2] = [0, 1];
 
 impl<'a> Cursor<'a> {
-    /// At the first field; `None` when the payload is not laid out as it should be.
+    /// At the first field; `None` if the payload does not have the expected layout.
     pub(crate) fn new(layout: Layout, payload: &'a [u8]) -> Option<Self> {
         match layout {
             Layout::Ros1 => Some(Self { bytes: payload, at: 0, big: false, aligned: false }),
@@ -64,7 +66,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Passes over `count` numbers of `size` bytes.
+    /// Skips `count` numbers of `size` bytes.
     fn pass(&mut self, size: usize, count: usize) -> Option<()> {
         if count > 0 {
             self.align(size);
@@ -102,7 +104,7 @@ impl<'a> Cursor<'a> {
         usize::try_from(u32::from_le_bytes(self.take()?)).ok()
     }
 
-    /// Seconds and nanoseconds as nanoseconds; seconds have a sign in ROS 2 only.
+    /// Seconds and nanoseconds as nanoseconds; seconds are signed in ROS 2 only.
     fn nanoseconds(&mut self) -> Option<i64> {
         let seconds: [u8; 4] = self.take()?;
         let nanoseconds = u32::from_le_bytes(self.take()?);
@@ -111,7 +113,7 @@ impl<'a> Cursor<'a> {
         Some(seconds * 1_000_000_000 + i64::from(nanoseconds))
     }
 
-    /// The bytes of a text without the NUL that CDR puts behind it.
+    /// The bytes of a string without the terminating NUL of CDR.
     fn text(&mut self) -> Option<&'a [u8]> {
         let length = self.count()?;
         let text = self.bytes.get(self.at..self.at.checked_add(length)?)?;
@@ -119,7 +121,7 @@ impl<'a> Cursor<'a> {
         Some(if self.aligned { text.strip_suffix(&[0]).unwrap_or(text) } else { text })
     }
 
-    /// How many elements follow; refuses more than there are bytes left.
+    /// Number of elements that follow; rejects more than there are bytes left.
     fn elements(&mut self, arity: Arity) -> Option<usize> {
         let count = match arity {
             Arity::One => return Some(1),
@@ -129,7 +131,7 @@ impl<'a> Cursor<'a> {
         (count <= self.bytes.len() - self.at.min(self.bytes.len())).then_some(count)
     }
 
-    /// Passes over a field.
+    /// Skips a field.
     pub(crate) fn pass_field(&mut self, field: &Field) -> Option<()> {
         let count = self.elements(field.arity)?;
         match &field.kind {
@@ -163,19 +165,20 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// What one message looks like: the lengths of its arrays and the names in it, for listing the fields there are.
+/// Content of one message: the lengths of its arrays and the names in it, for listing its fields.
 pub(crate) trait Visitor {
     /// A number, stamp or span at `path`, or a field that cannot be read as a number.
     fn leaf(&mut self, path: &[Step], field: &Field, parent: &Struct);
 
-    /// An array of `count` of them; whether they are to be shown one by one.
+    /// An array of `count` elements; returns whether they are to be listed individually.
     fn array(&mut self, path: &[Step], field: &Field, count: usize) -> bool;
 
     /// An array of names.
     fn names(&mut self, path: &[Step], field: &Field, names: Vec<String>);
 }
 
-/// Shows every field of one message to `visitor`; `None` when the message ends before its definition does.
+/// Passes every field of one message to `visitor`; `None` when the message ends before its
+/// definition does.
 pub(crate) fn visit(
     message: &Struct,
     cursor: &mut Cursor,
@@ -231,27 +234,27 @@ fn visit_field(
     cursor.pass_field(field)
 }
 
-/// The way to some numbers of a message.
+/// Instructions to reach some numbers of a message.
 #[derive(Debug, Clone)]
 pub(crate) struct Plan {
     layout: Layout,
     actions: Vec<Action>,
-    /// For each array of names that is used, the names looked for.
+    /// For each array of names that is used, the names to find.
     registers: Vec<Register>,
     /// Subtracted from stamps, in ns.
     epoch: i64,
 }
 
-/// What is done with a field.
+/// Action on a field.
 #[derive(Debug, Clone)]
 enum Action {
     Pass(Field),
-    /// A number to the place in the row.
+    /// Writes a number to the given index of the row.
     Take(Kind, usize),
     /// Elements of an array of numbers.
     TakeSome(Kind, Arity, Vec<(Pick, usize)>),
     Enter(Vec<Action>),
-    /// Elements of an array of structs, in rising order.
+    /// Elements of an array of structs, in ascending order.
     EnterSome(Struct, Arity, Vec<(usize, Vec<Action>)>),
     Remember(Arity, usize),
 }
@@ -259,11 +262,12 @@ enum Action {
 #[derive(Debug, Clone, Copy)]
 enum Pick {
     At(usize),
-    /// Where the name `.1` of register `.0` stands.
+    /// Index of the name `.1` of register `.0`.
     Named(usize, usize),
 }
 
-/// An array of names as it was in the message before: it hardly ever changes, and is then passed over in one comparison.
+/// An array of names as in the previous message: it rarely changes, and is then skipped after one
+/// comparison.
 #[derive(Debug, Clone)]
 struct Register {
     field: Names,
@@ -272,7 +276,7 @@ struct Register {
     found: Vec<Option<usize>>,
 }
 
-/// One number wanted: its path, and its place in the row.
+/// One requested number: its path, and its index in the row.
 type Wanted<'a> = (&'a [Step], usize);
 
 impl Plan {
@@ -302,14 +306,15 @@ impl Plan {
         Self { layout, actions, registers, epoch }
     }
 
-    /// Writes the wanted numbers of one message into `row`, which holds NaN; `None` when the message ends before the last of them.
+    /// Writes the requested numbers of one message into `row`, which is initialised to NaN; `None`
+    /// when the message ends before the last of them.
     pub(crate) fn run(&mut self, payload: &[u8], row: &mut [f64]) -> Option<()> {
         let mut cursor = Cursor::new(self.layout, payload)?;
         run(&self.actions, &mut cursor, &mut self.registers, self.epoch, row)
     }
 }
 
-/// The stamp at a path of fields, ns since its clock's zero.
+/// The stamp at a path of fields, ns since the zero of its clock.
 pub(crate) fn stamp(layout: Layout, message: &Struct, path: &[Step], payload: &[u8]) -> Option<i64> {
     let mut cursor = Cursor::new(layout, payload)?;
     let mut at = message;
@@ -325,7 +330,7 @@ pub(crate) fn stamp(layout: Layout, message: &Struct, path: &[Step], payload: &[
     None
 }
 
-/// Actions for the fields of one struct, up to the last that is needed if nothing behind it is (`last`).
+/// Actions for the fields of one struct, up to the last one needed if no later field is (`last`).
 fn compile(
     message: &Struct,
     wanted: &[Wanted],
@@ -343,7 +348,8 @@ fn compile(
             .map(|(path, row)| (&path[1..], *row))
             .collect();
         let register = registers.iter().position(|register| register.field.0 == *at);
-        // What follows decides whether the inner struct may end early; passing a little too much does no harm.
+        // The following fields decide whether the inner struct may end early; skipping slightly
+        // more does no harm.
         let action = match register {
             Some(register) => Action::Remember(field.arity, register),
             None if inner.is_empty() => Action::Pass(field.clone()),

@@ -1,8 +1,9 @@
-//! HDF5 files, and MATLAB 7.3 files, which are HDF5 with a block of text in front.
+//! HDF5 files, and MATLAB 7.3 files, which are HDF5 with a leading block of text.
 //!
-//! Each group's vectors of one length are a table; N x k arrays are k columns `name[0]`, `name[1]`..., the longer side
-//! being rows, so that MATLAB's transposed vectors come out right. Attributes `units` or `unit` are the column's unit.
-//! Memory: a batch of rows, or the whole array where its longer side is not the first one (as MATLAB writes vectors).
+//! Vectors of equal length in a group form a table. N x k arrays are k columns `name[0]`,
+//! `name[1]`..., the longer dimension being rows, so MATLAB's transposed vectors are read
+//! correctly. Attributes `units` or `unit` are the column's unit. Memory: a batch of rows, or the
+//! whole array if its longer dimension is not the first one (as MATLAB writes vectors).
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,23 +15,23 @@ use super::lengths::{self, Group, WIDEST};
 use crate::recording::RecordingError;
 use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table};
 
-/// Groups inside each other: a link may lead back to where it came from.
+/// Deepest nesting of groups: links may form a cycle.
 const DEEPEST: usize = 16;
 
-/// Groups and arrays listed of one file.
+/// Most groups and arrays listed from one file.
 const MOST: usize = 1 << 16;
 
-/// What deflate can make of a byte at best, and a margin.
+/// Largest compression ratio of deflate, with a margin.
 const DENSEST: u64 = 2000;
 
 /// Attributes that name a unit.
 const UNITS: [&str; 4] = ["units", "unit", "Units", "Unit"];
 
-/// Where one column lies.
+/// Position of one column.
 #[derive(Debug, Clone, PartialEq)]
 struct Place {
     path: String,
-    /// Which of `width` columns.
+    /// Index among `width` columns.
     column: u64,
     width: u64,
     /// Whether rows are the second dimension.
@@ -86,7 +87,8 @@ impl Container for Hdf5 {
     }
 }
 
-/// An error of the reader in our words; files of HDF5 2.0 with the newest layout have a way out.
+/// Converts an error of the reader; for HDF5 2.0 files with the newest layout it includes a
+/// workaround.
 fn refused(source: &Source, place: impl std::fmt::Display, error: &hdf5_pure::Error) -> RecordingError {
     let text = error.to_string().replace("HDF5 format error: ", "");
     let newest = ["data layout version: 5", "superblock version: 4", "unsupported"];
@@ -119,13 +121,13 @@ impl Listing<'_> {
             let full = if path.is_empty() { name.clone() } else { format!("{path}/{name}") };
             match self.file.dataset(&full).and_then(|dataset| described(&dataset)) {
                 Ok(described) => self.dataset(&mut listed, &name, full, described),
-                // One array that cannot be read does not take the others with it.
+                // An array that cannot be read does not affect the others.
                 Err(error) => listed.refused.push(format!("{name} ({})", refused(self.source, &full, &error))),
             }
         }
         self.groups.push(listed);
         for name in group.groups().map_err(failed)? {
-            // Cells and objects of MATLAB keep their parts there, without names.
+            // Cells and objects of MATLAB store their parts there, without names.
             if depth == 0 && name.starts_with('#') {
                 continue;
             }
@@ -177,15 +179,15 @@ impl Listing<'_> {
     }
 }
 
-/// What is said about an array without reading it.
+/// Description of an array, obtained without reading it.
 struct Described {
     shape: Vec<u64>,
     unit: Option<String>,
     is_numeric: bool,
-    /// Bytes of a number, and how many times as many as the file has there can be.
+    /// Bytes of a number, and the largest ratio of decompressed to stored bytes.
     size: u64,
     compressed: u64,
-    /// Why it cannot be read, and the way out.
+    /// Why it cannot be read, and the workaround.
     reason: Option<&'static str>,
 }
 
@@ -231,7 +233,7 @@ fn text(value: &AttrValue) -> Option<String> {
     (!text.is_empty()).then(|| text.to_owned())
 }
 
-/// Whether numbers are read from it; `bool` of h5py is an enumeration of FALSE and TRUE.
+/// Whether its values are read as numbers; `bool` of h5py is an enumeration of FALSE and TRUE.
 fn is_number(kind: &DType) -> bool {
     match kind {
         DType::F32 | DType::F64 => true,
@@ -242,13 +244,13 @@ fn is_number(kind: &DType) -> bool {
     }
 }
 
-/// An array that columns are read from.
+/// An array from which columns are read.
 struct Array {
     path: String,
     dataset: Dataset,
     kind: DType,
     width: u64,
-    /// All of it, where rows are the second dimension.
+    /// The complete array, if rows are the second dimension.
     whole: Option<Vec<f64>>,
     /// The rows of this batch.
     window: Vec<f64>,

@@ -1,8 +1,8 @@
-//! Vectors of a group become tables: those of one length belong together.
+//! Groups the vectors of a group into tables by their length.
 
 use crate::recording::container::{Column, Table};
 
-/// Most columns that a matrix is taken apart into; a wider one is an image rather than readings.
+/// Most columns into which a matrix is split; a wider one is an image rather than readings.
 pub(super) const WIDEST: u64 = 64;
 
 /// Vectors and matrices of one group, in the file's order.
@@ -10,17 +10,18 @@ pub(super) const WIDEST: u64 = 64;
 pub(super) struct Group<L> {
     /// Path of the group; empty at the top of the file.
     pub(super) name: String,
-    /// Rows and place of each column.
+    /// Each column with its number of rows and its position.
     pub(super) columns: Vec<(Column, u64, L)>,
-    /// What cannot be read, each with its reason.
+    /// Content that cannot be read, each with its reason.
     pub(super) refused: Vec<String>,
 }
 
-/// Tables of a file, and where their columns lie.
+/// Tables of a file, and the positions of their columns.
 pub(super) type Placed<L> = (Vec<Table>, Vec<Vec<Option<L>>>);
 
-/// One table for each group and length. The one of most rows has the group's name, others the length behind it, as in `run[1]`;
-/// what cannot be read is told by the first of them.
+/// One table for each group and length. The one with the most rows has the name of the group,
+/// others have the length appended, as in `run[1]`. The first of them reports the content that
+/// cannot be read.
 pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
     let mut placed: Placed<L> = (Vec::new(), Vec::new());
     for group in groups {

@@ -17,7 +17,7 @@ const START: i64 = 1_700_000_000_123_456_789;
 const LATENCY: i64 = 300_000;
 const SAMPLES: usize = 100;
 
-/// Every log with `/psm1/measured_js`, and whether it has all topics.
+/// All logs with `/psm1/measured_js`, and whether each has all topics.
 const LOGS: [(&str, bool); 13] = [
     ("zstd.mcap", true),
     ("lz4.mcap", true),
@@ -46,7 +46,7 @@ fn table<'a>(log: &'a dyn Container, topic: &str) -> (usize, &'a Table) {
     log.tables().iter().enumerate().find(|(_, table)| table.name == topic).expect("a topic of the log")
 }
 
-/// Columns of a topic from its first row to its last, and what was lost.
+/// Columns of a topic from its first row to its last, and the losses.
 fn read(log: &dyn Container, topic: &str, names: &[&str]) -> (Vec<Vec<f64>>, Vec<String>) {
     let (place, table) = table(log, topic);
     let find = |name: &&str| table.columns.iter().position(|column| column.name == **name).expect("a column");
@@ -68,7 +68,7 @@ fn read_places(log: &dyn Container, table: usize, columns: &[usize]) -> Result<C
     Ok((all, batches.warnings()))
 }
 
-/// Columns as rows, counted.
+/// Columns as numbered rows.
 fn rows(columns: &[Vec<f64>]) -> impl Iterator<Item = (usize, Vec<f64>)> + '_ {
     (0..columns[0].len()).map(|row| (row, columns.iter().map(|column| column[row]).collect()))
 }
@@ -221,7 +221,7 @@ fn topics_of_a_log_are_joined_on_the_stamps_of_the_position() {
             let t = k as i64 * 2_000_000;
             assert_near(row[0], since_first(t), name);
             assert_near(row[1], position(t), name);
-            // Samples stand at 1 ms + 5 ms k, of which 20 to 27 are missing.
+            // Samples are at 1 ms + 5 ms k, of which 20 to 27 are missing.
             let is_known = (1_000_000..=96_000_000).contains(&t) || (141_000_000..=196_000_000).contains(&t);
             assert_eq!(row[2].is_finite(), is_known, "{name}: {t} ns");
             assert!(!is_known || (row[2] - (20.0 * position(t) - 2.0)).abs() < BENT, "{name}: {t} ns");
@@ -231,7 +231,8 @@ fn topics_of_a_log_are_joined_on_the_stamps_of_the_position() {
     }
 }
 
-/// Half the sagitta of 20 N/m times the sine between samples 5 ms apart, N, and a little: 20 * 0.05 pi^2 (5e-3)^2 / 8 = 3.1e-5.
+/// Half the sagitta of 20 N/m times the sine between samples 5 ms apart, N, with a margin:
+/// 20 * 0.05 pi^2 (5e-3)^2 / 8 = 3.1e-5.
 const BENT: f64 = 3.2e-5;
 
 #[test]
@@ -328,7 +329,8 @@ fn a_damaged_chunk_is_left_out_and_counted() {
     assert!(warnings.contains(&counted), "{warnings:?}");
 }
 
-/// Cut off and changed at places spread over the file: errors, warnings or fewer rows, and never a panic.
+/// Files truncated and modified at positions spread over the file: errors, warnings or fewer rows,
+/// and never a panic.
 #[test]
 fn no_damage_panics() {
     const VARIANTS: u64 = 200;

@@ -1,8 +1,10 @@
-//! MATLAB files of versions 5 to 7, read as streams: values are never held in memory but for the batch on its way.
+//! MATLAB files of versions 5 to 7, read as streams: only the current batch of values is held in
+//! memory.
 //!
-//! Numeric arrays of every class and storage type, in structs, arrays of structs and cells, either byte order, compressed
-//! or not. Text is listed as no number; sparse and complex arrays, function handles and objects are listed with what to
-//! do about them. N x k arrays are k columns `name[0]`, `name[1]`..., the longer side being rows.
+//! Numeric arrays of every class and storage type, in structs, arrays of structs and cells, in
+//! either byte order, compressed or not. Text is listed as non-numeric. Sparse and complex arrays,
+//! function handles and objects are listed with a workaround. N x k arrays are k columns `name[0]`,
+//! `name[1]`..., the longer dimension being rows.
 //!
 //! Layout after "MAT-File Format" (key MATFILE in SOURCES.md).
 
@@ -19,16 +21,16 @@ use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table}
 
 pub(in crate::recording) const SAVE_AGAIN: &str = "save it again with -v7 or -v7.3";
 
-/// What to do about a time series, a timetable and other objects.
+/// Workaround for a time series, a timetable and other objects.
 const OBJECT: &str = "an object; save its vectors, as in t = x.Time; y = x.Data; save('run.mat', 't', 'y')";
 
 /// Text, an offset, the version and the byte order.
 const HEADER: u64 = 128;
 
-/// Structs and cells inside each other.
+/// Deepest nesting of structs and cells.
 const DEEPEST: usize = 16;
 
-/// Arrays and columns listed of one file.
+/// Most arrays and columns listed from one file.
 const MOST: usize = 1 << 16;
 
 /// Types of data elements.
@@ -52,7 +54,7 @@ pub(in crate::recording) fn is_version_4(head: &[u8]) -> bool {
     fits(false) == Some(true) || fits(true) == Some(true)
 }
 
-/// Storage types that numbers have.
+/// Storage types of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Storage {
     I8,
@@ -93,7 +95,7 @@ impl Storage {
         }
     }
 
-    /// The number at the front of `bytes`, which are in the order `big` says.
+    /// The number at the start of `bytes`, in big-endian order if `big`.
     fn number(self, bytes: &[u8], big: bool) -> f64 {
         let size = self.size();
         let mut little = [0; 8];
@@ -117,16 +119,17 @@ impl Storage {
     }
 }
 
-/// Where the numbers of one column lie.
+/// Position of the numbers of one column.
 #[derive(Debug, Clone, PartialEq)]
 enum Place {
-    /// In the data element at `element`, `skip` bytes into its stream, every `stride`-th number.
+    /// In the data element at `element`, starting `skip` bytes into its stream, every `stride`-th
+    /// number.
     Stream { element: Element, skip: u64, storage: Storage, stride: u64, rows: u64 },
     /// One number for each struct of an array, read when the file was opened.
     Held(Vec<f64>),
 }
 
-/// A data element at the top of the file.
+/// A top-level data element of the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Element {
     at: u64,
@@ -240,7 +243,7 @@ impl Read for Part {
     }
 }
 
-/// Reads on over `count` bytes.
+/// Skips `count` bytes.
 fn pass(bytes: &mut impl Read, count: u64) -> io::Result<()> {
     match io::copy(&mut bytes.by_ref().take(count), &mut io::sink())? == count {
         true => Ok(()),
@@ -248,7 +251,7 @@ fn pass(bytes: &mut impl Read, count: u64) -> io::Result<()> {
     }
 }
 
-/// What is listed while the file is walked through.
+/// Content listed while the file is traversed.
 struct Listing<'a> {
     source: &'a Source,
     big: bool,
@@ -256,7 +259,7 @@ struct Listing<'a> {
     arrays: usize,
 }
 
-/// An element's stream and how far it has been read.
+/// The stream of an element and the current position in it.
 struct Walk {
     bytes: Box<dyn Read + Send>,
     at: u64,
@@ -289,23 +292,23 @@ fn invalid(found: &'static str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, found)
 }
 
-/// The tag of a data element: small ones have their data in the tag.
+/// The tag of a data element: small elements have their data in the tag.
 #[derive(Debug, Clone, Copy)]
 struct Tag {
     kind: u32,
-    /// Where its data begin and end, and where the next element begins.
+    /// Start and end of its data, and start of the next element.
     from: u64,
     bytes: u64,
     next: u64,
 }
 
-/// What every array begins with.
+/// Common header of every array.
 struct Head {
     class: u8,
     complex: bool,
     dimensions: Vec<u64>,
     name: String,
-    /// Where the array ends.
+    /// End of the array.
     end: u64,
 }
 
@@ -315,7 +318,7 @@ impl Head {
     }
 }
 
-/// Where an array stands: group, what is above its own name, and how deep.
+/// Position of an array: group, path above its own name, and depth.
 struct Position<'a> {
     group: usize,
     name: &'a str,
@@ -389,7 +392,7 @@ impl Listing<'_> {
         Ok(head)
     }
 
-    /// Lists one array, which ends at `end`, and moves on to there.
+    /// Lists one array, which ends at `end`, and skips to its end.
     fn array(&mut self, walk: &mut Walk, end: u64, position: &Position<'_>) -> io::Result<()> {
         self.arrays += 1;
         if self.arrays > MOST {
@@ -400,7 +403,7 @@ impl Listing<'_> {
         }
         let head = self.head(walk, end)?;
         let name = if position.depth == 0 { head.name.clone() } else { position.name.to_owned() };
-        // Objects keep their contents in an array of bytes without a name.
+        // Objects store their contents in an unnamed array of bytes.
         if position.depth > 0 || !head.name.is_empty() {
             let position = Position { name: &name, ..*position };
             match head.class {
@@ -419,7 +422,7 @@ impl Listing<'_> {
 
     fn not_numeric(&mut self, head: &Head, position: &Position<'_>) {
         let column = Column { name: self.leaf(position), unit: None, is_numeric: false };
-        // As many rows as characters would say nothing: one text.
+        // The number of rows is that of the strings, not of the characters.
         let rows = head.dimensions.first().copied().unwrap_or(0);
         self.groups[position.group].columns.push((column, rows, Place::Held(Vec::new())));
     }
@@ -454,7 +457,7 @@ impl Listing<'_> {
                 return Ok(());
             }
         };
-        // Columns lie one after another.
+        // Columns are stored one after another.
         let (rows, columns, step, stride) =
             if rows >= columns { (rows, columns, rows, 1) } else { (columns, rows, 1, rows) };
         if columns > WIDEST {
@@ -481,7 +484,7 @@ impl Listing<'_> {
         Ok(())
     }
 
-    /// A group of its own for what `position` holds.
+    /// A new group for the content of `position`.
     fn inner(&mut self, position: &Position<'_>) -> io::Result<usize> {
         if position.depth >= DEEPEST {
             return Err(invalid("structs and cells more than 16 deep"));
@@ -490,7 +493,7 @@ impl Listing<'_> {
         Ok(self.groups.len() - 1)
     }
 
-    /// Lists the array that begins here.
+    /// Lists the array that starts here.
     fn inside(&mut self, walk: &mut Walk, position: &Position<'_>) -> io::Result<()> {
         let tag = self.tag(walk)?;
         if tag.kind != MATRIX {
@@ -523,7 +526,8 @@ impl Listing<'_> {
         Ok(())
     }
 
-    /// An array of structs: fields that are one number in each are columns, others are groups of each struct.
+    /// An array of structs: fields with one number in each struct are columns, others are groups of
+    /// each struct.
     fn struct_array(
         &mut self,
         walk: &mut Walk,
@@ -553,11 +557,11 @@ impl Listing<'_> {
         Ok(())
     }
 
-    /// Lists the array that begins here, unless it is one real number, which is returned.
+    /// Lists the array that starts here, unless it is one real number, which is returned.
     fn single(&mut self, walk: &mut Walk, position: &Position<'_>) -> io::Result<Option<f64>> {
         let tag = self.tag(walk)?;
         let end = tag.from + tag.bytes;
-        // One number with its head takes 48 to 72 bytes.
+        // One number with its header takes 48 to 72 bytes.
         if tag.kind != MATRIX || !(40..=96).contains(&tag.bytes) {
             if tag.kind != MATRIX {
                 return Err(invalid("something other than an array inside a struct"));
@@ -581,7 +585,7 @@ impl Listing<'_> {
         self.short(inner, &head, position)
     }
 
-    /// A short array that is no single number, from behind its head on.
+    /// A short array that is not a single number, from the end of its header on.
     fn short(&mut self, mut walk: Walk, head: &Head, position: &Position<'_>) -> io::Result<Option<f64>> {
         match head.class {
             CELL => self.cells(&mut walk, head, position)?,
@@ -605,13 +609,13 @@ const UINT64: u8 = 15;
 const FUNCTION: u8 = 16;
 const OPAQUE: u8 = 17;
 
-/// What is left of one column.
+/// Remainder of one column.
 enum Cells {
     Stream { bytes: Box<dyn Read + Send>, storage: Storage, stride: u64, left: u64 },
     Held(Vec<f64>),
 }
 
-/// Rows of some columns, each from a stream of its own.
+/// Rows of some columns, each from its own stream.
 struct Rows {
     source: Source,
     big: bool,
@@ -645,7 +649,7 @@ fn next_of(cells: &mut Cells, column: &mut Vec<f64>, piece: &mut Vec<u8>, big: b
             let rows = (*left).min(BATCH_ROWS as u64);
             let size = storage.size();
             let step = size * *stride as usize;
-            // Behind the last number the other columns' end the element.
+            // After the last number of this column, those of the other columns end the element.
             let needed = (rows as usize).saturating_sub(1) * step + size;
             piece.resize(if rows == 0 { 0 } else { needed }, 0);
             bytes.read_exact(piece)?;

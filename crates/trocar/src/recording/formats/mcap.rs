@@ -1,11 +1,12 @@
-//! MCAP files (key MCAP in SOURCES.md): chunks of messages, none, zstd or lz4 compressed, or messages without chunks.
+//! MCAP files (key MCAP in SOURCES.md): chunks of messages, uncompressed or compressed by zstd or
+//! lz4, or messages without chunks.
 //!
-//! The index at the end says which chunks hold a topic; the others are not touched. Chunks are read and decoded on all cores, a few at
-//! a time, so that memory is bounded by a few chunks per core ([`MOST_AT_ONCE`]) and the rows that wait for overlapping ones
-//! ([`super::ordered`]).
+//! The index at the end lists the chunks that hold a topic; the others are not read. Chunks are
+//! read and decoded on all cores, a few at a time. Memory is thus bounded by a few chunks per core
+//! ([`MOST_AT_ONCE`]) and the rows that wait for overlapping ones ([`super::ordered`]).
 //!
-//! A file without an index (a recorder that crashed), with a damaged one, or without chunks is walked through once from its start; what
-//! is whole is used, and what is not is reported.
+//! A file without an index (after a crash of the recorder), with a damaged one, or without chunks
+//! is read once from its start. Intact parts are used, and the others are reported.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -22,7 +23,7 @@ use crate::recording::{RecordingError, Table};
 
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 
-/// Op code and length in front of each record; the footer with both; the fixed part of a message.
+/// Op code and length before each record; the footer with both; the fixed part of a message.
 const RECORD_HEAD: usize = 9;
 const FOOTER: usize = RECORD_HEAD + 20;
 const MESSAGE_HEAD: usize = 22;
@@ -33,7 +34,7 @@ const LARGEST: u64 = 1 << 30;
 /// Bytes of messages without chunks that are decoded at a time.
 const RUN: u64 = 1 << 20;
 
-/// Chunks per core, and bytes of all of them together, that are decoded at the same time.
+/// Chunks per core, and total number of bytes, that are decoded at the same time.
 const PER_CORE: usize = 4;
 const MOST_AT_ONCE: u64 = 1 << 28;
 
@@ -47,7 +48,7 @@ struct Piece {
     /// First and last log time.
     start: u64,
     end: u64,
-    /// Channels in it, rising; `None` where that is not known.
+    /// Its channels, in ascending order; `None` if unknown.
     channels: Option<Vec<u16>>,
     is_chunk: bool,
 }
@@ -58,13 +59,13 @@ impl Piece {
     }
 }
 
-/// What the index or a walk through the file tells.
+/// Content of the index, or result of a scan of the file.
 #[derive(Debug, Default)]
 struct Index {
     schemas: BTreeMap<u16, Schema>,
     channels: BTreeMap<u16, records::Channel>,
     counts: BTreeMap<u16, u64>,
-    /// By first log time.
+    /// In the order of the first log time.
     pieces: Vec<Piece>,
     /// First message of each channel.
     first: BTreeMap<u16, Vec<u8>>,
@@ -97,7 +98,8 @@ pub(crate) struct McapFile {
 /// Opens an MCAP file.
 ///
 /// # Errors
-/// [`RecordingError`] when it cannot be opened, is no MCAP file, or holds not one whole message.
+/// [`RecordingError`] when it cannot be opened, is not an MCAP file, or does not contain a complete
+/// message.
 pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     Ok(Box::new(McapFile::open(path)?))
 }
@@ -197,7 +199,7 @@ impl McapFile {
         self.start
     }
 
-    /// The chunks that hold a topic, one after the other.
+    /// The chunks that contain a topic, in sequence.
     pub(crate) fn blocks(&self, table: usize, extractor: Extractor) -> Box<dyn Blocks> {
         let channels = self.channels[table].clone();
         let pieces = self.pieces.iter().filter(|piece| piece.may_hold(&channels)).cloned().collect();
@@ -245,7 +247,8 @@ impl Container for McapFile {
     }
 }
 
-/// The index at the end of the file; `None` when there is none that can be relied on, or it does not say where messages are.
+/// The index at the end of the file; `None` if there is no reliable one, or it does not state where
+/// messages are.
 fn read_index(input: &mut File, size: u64) -> std::io::Result<Option<Index>> {
     let tail = (FOOTER + MAGIC.len()) as u64;
     if size < 2 * MAGIC.len() as u64 + FOOTER as u64 {
@@ -315,7 +318,7 @@ fn piece(chunk: &records::ChunkIndex, data_end: u64) -> Option<Piece> {
     })
 }
 
-/// Op code and body of the first record, and what follows it.
+/// Op code and body of the first record, and the bytes after it.
 fn split_record(bytes: &[u8]) -> Option<(u8, &[u8], &[u8])> {
     let (head, rest) = bytes.split_at_checked(RECORD_HEAD)?;
     let length = u64::from_le_bytes(head[1..].first_chunk().copied()?);
@@ -331,7 +334,7 @@ fn split_message(body: &[u8]) -> Option<(u16, u64, u64, &[u8])> {
 }
 
 impl Index {
-    /// Takes in a schema or a channel; what is defined twice keeps its first meaning.
+    /// Adds a schema or a channel; the first definition is kept.
     fn learn(&mut self, code: u8, body: &[u8]) -> Option<()> {
         match mcap::parse_record(code, body) {
             Ok(Record::Schema { header, data }) => {
@@ -346,7 +349,7 @@ impl Index {
         Some(())
     }
 
-    /// Takes in a message in front of which nothing is known of the file.
+    /// Counts a message found without the help of an index.
     fn count(&mut self, (channel, log, _, payload): (u16, u64, u64, &[u8])) {
         *self.counts.entry(channel).or_default() += 1;
         self.first.entry(channel).or_insert_with(|| payload.to_vec());
@@ -354,7 +357,7 @@ impl Index {
     }
 }
 
-/// Looks through the whole file, record by record.
+/// Scans the whole file, record by record.
 fn walk(path: &Path, size: u64) -> std::io::Result<Index> {
     let mut walker = Walker { index: Index::default(), run: None, damaged: 0, lost: 0 };
     let mut input = BufReader::with_capacity(1 << 20, File::open(path)?);
@@ -390,7 +393,7 @@ fn walk(path: &Path, size: u64) -> std::io::Result<Index> {
 
 struct Walker {
     index: Index,
-    /// Messages without chunks, one after the other.
+    /// Consecutive messages without chunks.
     run: Option<Piece>,
     damaged: u64,
     lost: u64,
@@ -484,7 +487,7 @@ fn damage(pieces: u64, bytes: u64) -> Option<String> {
     (pieces > 0).then(|| format!("{pieces} damaged chunk{plural} or record{plural} of {megabytes:.3} MB left out"))
 }
 
-/// Finds the first message of each channel that is not known yet, in the first chunk that can be read.
+/// Finds the first message of each channel for which it is unknown, in the first readable chunk.
 fn find_first(path: &Path, index: &mut Index) {
     let Ok(mut input) = File::open(path) else { return };
     let mut buffers = Buffers::default();
@@ -527,7 +530,7 @@ fn decompress(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
     (records.len() == size && is_right).then_some(())
 }
 
-/// Memory for one piece, used again for the next.
+/// Memory for one piece, reused for the next.
 #[derive(Default)]
 struct Buffers {
     compressed: Vec<u8>,
@@ -551,7 +554,7 @@ impl Buffers {
     }
 }
 
-/// The chunks that hold a topic, decoded a few at a time.
+/// The chunks that contain a topic, decoded a few at a time.
 struct Chunks {
     path: PathBuf,
     channels: Vec<u16>,

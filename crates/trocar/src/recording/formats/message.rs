@@ -1,11 +1,13 @@
-//! Topics of robot logs as tables: which numbers their messages hold, and how to get some of them out of each.
+//! Topics of robot logs as tables: the numbers in their messages, and how to extract some of them.
 //!
-//! The columns of a topic are `log_time_s`, `publish_time_s` where the log has it, and every number of its first message under its
-//! path. Elements of arrays are named by a list of names of the same length that stands in front of them in the message
-//! (`position[insertion]`), else by their place (`position[2]`). A later message may have more or fewer: what is not there is NaN.
+//! The columns of a topic are `log_time_s`, `publish_time_s` if the log has it, and every number of
+//! its first message under its path. Elements of arrays are named by a list of names of the same
+//! length that precedes them in the message (`position[insertion]`), otherwise by their index
+//! (`position[2]`). A later message may have more or fewer elements: missing ones are NaN.
 //!
-//! Stamps are whole nanoseconds and become seconds only after the log's first time has been subtracted. Stamps of a clock of their
-//! own, further than [`SAME_CLOCK`] from the log's time, count from the first of them.
+//! Stamps are integer nanoseconds and are converted to seconds only after the log's first time has
+//! been subtracted. Stamps of a separate clock, further than [`SAME_CLOCK`] from the log's time,
+//! count from the first of them.
 
 use std::path::Path;
 
@@ -17,14 +19,15 @@ use super::rosmsg::{self, Field, Kind, Struct};
 use super::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME};
 use crate::recording::{Column, RecordingError, Table};
 
-/// Furthest that stamps of the log's clock lie from its first time, ns: 11 days, within which seconds resolve 0.1 ns.
+/// Largest distance of stamps of the log's clock from its first time, ns: 11 days, within which
+/// seconds resolve 0.1 ns.
 const SAME_CLOCK: u64 = 1_000_000_000_000_000;
 
-/// Longest array shown element by element, and most columns of a topic.
+/// Longest array listed element by element, and most columns of a topic.
 const LONGEST_ARRAY: usize = 64;
 const MOST_COLUMNS: usize = 1000;
 
-/// Where stamps count from, in ns.
+/// Origins of the stamps, in ns.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Epochs {
     /// The log's first time.
@@ -50,7 +53,7 @@ enum Codec {
     None,
 }
 
-/// Where the values of a column come from.
+/// Source of the values of a column.
 #[derive(Debug, Clone)]
 enum Source {
     Log,
@@ -66,14 +69,14 @@ enum Key {
     At(usize),
 }
 
-/// What a log says about a topic.
+/// Description of a topic in a log.
 pub(crate) struct Description<'a> {
     pub(crate) name: &'a str,
     /// Type of its messages.
     pub(crate) kind: &'a str,
-    /// How messages are written: `cdr`, `ros1`, `json`.
+    /// Encoding of messages: `cdr`, `ros1`, `json`.
     pub(crate) encoding: &'a str,
-    /// How the definition is written: `ros2msg`, `ros1msg`, or empty.
+    /// Language of the definition: `ros2msg`, `ros1msg`, or empty.
     pub(crate) schema_encoding: &'a str,
     pub(crate) definition: &'a str,
     pub(crate) rows: Option<u64>,
@@ -81,7 +84,8 @@ pub(crate) struct Description<'a> {
 }
 
 impl Topic {
-    /// The topic as `description` and its first message show it, and why it cannot be read, if it cannot.
+    /// The topic according to `description` and its first message, and the reason if it cannot be
+    /// read.
     pub(crate) fn new(description: &Description, first: Option<&[u8]>) -> (Self, Option<String>) {
         let mut topic = Self {
             table: Table {
@@ -181,18 +185,18 @@ impl Topic {
         }
     }
 
-    /// Whether `header.stamp` is of the log's clock.
+    /// Whether `header.stamp` follows the log's clock.
     pub(crate) fn stamps_are_of_log(&self, log: i64) -> bool {
         self.stamp.is_none_or(|stamp| stamp.abs_diff(log) <= SAME_CLOCK)
     }
 
-    /// 1 for stamps of another clock than the log's, else 0.
+    /// 1 for stamps of a clock other than the log's, otherwise 0.
     pub(crate) fn clock(&self, column: usize, epochs: Epochs) -> usize {
         let is_logged = matches!(self.sources.get(column), Some(Source::Log | Source::Publish));
         usize::from(!is_logged && !self.stamps_are_of_log(epochs.log))
     }
 
-    /// Gets the numbers of `columns` out of messages.
+    /// Extracts the numbers of `columns` from messages.
     pub(crate) fn extractor(&self, columns: &[usize], epochs: Epochs) -> Extractor {
         let columns: Vec<Option<usize>> = columns.iter().copied().map(Some).collect();
         self.extractor_of(&columns, epochs)
@@ -229,13 +233,14 @@ impl Topic {
     }
 }
 
-/// Where the stamps of `topics` count from: the log's first time, and the first stamp of the clock that is not the log's, if any.
+/// Origins of the stamps of `topics`: the log's first time, and the first stamp of any clock other
+/// than the log's.
 pub(crate) fn epochs<'a>(topics: impl Iterator<Item = &'a Topic>, log: i64) -> Epochs {
     let others = topics.filter(|topic| !topic.stamps_are_of_log(log)).filter_map(|topic| topic.stamp);
     Epochs { log, other: others.min().unwrap_or(log) }
 }
 
-/// What is to be said about where stamps count from.
+/// Notes about the origins of the stamps.
 pub(crate) fn epoch_notes<'a>(topics: impl Iterator<Item = &'a Topic>, epochs: Epochs) -> Vec<String> {
     let mut notes = vec![format!("times count from {} ns, the first time of the log", epochs.log)];
     let others: Vec<&str> =
@@ -247,7 +252,7 @@ pub(crate) fn epoch_notes<'a>(topics: impl Iterator<Item = &'a Topic>, epochs: E
     notes
 }
 
-/// Refuses columns that hold no numbers.
+/// Rejects columns that are not numeric.
 pub(crate) fn check(path: &Path, format: &'static str, table: &Table, columns: &[usize]) -> Result<(), RecordingError> {
     match columns.iter().map(|&column| &table.columns[column]).find(|column| !column.is_numeric) {
         None => Ok(()),
@@ -282,7 +287,7 @@ fn codec(description: &Description) -> Result<Codec, String> {
     .map(|message| Codec::Ros(layout, message))
 }
 
-/// Numbers out of the messages of one topic.
+/// Extracts numbers from the messages of one topic.
 #[derive(Clone)]
 pub(crate) struct Extractor {
     outputs: Vec<Output>,
@@ -307,12 +312,12 @@ enum Decoder {
 }
 
 impl Extractor {
-    /// How many columns it makes.
+    /// Number of its columns.
     pub(crate) fn width(&self) -> usize {
         self.outputs.len()
     }
 
-    /// Adds one message to `block`; what cannot be found in it is NaN.
+    /// Adds one message to `block`; values missing from it are NaN.
     pub(crate) fn add(&mut self, log: u64, publish: u64, payload: &[u8], block: &mut Block) {
         self.row.fill(f64::NAN);
         let whole = match &mut self.decoder {
@@ -369,9 +374,9 @@ fn json_stamp(value: &Value) -> Option<i64> {
 /// Columns from one message.
 struct Lister<'a> {
     message: &'a Struct,
-    /// Arrays of names passed so far, by the places of their fields.
+    /// Arrays of names passed so far, by the indices of their fields.
     names: Vec<(Vec<usize>, Vec<String>)>,
-    /// Names for the elements of the array just entered.
+    /// Names for the elements of the current array.
     labels: Option<(Names, Vec<String>)>,
     found: Vec<(Column, Source)>,
 }
@@ -417,7 +422,7 @@ impl Visitor for Lister<'_> {
 }
 
 impl Lister<'_> {
-    /// The nearest array of `count` names beside the array at `path` or further out.
+    /// The nearest array of `count` names at the level of the array at `path` or further out.
     fn labels_for(&self, path: &[usize], count: usize) -> Option<(Names, Vec<String>)> {
         let reaches = |of: &[usize]| path.starts_with(&of[..of.len() - 1]);
         let fitting = self.names.iter().filter(|(of, names)| names.len() == count && reaches(of));
@@ -434,7 +439,7 @@ fn fields_only(path: &[Step]) -> Option<Vec<usize>> {
         .collect()
 }
 
-/// The path in words, and the unit that its types give it.
+/// The path as text, and the unit defined by its types.
 fn spell(message: &Struct, path: &[Step]) -> (String, Option<String>) {
     let mut at = Some(message);
     let mut name = String::new();
@@ -464,8 +469,9 @@ fn spell(message: &Struct, path: &[Step]) -> (String, Option<String>) {
     (name, unit)
 }
 
-/// Units that the definitions of types give their fields (key REP103 in SOURCES.md); an empty field stands for all of the type.
-/// A joint's position is m or rad, which its message does not say.
+/// Units that the definitions of types give their fields (key REP103 in SOURCES.md); an empty field
+/// stands for all fields of the type. A joint's position is m or rad, which its message does not
+/// state.
 const UNITS: &[(&str, &str, &str)] = &[
     ("geometry_msgs/Point", "", "m"),
     ("geometry_msgs/Wrench", "force", "N"),

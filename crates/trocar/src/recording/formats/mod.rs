@@ -1,7 +1,7 @@
-//! One module for each format that is not text: what a file holds, and its columns as numbers.
+//! One module for each format other than text: the content of a file, and its columns as numbers.
 //!
-//! All are given a [`Source`], which names the file in messages. None allocates what a header asks for without looking
-//! whether the file's length can justify it.
+//! All use a [`Source`], which names the file in messages. None allocates the size stated in a
+//! header without checking it against the file's length.
 
 use std::fmt::Display;
 use std::fs::File;
@@ -32,35 +32,36 @@ mod rosmsg;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod scale;
 
-/// Columns of a robot log's own times, and of the times that its messages carry.
+/// Columns of a robot log's own times, and of the times in its messages.
 pub(super) const LOG_TIME: &str = "log_time_s";
 #[cfg(any(feature = "mcap", feature = "rosbag"))]
 const PUBLISH_TIME: &str = "publish_time_s";
 pub(super) const HEADER_STAMP: &str = "header.stamp_s";
 
-/// A file and what it was recognised as, for messages.
+/// A file and its detected format, for messages.
 #[derive(Debug, Clone)]
 pub(super) struct Source {
-    /// File as the caller named it.
+    /// File name given by the caller.
     pub(super) file: String,
     /// Name of the format.
     pub(super) format: &'static str,
 }
 
 impl Source {
-    /// What lies at `place` contradicts the format.
+    /// The content at `place` contradicts the format.
     pub(super) fn damaged(&self, place: impl Display, found: impl Display) -> RecordingError {
         let (file, format) = (self.file.clone(), self.format);
         RecordingError::Damaged { file, format, place: place.to_string(), found: found.to_string() }
     }
 
-    /// The format allows it, and it is not read; `hint` is the way out.
+    /// The format permits it, but it is not supported; `hint` is the workaround.
     pub(super) fn unsupported(&self, found: impl Display, hint: &'static str) -> RecordingError {
         let (file, format) = (self.file.clone(), self.format);
         RecordingError::Unsupported { file, format, found: found.to_string(), hint }
     }
 
-    /// The outcome of `read`, which calls somebody else's reader: should it panic on a damaged file, that is an error like others.
+    /// The outcome of `read`, which calls a third-party reader: a panic on a damaged file is
+    /// converted to an error.
     #[cfg(any(feature = "parquet", feature = "hdf5"))]
     pub(super) fn guard<T>(
         &self,
@@ -71,26 +72,26 @@ impl Source {
         outcome.unwrap_or_else(|_| Err(self.damaged(place, "nothing that its reader could make sense of")))
     }
 
-    /// A column that was asked for holds no numbers.
+    /// A requested column is not numeric.
     #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5"))]
     pub(super) fn not_numeric(&self, column: &str) -> RecordingError {
         RecordingError::NotNumeric { file: self.file.clone(), format: self.format, column: column.to_owned() }
     }
 }
 
-/// Reads at a place of a file that several readers share.
+/// Reads at a position of a file shared by several readers.
 #[cfg(unix)]
 pub(super) fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<usize> {
     std::os::unix::fs::FileExt::read_at(file, bytes, at)
 }
 
-/// Reads at a place of a file that several readers share.
+/// Reads at a position of a file shared by several readers.
 #[cfg(windows)]
 pub(super) fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<usize> {
     std::os::windows::fs::FileExt::seek_read(file, bytes, at)
 }
 
-/// Fills `bytes` from a place of a file that several readers share.
+/// Fills `bytes` from a position of a file shared by several readers.
 pub(super) fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<()> {
     while !bytes.is_empty() {
         match read_at(file, bytes, at) {

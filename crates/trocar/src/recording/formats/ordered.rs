@@ -1,26 +1,28 @@
 //! Messages in the order of the log's time.
 //!
-//! Recorders write messages as they arrive, and the chunks of a file may overlap in time. Rows wait here until no later chunk can
-//! bring an earlier one: up to the first time of the chunks to come where the file says it, else until [`WINDOW`] more have been read.
-//! Rows of the same time keep the order of the file. Rows that are further out of order than that are refused, not sorted wrongly.
+//! Recorders write messages as they arrive, and the chunks of a file may overlap in time. Rows wait
+//! here until no later chunk can contain an earlier one: up to the first time of the following
+//! chunks if the file states it, otherwise until [`WINDOW`] more rows have been read. Rows of equal
+//! time keep the order of the file. Rows that are further out of order are rejected instead of
+//! being sorted wrongly.
 
 use crate::recording::RecordingError;
 use crate::recording::container::{BATCH_ROWS, Batches};
 
-/// Rows that wait where the file does not say which times are still to come.
+/// Rows that wait if the file does not state the times of the following chunks.
 const WINDOW: usize = 1 << 16;
 
 /// Most rows that may wait for overlapping chunks.
 const MOST_WAITING: usize = 1 << 22;
 
-/// Rows of one topic as they stand in a part of a file.
+/// Rows of one topic, as stored in a part of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Block {
     /// Log time of each, ns.
     pub(crate) log: Vec<u64>,
-    /// The columns asked for.
+    /// The requested columns.
     pub(crate) columns: Vec<Vec<f64>>,
-    /// Messages that ended before the fields asked for.
+    /// Messages that ended before the requested fields.
     pub(crate) undecoded: u64,
     /// No row of a later block has a log time before this, if that is known.
     pub(crate) settled: Option<u64>,
@@ -32,12 +34,12 @@ impl Block {
     }
 }
 
-/// Parts of a file one after the other.
+/// Consecutive parts of a file.
 pub(crate) trait Blocks: Send {
     /// The next part; `None` at the end.
     fn next(&mut self) -> Result<Option<Block>, RecordingError>;
 
-    /// What was lost so far, in words.
+    /// Losses so far, as messages.
     fn warnings(&self) -> Vec<String>;
 }
 
@@ -47,12 +49,12 @@ pub(crate) struct Ordered<B> {
     topic: String,
     blocks: B,
     waiting: Block,
-    /// Rows of `waiting` handed on already, and those that may be.
+    /// Number of rows of `waiting` already returned, and of those that may be.
     from: usize,
     ready: usize,
     is_sorted: bool,
     has_ended: bool,
-    /// Log time of the last row handed on.
+    /// Log time of the last row returned.
     last: u64,
     undecoded: u64,
     rows: u64,
@@ -60,7 +62,7 @@ pub(crate) struct Ordered<B> {
 }
 
 impl<B: Blocks> Ordered<B> {
-    /// The rows of `blocks`, `expected` of them if the file says how many.
+    /// The rows of `blocks`, of which there are `expected` if the file states it.
     pub(crate) fn new(file: &str, topic: &str, blocks: B, width: usize, expected: Option<u64>) -> Self {
         Self {
             file: file.to_owned(),
@@ -78,7 +80,7 @@ impl<B: Blocks> Ordered<B> {
         }
     }
 
-    /// Takes in one more block and finds which rows are settled.
+    /// Adds one more block and determines which rows are settled.
     fn pull(&mut self) -> Result<(), RecordingError> {
         let Some(mut block) = self.blocks.next()? else {
             self.has_ended = true;

@@ -1,7 +1,8 @@
 //! Parquet files, one table each: column chunks decoded on all cores, straight into numbers.
 //!
-//! Moments (timestamps) become seconds since the column's first, durations and times of day seconds, nulls NaN. Memory:
-//! at most [`AHEAD`] numbers decoded ahead, and one page of each chunk being read.
+//! Timestamps become seconds since the column's first, durations and times of day become seconds,
+//! nulls become NaN. Memory: at most [`AHEAD`] numbers decoded ahead, and one page of each chunk
+//! being read.
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
@@ -28,11 +29,11 @@ use crate::recording::container::{BATCH_ROWS, Batches, Column, Container, Table}
 
 pub(crate) mod select;
 
-/// Numbers decoded ahead of what is handed on, over all columns: 32 MB. Several row groups at once keep all cores busy
-/// where there are fewer columns than cores, or one more.
+/// Numbers decoded ahead of the rows returned, over all columns: 32 MB. Several row groups at once
+/// keep all cores busy if there are fewer columns than cores, or one more.
 const AHEAD: usize = 1 << 22;
 
-/// Rows decoded at a time where a column is read whole.
+/// Rows decoded at a time when a column is read as a whole.
 const PIECE_ROWS: usize = 1 << 14;
 
 const WRITE_AGAIN: &str = "write it again with snappy, gzip, zstd or no compression";
@@ -40,7 +41,7 @@ const WRITE_AGAIN: &str = "write it again with snappy, gzip, zstd or no compress
 /// Key of the schema that Arrow's writers add.
 const ARROW_SCHEMA: &str = "ARROW:schema";
 
-/// The file's bytes for several readers at a time.
+/// The file's bytes for several concurrent readers.
 #[derive(Debug)]
 struct Input {
     file: Arc<File>,
@@ -61,7 +62,7 @@ impl ChunkReader for Input {
     }
 
     fn get_bytes(&self, start: u64, length: usize) -> Decoded<bytes::Bytes> {
-        // Ahead of the allocation: lengths come from the file.
+        // Before the allocation, since lengths come from the file.
         if start.checked_add(length as u64).is_none_or(|end| end > self.length) {
             return Err(ParquetError::EOF(format!("{length} bytes at {start}, the file has {}", self.length)));
         }
@@ -71,7 +72,7 @@ impl ChunkReader for Input {
     }
 }
 
-/// A place in the file that moves on.
+/// A position in the file that advances.
 struct At {
     file: Arc<File>,
     at: u64,
@@ -91,7 +92,7 @@ pub(crate) struct Parquet {
     input: Arc<Input>,
     metadata: Arc<ParquetMetaData>,
     tables: [Table; 1],
-    /// What a unit of each column is; moments still without their origin. `None` where it is no number.
+    /// The unit of each column; timestamps still without their origin. `None` if it is not numeric.
     scales: Vec<Option<Scale>>,
 }
 
@@ -127,7 +128,7 @@ impl Parquet {
         Ok(Self { source, input, metadata, tables: [table], scales })
     }
 
-    /// The scale with its origin, which is the first moment of the column.
+    /// The scale with its origin, which is the first timestamp of the column.
     fn anchored(&self, column: usize) -> Result<Scale, RecordingError> {
         let name = &self.tables[0].columns[column].name;
         let scale = self.scales[column].ok_or_else(|| self.source.not_numeric(name))?;
@@ -158,7 +159,7 @@ impl Parquet {
     }
 }
 
-/// A part of a column that is read whole: the numbers of one row group.
+/// A part of a column that is read as a whole: the numbers of one row group.
 struct Part<'a> {
     group: usize,
     column: usize,
@@ -167,7 +168,7 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Decodes in pieces that stay in the processor's caches.
+    /// Decodes in pieces that fit into the processor's caches.
     fn read(self, input: &Arc<Input>, metadata: &ParquetMetaData) -> Decoded<()> {
         let mut cursor = cursor(input, metadata, self.group, self.column)?;
         let mut piece = Vec::new();
@@ -180,7 +181,7 @@ impl Part<'_> {
 }
 
 impl Parquet {
-    /// Rows of each row group, where the file is large enough to hold them: 64 to a byte at most.
+    /// Rows of each row group, if the file is large enough for them: at most 64 per byte.
     fn group_rows(&self) -> Option<Vec<usize>> {
         let rows = self.metadata.row_groups().iter().map(|group| usize::try_from(group.num_rows()).ok());
         let rows: Vec<usize> = rows.collect::<Option<_>>()?;
@@ -239,7 +240,7 @@ impl Container for Parquet {
         parts.into_par_iter().try_for_each(|part| {
             let name = &self.tables[0].columns[part.column].name;
             let place = format!("row group {}, column {name}", part.group);
-            // The decoders meant for sound files may panic on others.
+            // The decoders may panic on damaged files.
             self.source.guard(place.clone(), || {
                 part.read(&self.input, &self.metadata).map_err(|error| refused(&self.source, place, error))
             })
@@ -248,7 +249,7 @@ impl Container for Parquet {
     }
 }
 
-/// Kind and unit of each field, by its path, as Arrow's writers note them.
+/// Kind and unit of each field, by its path, as recorded by Arrow's writers.
 fn arrow_schema(metadata: &ParquetMetaData) -> HashMap<String, (DataType, Option<String>)> {
     let pairs = metadata.file_metadata().key_value_metadata();
     let text = pairs.and_then(|pairs| pairs.iter().find(|pair| pair.key == ARROW_SCHEMA)?.value.clone());
@@ -260,7 +261,7 @@ fn arrow_schema(metadata: &ParquetMetaData) -> HashMap<String, (DataType, Option
     fields
 }
 
-/// The schema is an extra: without it the file reads as well, so a damaged one counts as none.
+/// The schema is optional: the file can be read without it, so a damaged one is ignored.
 fn schema_of(framed: &[u8]) -> Option<Schema> {
     let message = match framed.get(..4)? == [0xff; 4] {
         true => framed.get(8..)?,
@@ -274,7 +275,7 @@ fn is_duration(column: &ColumnDescriptor, arrow: Option<&DataType>) -> bool {
         || (column.logical_type_ref().is_none() && matches!(arrow, Some(DataType::Duration(_))))
 }
 
-/// What a unit of a column is; `None` for what is no number.
+/// The unit of a column; `None` for a non-numeric one.
 fn scale(column: &ColumnDescriptor, arrow: Option<&DataType>) -> Option<Scale> {
     if column.max_rep_level() > 0 {
         return None;
@@ -317,12 +318,12 @@ fn refused(source: &Source, place: impl std::fmt::Display, error: ParquetError) 
     }
 }
 
-/// Where a column stands within a row group.
+/// Position of a column within a row group.
 struct Cursor {
     reader: ColumnReader,
     /// Rows of the group not decoded yet.
     left: usize,
-    /// Definition level of a value that is there.
+    /// Definition level of a value that is present.
     present: i16,
     levels: Vec<i16>,
 }
@@ -340,7 +341,7 @@ fn cursor(input: &Arc<Input>, metadata: &ParquetMetaData, group: usize, column: 
 }
 
 impl Cursor {
-    /// Puts the next `rows` rows, all of which must be there, in place of what `numbers` hold.
+    /// Replaces the content of `numbers` by the next `rows` rows, all of which must exist.
     fn read(&mut self, rows: usize, scale: Scale, numbers: &mut Vec<f64>) -> Decoded<()> {
         let (present, levels) = (self.present, &mut self.levels);
         numbers.clear();
@@ -374,7 +375,7 @@ impl Cursor {
         Ok(())
     }
 
-    /// The first whole number that is not null.
+    /// The first integer that is not null.
     fn first_whole(&mut self) -> Decoded<Option<i64>> {
         while self.left > 0 {
             let rows = self.left.min(BATCH_ROWS);
@@ -419,7 +420,7 @@ fn convert<T: parquet::data_type::DataType>(
     Ok(())
 }
 
-/// Decodes `rows` rows; values that are null are left out and are those below `present` in `levels`.
+/// Decodes `rows` rows; null values are omitted and have a level below `present` in `levels`.
 fn fill<T: parquet::data_type::DataType>(
     reader: &mut ColumnReaderImpl<T>,
     rows: usize,
@@ -441,7 +442,7 @@ fn fill<T: parquet::data_type::DataType>(
     Ok(())
 }
 
-/// Moves values to their rows, from the last on, and puts NaN between them.
+/// Moves values to their rows, starting with the last, and inserts NaN between them.
 fn spread(numbers: &mut Vec<f64>, levels: &[i16], present: i16) {
     let mut from = numbers.len();
     numbers.resize(levels.len(), f64::NAN);
@@ -461,7 +462,7 @@ type Group = (usize, Vec<Cursor>);
 /// Batches of one column of one row group, and the fault that ended them.
 type Pieces = (Vec<Vec<f64>>, Option<ParquetError>);
 
-/// Rows of some columns, row group after row group.
+/// Rows of some columns, one row group after the other.
 struct Groups {
     source: Source,
     input: Arc<Input>,
@@ -471,16 +472,17 @@ struct Groups {
     unfinished: Option<Group>,
     /// Decoded batches: one vector for each column.
     ready: VecDeque<Vec<Vec<f64>>>,
-    /// Memory of batches that were handed on and came back: fresh memory costs more than decoding into it.
+    /// Memory of returned batches for reuse: new memory costs more than decoding into it.
     spare: Mutex<Vec<Vec<f64>>>,
-    /// What ends the rows, once `ready` is handed on.
+    /// The error that ends the rows, once `ready` has been returned.
     failed: Option<RecordingError>,
     /// Rows decoded so far.
     rows: u64,
 }
 
 impl Groups {
-    /// Decodes the next row groups, or the next part of one that is larger than what may be decoded ahead.
+    /// Decodes the next row groups, or the next part of one that exceeds the limit for decoding
+    /// ahead.
     fn decode(&mut self) -> Result<(), RecordingError> {
         let ahead = (AHEAD / self.columns.len().max(1)).max(BATCH_ROWS);
         let mut groups = self.begin(ahead)?;
@@ -503,7 +505,7 @@ impl Groups {
         Ok(())
     }
 
-    /// Row groups to decode together; at least one, if there is any left.
+    /// Row groups to decode together; at least one, if any is left.
     fn begin(&mut self, ahead: usize) -> Result<Vec<Group>, RecordingError> {
         if let Some(group) = self.unfinished.take() {
             return Ok(vec![group]);
@@ -525,7 +527,7 @@ impl Groups {
         Ok(groups)
     }
 
-    /// Puts decoded rows into the queue as far as all columns have them; `false` where a fault ends them.
+    /// Queues decoded rows as far as all columns have them; `false` if an error ends them.
     fn queue(&mut self, group: usize, columns: Vec<Pieces>) -> bool {
         let whole = columns.iter().map(|(batches, _)| batches.len()).min().unwrap_or(0);
         let mut faults = Vec::new();
@@ -578,14 +580,15 @@ impl Batches for Groups {
     }
 }
 
-/// Decodes up to `ahead` rows in batches, and what ended them early. Memory is taken from `spare` first.
+/// Decodes up to `ahead` rows in batches; also returns the error that ended them early. Memory
+/// comes from `spare` first.
 fn pieces(cursor: &mut Cursor, scale: Scale, ahead: usize, spare: &Mutex<Vec<Vec<f64>>>) -> Pieces {
     let mut batches = Vec::new();
     let mut rows = 0;
     while cursor.left > 0 && rows < ahead {
         let batch = cursor.left.min(BATCH_ROWS);
         let mut numbers = spare.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-        // The decoders meant for sound files may panic on others.
+        // The decoders may panic on damaged files.
         let read = || cursor.read(batch, scale, &mut numbers);
         let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
         let panicked = |_| Err(ParquetError::General("a page that its decoder could not make sense of".into()));

@@ -1,7 +1,8 @@
 //! ROS 2 bags: SQLite files (`.db3`), and folders with a `metadata.yaml` that split a recording into several `.db3` or `.mcap` files.
 //!
-//! Messages of a SQLite file are read in the order in which they were written, a page at a time, and sorted by [`super::ordered`].
-//! The parts of a folder are taken in the order of their first times; a part that `metadata.yaml` does not name is not of the bag.
+//! Messages of a SQLite file are read in the order in which they were written, a page at a time,
+//! and sorted by [`super::ordered`]. The parts of a folder are read in the order of their first
+//! times; a part that `metadata.yaml` does not list does not belong to the bag.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,25 +14,26 @@ use super::ordered::{Block, Blocks, Ordered};
 use crate::recording::container::{Batches, Container};
 use crate::recording::{RecordingError, Table};
 
-/// Messages taken from the database at a time.
+/// Messages read from the database at a time.
 const PAGE: u32 = 4096;
 
 /// First bytes of a SQLite file.
 const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
-/// First bytes of a zstd frame: a message compressed by itself. No ROS message begins so.
+/// First bytes of a zstd frame: an individually compressed message. No ROS message begins in this
+/// way.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
 /// Largest message decompressed, in bytes.
 const LARGEST: usize = 1 << 28;
 
-/// The file that makes a folder a bag.
+/// The file that identifies a folder as a bag.
 const METADATA: &str = "metadata.yaml";
 
 /// Opens a `.db3` file, or the folder of a bag.
 ///
 /// # Errors
-/// [`RecordingError`] when it cannot be opened, is no bag, or holds no messages.
+/// [`RecordingError`] when it cannot be opened, is not a bag, or contains no messages.
 pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     if path.is_dir() {
         return Ok(Box::new(Folder::open(path)?));
@@ -64,7 +66,8 @@ fn problem(path: &Path, what: impl std::fmt::Display) -> RecordingError {
     RecordingError::Log { file: path.display().to_string(), problem: what.to_string() }
 }
 
-/// Opens for reading; a file beside which nothing may be written is taken as it is.
+/// Opens for reading; if that fails, for example because nothing may be written next to the file,
+/// opens the file as immutable.
 fn connect(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
@@ -173,7 +176,7 @@ fn first(connection: &Connection, topic: i64) -> Option<Vec<u8>> {
     Some(decompressed(&data).unwrap_or(data))
 }
 
-/// The message in a zstd frame, if it is in one.
+/// The message in a zstd frame, if there is one.
 fn decompressed(data: &[u8]) -> Option<Vec<u8>> {
     if !data.starts_with(&ZSTD) {
         return None;
@@ -335,7 +338,7 @@ impl Container for Part {
 /// A folder with the parts of a bag.
 struct Folder {
     path: PathBuf,
-    /// By first time.
+    /// In the order of the first time.
     parts: Vec<Part>,
     tables: Vec<Table>,
     epochs: Epochs,
@@ -386,7 +389,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Puts the parts in order and their topics together.
+    /// Sorts the parts and merges their topics.
     fn join(&mut self) {
         self.parts.sort_by_key(Part::start);
         let start = self.parts.iter().filter_map(Part::start).min().unwrap_or(0);
@@ -466,7 +469,8 @@ impl Blocks for Chain {
     fn next(&mut self) -> Result<Option<Block>, RecordingError> {
         while let Some(part) = self.blocks.get_mut(self.at) {
             if let Some(mut block) = part.next()? {
-                // A later part may begin before this one ends; only the window holds for that.
+                // A later part may start before the end of this one; only the window accounts for
+                // that.
                 block.settled = None;
                 return Ok(Some(block));
             }

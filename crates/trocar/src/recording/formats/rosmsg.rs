@@ -1,11 +1,13 @@
-//! Definitions of ROS messages: the text that bags carry with each type (`ros2msg`, `ros1msg`), understood as a tree.
+//! Definitions of ROS messages: the text that bags contain for each type (`ros2msg`, `ros1msg`),
+//! parsed into a tree.
 //!
-//! Types that a text refers to without carrying them, and the types of bags that carry no text at all, are taken from a few standard
-//! ones ([`STANDARD`]). Constants and defaults are passed over; nothing but the layout matters here.
+//! A few standard types ([`STANDARD`]) supply the types to which a text refers without defining
+//! them, and the types of bags without any text. Constants and defaults are skipped, since only the
+//! layout matters here.
 
 use std::collections::HashMap;
 
-/// Numbers as they are laid out.
+/// Numeric types as serialised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Primitive {
     Bool,
@@ -22,7 +24,7 @@ pub(crate) enum Primitive {
 }
 
 impl Primitive {
-    /// Bytes it takes, which is its alignment as well.
+    /// Size in bytes, which is also its alignment.
     pub(crate) fn size(self) -> usize {
         match self {
             Self::Bool | Self::I8 | Self::U8 => 1,
@@ -50,26 +52,26 @@ impl Primitive {
     }
 }
 
-/// What a field holds.
+/// Type of a field.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Kind {
     Number(Primitive),
-    /// Seconds and nanoseconds since the clock's own zero.
+    /// Seconds and nanoseconds since the zero of its clock.
     Stamp,
     /// Seconds and nanoseconds of a duration.
     Span,
     Text,
-    /// Text in UTF-16, whose layout differs between implementations: nothing behind it can be found.
+    /// Text in UTF-16, whose layout differs between implementations: no later field can be located.
     WideText,
     Struct(Struct),
 }
 
-/// How many of them.
+/// Number of elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Arity {
     One,
     Fixed(usize),
-    /// As many as a count in front of them says.
+    /// As many as the preceding count states.
     Counted,
 }
 
@@ -88,7 +90,8 @@ pub(crate) struct Struct {
     pub(crate) fields: Vec<Field>,
 }
 
-/// Deepest nesting, and most fields of a message with all that it contains: no real one comes near.
+/// Deepest nesting, and most fields of a message including nested ones: far above those of real
+/// messages.
 const DEEPEST: usize = 32;
 const MOST_FIELDS: usize = 20_000;
 
@@ -103,7 +106,8 @@ pub(crate) fn short(name: &str) -> String {
 /// The message `name` as `text` defines it; with an empty text, one of the standard messages.
 ///
 /// # Errors
-/// In words, when a type is not defined, the text has a line that is no field, or the message nests without end.
+/// A message when a type is not defined, the text has a line that is not a field, or the nesting
+/// does not end.
 pub(crate) fn parse(name: &str, text: &str) -> Result<Struct, String> {
     let name = short(name);
     let mut sections: HashMap<String, Vec<Line>> = HashMap::new();

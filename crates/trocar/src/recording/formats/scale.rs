@@ -1,26 +1,26 @@
-//! Whole numbers that stand for something else: moments, durations, decimals.
+//! Integers that represent other quantities: timestamps, durations, decimals.
 
-/// What one unit of a whole number is.
+/// Meaning of one unit of an integer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Scale {
-    /// Itself.
+    /// The integer itself.
     One,
-    /// Itself, all 64 bits of it.
+    /// The integer itself, as unsigned 64 bits.
     Unsigned,
-    /// One part of so many.
+    /// A fraction with this denominator.
     Part(f64),
-    /// A moment: a part of a second, counted from a moment that becomes 0.
+    /// A timestamp: in fractions of a second, counted from an origin.
     Since {
-        /// The moment that becomes 0.
+        /// The timestamp that becomes 0.
         origin: i64,
-        /// Parts of a second.
+        /// Units per second.
         per_second: f64,
     },
 }
 
 impl Scale {
-    /// The number that `raw` stands for. Moments are subtracted before they lose digits: nanoseconds since 1970 take more than
-    /// the 53 bits of an f64.
+    /// The number that `raw` represents. The origin is subtracted before digits are lost:
+    /// nanoseconds since 1970 need more than the 53 bits of an f64.
     pub(super) fn number(self, raw: i64) -> f64 {
         match self {
             Self::One => raw as f64,

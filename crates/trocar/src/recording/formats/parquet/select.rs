@@ -1,4 +1,4 @@
-//! Some rows of some columns, whatever they hold: recordings that are rows of files.
+//! Some rows of some columns of any type: for recordings that are rows of files.
 
 use std::fs::File;
 use std::ops::Range;
@@ -16,14 +16,14 @@ use crate::recording::container::{BATCH_ROWS, Column};
 use crate::recording::formats::Source;
 use crate::recording::formats::scale::Scale;
 
-/// What the cells of a column are.
+/// Type of the cells of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Cells {
     Number,
     Whole,
     Truth,
     Text,
-    /// Whole numbers that are moments, so many to a second.
+    /// Integers that are timestamps, with this many units per second.
     Moment(f64),
 }
 
@@ -38,7 +38,7 @@ pub(crate) enum Value<'a> {
 }
 
 impl Parquet {
-    /// Opens the file at `path`, which is called `name` in messages.
+    /// Opens the file at `path`, which is named `name` in messages.
     pub(crate) fn named(path: &Path, name: &str) -> Result<Self, RecordingError> {
         let failed = |source| RecordingError::Open { file: name.to_owned(), source };
         let file = File::open(path).map_err(failed)?;
@@ -46,7 +46,7 @@ impl Parquet {
         Self::open(file, length, Source { file: name.to_owned(), format: "Parquet" })
     }
 
-    /// Its columns; those of nested fields by their paths.
+    /// Its columns; nested fields are named by their paths.
     pub(crate) fn columns(&self) -> &[Column] {
         &self.tables[0].columns
     }
@@ -56,14 +56,15 @@ impl Parquet {
         self.tables[0].rows.unwrap_or(0)
     }
 
-    /// Place of a column by its name; `None` where there is none, or one that says nothing but that its cells are missing.
+    /// Index of a column by its name; `None` if there is none, or if all its cells are missing by
+    /// type.
     pub(crate) fn place(&self, name: &str) -> Option<usize> {
         let place = self.columns().iter().position(|column| column.name == name)?;
         let descriptor = self.metadata.file_metadata().schema_descr().column(place);
         (!matches!(descriptor.logical_type_ref(), Some(LogicalType::Unknown))).then_some(place)
     }
 
-    /// What the cells of a column are; `None` for what is not read.
+    /// Type of the cells of a column; `None` for unsupported ones.
     pub(crate) fn cells(&self, column: usize) -> Option<Cells> {
         let descriptor = self.metadata.file_metadata().schema_descr().column(column);
         let is_text = descriptor.converted_type() == ConvertedType::UTF8
@@ -78,12 +79,13 @@ impl Parquet {
         }
     }
 
-    /// The error of a column that holds no numbers.
+    /// The error for a non-numeric column.
     pub(crate) fn not_numeric(&self, column: usize) -> RecordingError {
         self.source.not_numeric(&self.columns()[column].name)
     }
 
-    /// Where ranges of rows, in order, lie in the row groups, in pieces of at most [`BATCH_ROWS`].
+    /// Position of ranges of rows, in order, in the row groups, in pieces of at most
+    /// [`BATCH_ROWS`].
     pub(crate) fn plan(&self, ranges: &[Range<u64>]) -> Arc<[Piece]> {
         let mut pieces = Vec::new();
         let mut ranges = ranges.iter().filter(|range| !range.is_empty()).cloned().peekable();
@@ -117,7 +119,7 @@ pub(crate) struct Selected {
     column: usize,
     pieces: Arc<[Piece]>,
     next: usize,
-    /// Row group, the row in front of which the cursor stands, and the cursor.
+    /// Row group, the row before which the cursor is positioned, and the cursor.
     open: Option<(usize, usize, Cursor)>,
 }
 
@@ -126,7 +128,8 @@ impl Selected {
         Self { parquet, column, pieces, next: 0, open: None }
     }
 
-    /// Appends the numbers of the next piece; moments in seconds since `origin`. `false` at the end.
+    /// Appends the numbers of the next piece; timestamps in seconds since `origin`. `false` at the
+    /// end.
     pub(crate) fn numbers(&mut self, origin: i64, numbers: &mut Vec<f64>) -> Result<bool, RecordingError> {
         let scale = match self.parquet.scales[self.column] {
             Some(Scale::Since { per_second, .. }) => Scale::Since { origin, per_second },
@@ -143,7 +146,8 @@ impl Selected {
         Ok(found.is_some())
     }
 
-    /// Hands the cells to `take` until it has enough: each with the number of rows on which it stands. Moments are whole numbers.
+    /// Passes the cells to `take` until it returns `false`: each with the number of rows that
+    /// contain it. Timestamps are integers.
     pub(crate) fn runs(&mut self, take: &mut dyn FnMut(Value<'_>, usize) -> bool) -> Result<(), RecordingError> {
         let cells = self.parquet.cells(self.column).ok_or_else(|| self.parquet.not_numeric(self.column))?;
         let scale = self.parquet.scales[self.column].filter(|_| cells != Cells::Text).unwrap_or(Scale::One);
@@ -159,7 +163,7 @@ impl Selected {
         }
     }
 
-    /// Goes on to the next piece: the cursor stands in front of it; and its rows.
+    /// Advances to the next piece: the cursor, positioned before it, and its number of rows.
     fn advance(&mut self) -> Decoded<Option<(&mut Cursor, usize)>> {
         let Some(Piece { group, rows }) = self.pieces.get(self.next) else { return Ok(None) };
         self.next += 1;
@@ -172,7 +176,7 @@ impl Selected {
         Ok(Some((cursor, rows.len())))
     }
 
-    /// With the column's name in errors; somebody else's decoder may panic on a damaged file.
+    /// Adds the column's name to errors; the third-party decoder may panic on a damaged file.
     fn guarded<T>(&mut self, read: impl FnOnce(&mut Self) -> Decoded<T>) -> Result<T, RecordingError> {
         let parquet = self.parquet.clone();
         if self.open.is_none() {
@@ -189,7 +193,7 @@ impl Selected {
 }
 
 impl Cursor {
-    /// Leaves rows out.
+    /// Skips rows.
     fn skip(&mut self, rows: usize) -> Decoded<()> {
         if rows == 0 {
             return Ok(());
@@ -211,7 +215,7 @@ impl Cursor {
         Ok(())
     }
 
-    /// Runs of equal numbers in the next `rows` rows; whether more are wanted.
+    /// Runs of equal numbers in the next `rows` rows; returns whether more are wanted.
     fn runs_of_numbers(
         &mut self,
         rows: usize,
@@ -224,7 +228,8 @@ impl Cursor {
         told(&numbers, value, take)
     }
 
-    /// Runs of equal cells of any other kind in the next `rows` rows; whether more are wanted.
+    /// Runs of equal cells of any other type in the next `rows` rows; returns whether more are
+    /// wanted.
     fn runs(&mut self, rows: usize, unsigned: bool, take: &mut dyn FnMut(Value<'_>, usize) -> bool) -> Decoded<bool> {
         let (present, levels) = (self.present, &mut self.levels);
         self.left -= rows;
@@ -264,7 +269,7 @@ fn text(cell: &Option<ByteArray>) -> Decoded<Value<'_>> {
     text.map(Value::Text).map_err(|_| ParquetError::General("text that is not UTF-8".into()))
 }
 
-/// The next `rows` cells; `None` where one is missing.
+/// The next `rows` cells; `None` for a missing one.
 fn all<T: DataType>(
     reader: &mut ColumnReaderImpl<T>,
     rows: usize,
@@ -280,7 +285,7 @@ fn all<T: DataType>(
     Ok(levels.iter().map(|level| if *level < present { None } else { values.next() }).collect())
 }
 
-/// Hands on runs of equal cells; whether more are wanted.
+/// Passes on runs of equal cells; returns whether more are wanted.
 fn told<'a, T: PartialEq>(
     cells: &'a [T],
     value: impl Fn(&'a T) -> Decoded<Value<'a>>,
@@ -331,7 +336,8 @@ mod tests {
         if let Value::Integer(value) = value { Some(value) } else { None }
     }
 
-    /// `tests/formats/make.py`: a note on every row but each fourth, words of a dictionary, a list that is not read.
+    /// `tests/formats/make.py`: a note on every row except each fourth, words of a dictionary, a
+    /// list that is not supported.
     #[test]
     fn cells_come_as_they_are() {
         let parquet = fixture("pyarrow_snappy.parquet");
@@ -350,7 +356,7 @@ mod tests {
         assert_eq!(cells("is_in").unwrap(), "1 Boolean(true), 2 Boolean(false), 1 Boolean(false), 1 Boolean(true)");
         assert_eq!(cells("small").unwrap().split(", ").next(), Some("1 Integer(-194)"));
         assert!(cells("kind").unwrap().starts_with(r#"1 Text("push"), 1 Text("pull")"#));
-        // Beyond what fits: never another number.
+        // Out of range: an error, never another number.
         assert!(cells("unsigned").unwrap_err().contains("2^63"));
         let moments = parquet.place("stamp").unwrap();
         assert_eq!(parquet.cells(moments), Some(Cells::Moment(1e9)));
