@@ -7,9 +7,10 @@ use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
 use trocar::recording::Recording;
 use trocar_model::{Element, ElementParams};
 
-/// Benches; over so many, a coverage of 0.95 falls into [0.92, 0.98] in 95 of 100 tests.
-const BENCHES: u64 = 200;
-const BAND: std::ops::RangeInclusive<f64> = 0.92..=0.98;
+/// Benches, and where a coverage of 0.95 falls in 95 of 100 tests over so many; `./test --statistics` takes the larger number.
+fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
+    if std::env::var_os("TROCAR_STATISTICS").is_some() { (200, 0.92..=0.98) } else { (40, 0.87..=1.0) }
+}
 
 /// Name, truth and estimate of the parameters that a bench knows.
 type Known = [(&'static str, f64, Estimate); 3];
@@ -46,24 +47,25 @@ fn intervals_cover_the_truth_as_often_as_they_say() {
         let truth = seal(seed);
         known(&truth, &found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], seed), seed))
     };
-    let outcomes: Vec<Known> = (1..=BENCHES).into_par_iter().map(outcome).collect();
+    let (benches, band) = benches();
+    let outcomes: Vec<Known> = (1..=benches).into_par_iter().map(outcome).collect();
     let mut outside = Vec::new();
     for k in 0..3 {
         let name = outcomes[0][k].0;
-        let covered = outcomes.iter().filter(|o| o[k].2.covers(o[k].1)).count() as f64 / BENCHES as f64;
+        let covered = outcomes.iter().filter(|o| o[k].2.covers(o[k].1)).count() as f64 / benches as f64;
         let mut errors: Vec<f64> = outcomes.iter().map(|o| (o[k].2.value / o[k].1 - 1.0).abs()).collect();
         errors.sort_by(f64::total_cmp);
         let (median, most) = (errors[errors.len() / 2], errors[errors.len() * 19 / 20]);
         println!(
-            "{name:24} coverage {covered:.3} of {BENCHES}, error {:.2} % (median), below {:.2} % in 19 of 20",
+            "{name:24} coverage {covered:.3} of {benches}, error {:.2} % (median), below {:.2} % in 19 of 20",
             1e2 * median,
             1e2 * most
         );
-        if !BAND.contains(&covered) {
+        if !band.contains(&covered) {
             outside.push((name, covered));
         }
     }
-    assert!(outside.is_empty(), "coverage outside {BAND:?}: {outside:?}");
+    assert!(outside.is_empty(), "coverage outside {band:?}: {outside:?}");
 }
 
 #[test]

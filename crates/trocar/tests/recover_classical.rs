@@ -15,11 +15,11 @@ use trocar_model::{
     SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
-/// Benches of each model.
-const BENCHES: u64 = 24;
-/// Coverage demanded over all parameters of a model together. Of 24 benches with one to ten parameters that share their
-/// noise, 0.95 comes out within this band in nearly all tests.
-const BAND: std::ops::RangeInclusive<f64> = 0.90..=1.0;
+/// Benches of each model, and coverage demanded over all its parameters together: with one to ten parameters that share
+/// their noise, 0.95 comes out within this band in nearly all tests. `./test --statistics` takes the larger number.
+fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
+    if std::env::var_os("TROCAR_STATISTICS").is_some() { (24, 0.90..=1.0) } else { (8, 0.85..=1.0) }
+}
 /// Part of the numbers that must be determined, and the largest median error: intervals without end cover everything.
 const LEAST_DETERMINED: f64 = 0.9;
 const WORST_MEDIAN: f64 = 0.15;
@@ -255,7 +255,8 @@ fn outcome(kind: Kind, seed: u64) -> (Vec<(String, bool, bool, f64)>, f64) {
 }
 
 fn recovered(kind: Kind) {
-    let outcomes: Vec<_> = (1..=BENCHES).into_par_iter().map(|seed| outcome(kind, seed)).collect();
+    let (benches, band) = benches();
+    let outcomes: Vec<_> = (1..=benches).into_par_iter().map(|seed| outcome(kind, seed)).collect();
     let (mut covered, mut all) = (0, 0);
     for k in 0..outcomes[0].0.len() {
         let own: Vec<_> = outcomes.iter().map(|(numbers, _)| &numbers[k]).collect();
@@ -265,7 +266,7 @@ fn recovered(kind: Kind) {
         let determined = own.iter().filter(|n| n.2).count();
         let median = errors[errors.len() / 2];
         println!(
-            "{kind:16} {:24} covered {inside:3}, determined {determined:3} of {BENCHES}; error {:.2} % (median)",
+            "{kind:16} {:24} covered {inside:3}, determined {determined:3} of {benches}; error {:.2} % (median)",
             own[0].0,
             1e2 * median
         );
@@ -277,13 +278,13 @@ fn recovered(kind: Kind) {
     let mut rms: Vec<f64> = outcomes.iter().map(|(_, rms)| *rms).collect();
     rms.sort_by(f64::total_cmp);
     let coverage = covered as f64 / all as f64;
-    let determined = all as f64 / (BENCHES as usize * outcomes[0].0.len()) as f64;
+    let determined = all as f64 / (benches as usize * outcomes[0].0.len()) as f64;
     assert!(determined > LEAST_DETERMINED, "{kind}: only {determined} of the numbers are determined");
     println!(
         "{kind:16} coverage {coverage:.3} of {all} determined; validation {:.4} N rms (median)",
         rms[rms.len() / 2]
     );
-    assert!(BAND.contains(&coverage), "{kind}: coverage {coverage}");
+    assert!(band.contains(&coverage), "{kind}: coverage {coverage}");
 }
 
 #[test]
