@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! F_tissue = reading − F_offset − m·(a + g) − F_trocar           force of the instrument on the tissue, N
-//! F_trocar = F_0(x) + gain(x)·λ·[F − F_β + ν·F_β]                 F of the model driven by x/λ, F_β its viscous part
+//! F_trocar = F_0(x) + gain(x)·λ·[F − F_β + ν·F_β]     model driven by x/λ, F_β its viscous part
 //! ```
 //!
 //! | symbol | meaning | unit |
@@ -23,8 +23,8 @@
 //! ```
 //! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]). var λ and
 //! var ν are those of the estimates; without validation recordings they come from the intervals of
-//! the parameters. spread is the difference between the forces of extreme initial states until the
-//! seal has slid. minor is half the difference between the softest and the stiffest law between the
+//! the parameters. spread is half the range of the forces of extreme initial states until the seal
+//! has slid. minor is half the difference between the softest and the stiffest law between the
 //! branches, as long as no recording contains partial reversals. doubt is the amount by which the
 //! last strokes there and back contradict the present λ ([`bank`]). After a change of the friction,
 //! std does not cover it until a position is crossed in the direction opposite to its last

@@ -18,7 +18,7 @@
 //! λ and ν are the states of a Kalman filter (key KALMAN) whose prior is the identified model:
 //!
 //! ```text
-//! θ⁺ = θ + w     var w = q·Δt          P bounded by the prior: unobserved states are forgotten at a bounded rate
+//! θ⁺ = θ + w     var w = q·Δt     P bounded by the prior (forgetting at a bounded rate)
 //! ```
 //!
 //! - **Bounds**: λ in [0.1, 2], ν in [0, 4].

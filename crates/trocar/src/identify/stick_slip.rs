@@ -13,8 +13,8 @@ use super::Segments;
 use crate::recording::{Recording, median, range};
 use crate::segment::Stretch;
 
-/// Fewest oscillations, and least amplitude relative to the force and to the sensor noise, that
-/// count as stick-slip.
+/// Fewest crossings of the hysteresis that count as stick-slip. The least peak-to-peak amplitude is
+/// the sum of these multiples of the force and of the sensor noise.
 const FEWEST_SWINGS: usize = 8;
 const LEAST_SWING: f64 = 0.06;
 const OVER_NOISE: f64 = 6.0;
@@ -178,8 +178,8 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
 }
 
 /// Oscillations of the force about its mean on each velocity plateau after its first third, counted
-/// with a hysteresis of a quarter of the amplitude. A plateau is used as a whole because the slips
-/// of a seal disturb the drive, too.
+/// with a hysteresis of a quarter of the peak-to-peak amplitude. A plateau is used as a whole
+/// because the slips of a seal disturb the drive, too.
 fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) -> Vec<Oscillation<'a>> {
     let of = |plateau: &[Stretch]| {
         let (start, end) = (plateau.first()?.start, plateau.last()?.end);
