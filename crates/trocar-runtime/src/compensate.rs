@@ -19,7 +19,8 @@
 //! # Uncertainty
 //!
 //! ```text
-//! std² = σ_phase² + f²·var λ + b²·var ν + 2·f·b·cov(λ, ν) + spread² + minor² + doubt²        f = F − F_β, b = λ·F_β
+//! std² = σ_phase² + gain(x)²·[f²·var λ + b²·var ν + 2·f·b·cov(λ, ν) + spread² + minor² + doubt²]
+//! f = F − F_β      b = λ·F_β
 //! ```
 //! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]). var λ and
 //! var ν are those of the estimates; without validation recordings they come from the intervals of

@@ -11,8 +11,8 @@
 //! y₊ − y₋ = F_h₊ − F_h₋              h between two levels       an elastic tissue or a constant load is in neither
 //! load    = (y₊ + y₋ − F_h₊ − F_h₋)/2
 //! ```
-//! The observer switches to the scale h only if 24 pairs in a row, from at least three strokes,
-//! agree about it and leave no load. A varying tissue force makes them disagree.
+//! The observer switches to the scale h only if 20 of the last 24 pairs, from at least three
+//! strokes, agree about it and leave little load. A varying tissue force makes them disagree.
 
 use trocar_model::{Friction, Seal, SealState};
 

@@ -20,7 +20,7 @@ static double trocar_at_position(const double *values, double none, double x)
 }
 
 //@end
-/* The force at position x where the seal is as it is: F = F_0(x) + level(x)*F_seal. */
+/* The force at position x where the seal is as it is: F = F_0(x) + gain(x)*F_seal. */
 static double trocar_force_at(const trocar_state *state, double x)
 {
 //@if ems
