@@ -1,8 +1,28 @@
 //! Errors of everything that reads or writes files: what, where, found, needed, and the way out on a `hint:` line.
 
+use std::fmt;
 use std::path::PathBuf;
 
-use crate::recording::Place;
+/// A position in a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Line of the file, counted from 1.
+    Line(u64),
+    /// Row of a table, counted from 1.
+    Row(u64),
+    /// Sample of a recording that was not read from a file, counted from 0.
+    Sample(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Row(row) => write!(f, "row {row}"),
+            Place::Sample(index) => write!(f, "sample {index}"),
+        }
+    }
+}
 
 /// Why a recording cannot be used.
 ///

@@ -7,7 +7,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::error::RecordingError;
-use crate::recording::container::{self, Container, Table};
+use crate::recording::container::{Container, Table};
+use crate::recording::registry;
 use crate::recording::{self, Choice, ReadOptions, Recording};
 use crate::segment::SegmentOptions;
 use crate::survey::Survey;
@@ -129,7 +130,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
     if path.as_os_str() == "-" || (path.exists() && !is_there) {
         return Err(RecordingError::IsStream { file: path.display().to_string() });
     }
-    let container = container::any(path)?;
+    let container = registry::any(path)?;
     let tables = (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
     let read = recording::read_in_words(
         path,

@@ -5,10 +5,12 @@ use trocar_model::Trocar;
 use super::adequacy::{self, Adequacy, Group, Model};
 use super::along::Profile;
 use super::candidate::Candidate;
-use super::delay::PositionDelay;
 use super::element::{self, ElementFit, Input};
+use super::unexplained::PositionDelay;
+
 use super::scale::{FrictionScale, TOO_FAR};
 use super::terms::Term;
+use super::training::acceleration_is_resolved;
 use super::two_steps;
 use super::{Estimate, FitSummary, FreeMotion, Identification, IdentifyError, Parameter, Warning, numbers};
 
@@ -182,7 +184,7 @@ fn warnings(
                 let message = "not tried, for fewer than 4 reversals are partial: minor-loop stiffness, second relaxation time, second stage";
                 say("optional terms", message.to_owned(), false);
             }
-            if !element::acceleration_is_resolved(input.recordings) {
+            if !acceleration_is_resolved(input.recordings) {
                 let message = "not tried, for the sampling is too coarse for the acceleration at a reversal: unmodelled mass, delay of \
                                the positions";
                 say("optional terms", message.to_owned(), false);
@@ -249,7 +251,7 @@ fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, 
         );
         say("delay", message, true);
     }
-    let is_coarse = !element::acceleration_is_resolved(recordings) && !options.inertia_removed;
+    let is_coarse = !acceleration_is_resolved(recordings) && !options.inertia_removed;
     if let Some(mass) = fit.left.mass.filter(|_| is_coarse) {
         let message = format!(
             "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to take \

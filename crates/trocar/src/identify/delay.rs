@@ -6,53 +6,11 @@
 //! where the sampling resolves these. A delay of the *force* is not estimated: it may belong to the
 //! seal.
 
-use serde::Serialize;
-
 use super::element::{self, Begun, ElementFit, Input};
 use super::two_steps::{self, TwoSteps};
+use super::unexplained::PositionDelay;
 use super::{IdentifyError, IdentifyOptions, Progress, Segments, segment};
 use crate::recording::Recording;
-
-/// A delay of the position readings.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PositionDelay {
-    /// Time, s, by which the position readings lag.
-    pub delay_s: f64,
-    /// Standard error, s.
-    pub standard_error_s: f64,
-    /// p value of the hypothesis of no delay.
-    pub p_value: f64,
-    /// Fraction of the squared error that it removes, to first order.
-    #[serde(skip)]
-    pub(super) gain: f64,
-}
-
-impl PositionDelay {
-    /// p value below which a delay is accepted, and least fraction of the squared error that it
-    /// must remove.
-    pub(super) const LEVEL: f64 = 1e-3;
-    pub(super) const LEAST_GAIN: f64 = 0.01;
-    /// p value below which a delay already compensated is corrected.
-    const CORRECTED: f64 = 0.01;
-    /// Most corrections: each is accurate to first order about the last; and most of those after
-    /// the optional terms.
-    const MOST: usize = 10;
-    const MOST_AFTER: usize = 2;
-    /// Fraction of the sampling interval below which a delay is neglected.
-    const NEGLIGIBLE: f64 = 0.1;
-    /// Longest delay, s.
-    const LONGEST: f64 = 0.15;
-
-    /// Whether the delay is accepted.
-    pub(super) fn is_clear(&self) -> bool {
-        self.delay_s > 0.0 && self.gain > Self::LEAST_GAIN && self.p_value < Self::LEVEL
-    }
-
-    /// The sum of `earlier` and this one.
-    fn added_to(self, earlier: Option<Self>) -> Self {
-        Self { delay_s: self.delay_s + earlier.map_or(0.0, |e| e.delay_s), ..self }
-    }
-}
 
 /// Recordings with the position delay compensated, the delay, and the estimate made from them.
 pub(super) struct InTime {
@@ -83,7 +41,7 @@ pub(super) fn fitted(
     };
     let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
     for _ in 0..PositionDelay::MOST {
-        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found));
+        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
         let Some(lag) = later(found.lag, more) else { break };
         let Ok(shifted) = shifted(recordings, lag) else { break };
         (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;

@@ -14,14 +14,15 @@ use trocar_model::{Branch, ElementParams, Trocar};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::ASSUMED_WIDTH;
-use super::delay::{InTime, PositionDelay};
 use super::likelihood::{self, Fitted, ScaleVariance, Stop};
 use super::scale::{FrictionScale, Jump};
 use super::shape::BranchShape;
-use super::spread::Spread;
+use super::spread::variance;
 use super::terms::{self, Chosen, Term, TermTrial};
+use super::training::acceleration_is_resolved;
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_stretches};
+use super::unexplained::PositionDelay;
 use super::unexplained::{Left, Unexplained};
 use super::{FreeMotion, IdentifyOptions, Progress, Segments};
 use crate::recording::{Recording, range};
@@ -212,8 +213,8 @@ fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda:
 
 impl Begun {
     /// The delay of the positions.
-    pub(super) fn position_delay(&self, found: &InTime) -> Option<PositionDelay> {
-        Unexplained::new(&found.recordings, &self.training, &self.fitted)?.lag_left()
+    pub(super) fn position_delay(&self, recordings: &[Recording]) -> Option<PositionDelay> {
+        Unexplained::new(recordings, &self.training, &self.fitted)?.lag_left()
     }
 }
 
@@ -234,12 +235,6 @@ fn blend_length(training: &Training, trial: &EmsTrial) -> f64 {
 
 /// Initial value of the scatter between strokes.
 const INITIAL_SCATTER: f64 = 0.01;
-
-/// σ², N²: the mean squared residual, times the factor by which the correlation of neighbouring
-/// residuals increases the variance of sums.
-pub(super) fn variance(fitted: &Fitted<EmsTrial>) -> f64 {
-    fitted.rms[1].powi(2).max(1e-18) * Spread::new(fitted).inflation().clamp(1.0, 100.0)
-}
 
 /// The remaining undamped step, in standard errors: root mean square over the free parameters.
 pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
@@ -324,21 +319,13 @@ fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
         for k in 1..=COSINES.min(own.len() / STROKES_PER_COSINE) {
             let phase = |g: usize| PI * k as f64 * (strokes[g].time - from) / (to - from).max(f64::MIN_POSITIVE);
             let value = |g: usize| if strokes[g].recording == recording { phase(g).cos() } else { 0.0 };
-            all.push((centred(training, value), 2.0 / (PI * k as f64).powi(2)));
+            all.push((training.centred(value), 2.0 / (PI * k as f64).powi(2)));
         }
         if recording > 0 && !own.iter().all(|g| training.scale.is_unconstrained(*g)) {
-            all.push((centred(training, |g| f64::from(strokes[g].recording == recording)), 1.0));
+            all.push((training.centred(|g| f64::from(strokes[g].recording == recording)), 1.0));
         }
     }
     all
-}
-
-/// Values over the strokes less their mean over the strokes whose size counts.
-pub(super) fn centred(training: &Training, value: impl Fn(usize) -> f64) -> Vec<f64> {
-    let count = training.strokes.len();
-    let counted: Vec<usize> = (0..count).filter(|g| !training.scale.is_unconstrained(*g)).collect();
-    let mean = counted.iter().map(|g| value(*g)).sum::<f64>() / counted.len().max(1) as f64;
-    (0..count).map(|g| value(g) - mean).collect()
 }
 
 /// Slowest and fastest speed of sliding, m/s.
@@ -394,13 +381,6 @@ const FEWEST_PARTIAL: usize = 4;
 pub(super) fn has_partial_reversals(input: &Input, half_width: f64) -> bool {
     let motion = FreeMotion::of(input.recordings, input.segments, half_width);
     motion.partial_reversals >= FEWEST_PARTIAL
-}
-
-/// Whether all recordings are sampled finely enough to resolve the acceleration of a reversal. A
-/// reversal lasts some hundredths of a second and needs five positions.
-pub(super) fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
-    const REVERSAL: f64 = 0.03;
-    recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
 }
 
 /// Initial value of σ relative to the sliding force.

@@ -25,7 +25,6 @@ use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
-pub use delay::PositionDelay;
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use free_motion::FreeMotion;
@@ -37,6 +36,7 @@ pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
 pub use stick_slip::StickSlip;
 pub use terms::{Term, TermTrial};
+pub use unexplained::PositionDelay;
 
 mod adequacy;
 mod along;

@@ -7,7 +7,6 @@ use super::likelihood::{Fitted, Trial};
 use super::shape::BranchShape;
 use super::spread::{Reported, Spread};
 use super::stage::SecondStage;
-use super::terms::Term;
 use super::{Estimate, Parameter};
 
 /// A quantity that follows from a candidate: name, unit, and function.
@@ -210,10 +209,10 @@ fn is_held(fitted: &Fitted<EmsTrial>, of: fn(&Candidate) -> f64) -> bool {
     })
 }
 
-/// Whether the data determine the term.
-pub(super) fn is_determined(fitted: &Fitted<EmsTrial>, term: Term) -> bool {
+/// Whether the data determine all of these parameters that the fit has.
+pub(super) fn are_determined(fitted: &Fitted<EmsTrial>, names: &[&str]) -> bool {
     let spread = Spread::new(fitted);
-    let mut own = quantities(fitted.best.layout).into_iter().filter(|q| term.parameters().contains(&q.0));
+    let mut own = quantities(fitted.best.layout).into_iter().filter(|q| names.contains(&q.0));
     own.all(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)).estimate.determined)
 }
 

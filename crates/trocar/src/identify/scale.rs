@@ -4,7 +4,6 @@
 use serde::Serialize;
 
 use super::candidate::EmsTrial;
-use super::element::centred;
 use super::estimate::t_quantile;
 use super::likelihood::Fitted;
 use super::training::Training;
@@ -117,7 +116,7 @@ impl Jump {
     /// φ of the jump: 1 from its stroke to the end of its recording, less its mean.
     pub(super) fn basis(&self, training: &Training) -> Vec<f64> {
         let strokes = &training.strokes;
-        centred(training, |g| f64::from(g >= self.stroke && strokes[g].recording == self.recording))
+        training.centred(|g| f64::from(g >= self.stroke && strokes[g].recording == self.recording))
     }
 
     /// The clearest jump of each recording: a change of the mean that leaves much less scatter on

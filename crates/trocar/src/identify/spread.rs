@@ -25,6 +25,12 @@ pub(crate) struct Spread<'a, T> {
     inflation: f64,
 }
 
+/// σ², N²: the mean squared residual, times the factor by which the correlation of neighbouring
+/// residuals increases the variance of sums.
+pub(super) fn variance<T: Trial>(fitted: &Fitted<T>) -> f64 {
+    fitted.rms[1].powi(2).max(1e-18) * Spread::new(fitted).inflation().clamp(1.0, 100.0)
+}
+
 /// A quantity that depends on the free parameters, to first order.
 struct Dependent {
     value: f64,

@@ -21,10 +21,10 @@ use serde::Serialize;
 use trocar_model::RelaxationArm;
 
 use super::candidate::{Candidate, EmsTrial, Layout};
-use super::element::variance;
 use super::estimate::{f_p_value, t_p_value};
 use super::likelihood::{self, Extra, Fitted, Normal, Stop};
 use super::numbers;
+use super::spread::variance;
 use super::training::Training;
 
 /// Error rate of the selection over all columns of a run.
@@ -354,7 +354,7 @@ impl Chosen {
                 _ => false,
             };
             let judged = |l: Fitted<EmsTrial>| {
-                let is_determined = may_be_open(&l) || numbers::is_determined(&l, best.term);
+                let is_determined = may_be_open(&l) || numbers::are_determined(&l, best.term.parameters());
                 let is_sure = is_clear(best) || growth_p_value(training, &self.fitted, &l) < level;
                 if !is_sure || l.cost() >= (1.0 - 0.3 * LEAST_GAIN) * self.fitted.cost() {
                     return Err(NO_BETTER);

@@ -172,6 +172,14 @@ impl Training {
         Self { runs, clusters, variance: 0.0, strokes, scale: Scale::default() }
     }
 
+    /// Values over the strokes less their mean over the strokes whose size counts.
+    pub(crate) fn centred(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
+        let count = self.strokes.len();
+        let counted: Vec<usize> = (0..count).filter(|g| !self.scale.is_unconstrained(*g)).collect();
+        let mean = counted.iter().map(|g| value(*g)).sum::<f64>() / counted.len().max(1) as f64;
+        (0..count).map(|g| value(g) - mean).collect()
+    }
+
     /// Sets the weight of all steps to zero until the state is known, that is, until different
     /// initial states give the same force.
     pub(crate) fn forget_unknown_starts(&mut self, stages: Stages) {
@@ -331,4 +339,11 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
         one_way && is_steady && (x[*i] - x[at]).abs() <= limit.travel && t[*i] - t[at] <= limit.duration
     };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
+}
+
+/// Whether all recordings are sampled finely enough to resolve the acceleration of a reversal. A
+/// reversal lasts some hundredths of a second and needs five positions.
+pub(super) fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
+    const REVERSAL: f64 = 0.03;
+    recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
 }

@@ -5,13 +5,56 @@
 //! equations estimates its size ([`Normal::one_step`]). A mass, a damping and a creeping contact
 //! may be mistaken for a delay, which is therefore tested together with them.
 
+use serde::Serialize;
+
 use super::candidate::EmsTrial;
-use super::delay::PositionDelay;
-use super::element::{acceleration_is_resolved, variance};
 use super::estimate::{Estimate, t_p_value, t_quantile};
 use super::likelihood::{Extra, Fitted, Normal, OneStep, Trial};
+use super::spread::variance;
 use super::training::Training;
+use super::training::acceleration_is_resolved;
 use crate::recording::Recording;
+
+/// A delay of the position readings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PositionDelay {
+    /// Time, s, by which the position readings lag.
+    pub delay_s: f64,
+    /// Standard error, s.
+    pub standard_error_s: f64,
+    /// p value of the hypothesis of no delay.
+    pub p_value: f64,
+    /// Fraction of the squared error that it removes, to first order.
+    #[serde(skip)]
+    pub(super) gain: f64,
+}
+
+impl PositionDelay {
+    /// p value below which a delay is accepted, and least fraction of the squared error that it
+    /// must remove.
+    pub(super) const LEVEL: f64 = 1e-3;
+    pub(super) const LEAST_GAIN: f64 = 0.01;
+    /// p value below which a delay already compensated is corrected.
+    pub(super) const CORRECTED: f64 = 0.01;
+    /// Most corrections: each is accurate to first order about the last; and most of those after
+    /// the optional terms.
+    pub(super) const MOST: usize = 10;
+    pub(super) const MOST_AFTER: usize = 2;
+    /// Fraction of the sampling interval below which a delay is neglected.
+    pub(super) const NEGLIGIBLE: f64 = 0.1;
+    /// Longest delay, s.
+    pub(super) const LONGEST: f64 = 0.15;
+
+    /// Whether the delay is accepted.
+    pub(super) fn is_clear(&self) -> bool {
+        self.delay_s > 0.0 && self.gain > Self::LEAST_GAIN && self.p_value < Self::LEVEL
+    }
+
+    /// The sum of `earlier` and this one.
+    pub(super) fn added_to(self, earlier: Option<Self>) -> Self {
+        Self { delay_s: self.delay_s + earlier.map_or(0.0, |e| e.delay_s), ..self }
+    }
+}
 
 /// An effect that the model may lack.
 #[derive(Clone, Copy, PartialEq, Eq)]

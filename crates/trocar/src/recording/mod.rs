@@ -4,7 +4,6 @@
 //! velocity and force are positive on insertion. Missing data are reported in [`Quality`], never
 //! repaired on reading.
 
-use std::fmt;
 use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
@@ -23,6 +22,7 @@ use rows::Rows;
 pub(crate) use rows::digest_of;
 use screen::Count;
 
+pub use crate::error::Place;
 pub use crate::error::RecordingError;
 pub use choice::Choice;
 #[cfg(feature = "parquet")]
@@ -51,6 +51,7 @@ mod motion;
 mod pieces;
 mod position;
 mod quality;
+pub(crate) mod registry;
 pub(crate) mod rows;
 mod screen;
 mod tables;
@@ -61,27 +62,6 @@ pub const MIN_SAMPLES: usize = 8;
 
 /// Longest stroke accepted, in m: no instrument moves further through a trocar.
 pub const LONGEST_STROKE: f64 = 2.0;
-
-/// A position in a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
-    /// Line of the file, counted from 1.
-    Line(u64),
-    /// Row of a table, counted from 1.
-    Row(u64),
-    /// Sample of a recording that was not read from a file, counted from 0.
-    Sample(usize),
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Place::Line(line) => write!(f, "line {line}"),
-            Place::Row(row) => write!(f, "row {row}"),
-            Place::Sample(index) => write!(f, "sample {index}"),
-        }
-    }
-}
 
 /// One recording in SI units; all columns have the same length and time is strictly increasing.
 #[derive(Debug, Clone)]

@@ -12,8 +12,9 @@ use sha2::{Digest, Sha256};
 use super::block::{Block, Row};
 use super::choice::{Choice, Picked, check_topics, pick};
 use super::columns::{Layout, Quantity};
-use super::container::{self, Batches, Container};
+use super::container::{Batches, Container};
 use super::decompress::TextInput;
+use super::registry;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
 use super::{Place, RecordingError, log};
@@ -42,7 +43,7 @@ impl Rows<'static> {
     pub(crate) fn open(path: &Path, choice: &Choice, needed: &[Quantity], hash: bool) -> Result<Self, RecordingError> {
         let file = path.display().to_string();
         if file != "-"
-            && let Some(container) = container::open(path)?
+            && let Some(container) = registry::open(path)?
         {
             let mut table = TableRows::open(&file, container.as_ref(), choice, needed)?;
             table.hash = hash.then(|| hash_of(path));
@@ -256,7 +257,7 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
 pub(crate) fn digest_of(path: &Path) -> Result<String, RecordingError> {
     let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
     let mut hash = Sha256::new();
-    let hashed = match container::open(path)? {
+    let hashed = match registry::open(path)? {
         Some(_) => hash_files(path, &mut hash),
         None => hash_stream(TextInput::open(path)?.text, &mut hash),
     };

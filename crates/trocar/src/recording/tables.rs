@@ -5,14 +5,15 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::RecordingError;
-use super::container::{self, Container, Table};
+use super::container::{Container, Table};
+use super::registry;
 
 /// Content of a file: its tables and their columns.
 ///
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened, is damaged, or has an unsupported format.
 pub fn tables(path: impl AsRef<Path>) -> Result<Vec<Table>, RecordingError> {
-    Ok(container::any(path.as_ref())?.tables().to_vec())
+    Ok(registry::any(path.as_ref())?.tables().to_vec())
 }
 
 /// Columns of the table named `table` of a file, in the requested order; NaN for a missing cell.
@@ -24,7 +25,7 @@ pub fn tables(path: impl AsRef<Path>) -> Result<Vec<Table>, RecordingError> {
 /// As for [`tables`], and when the table or a column is missing or not numeric.
 pub fn read_columns(path: impl AsRef<Path>, table: &str, columns: &[&str]) -> Result<Vec<Vec<f64>>, RecordingError> {
     let path = path.as_ref();
-    let container = container::any(path)?;
+    let container = registry::any(path)?;
     let (table, places) = find(path, container.as_ref(), table, columns)?;
     if let Some(all) = container.read_whole(table, &places)? {
         return Ok(all);

@@ -22,6 +22,7 @@ mod style;
 mod svg;
 pub mod validation;
 mod view;
+mod workflow;
 
 use std::collections::HashSet;
 use std::path::Path;

@@ -1,0 +1,45 @@
+//! The folder of results of an identification.
+
+use trocar_model::Element;
+
+use super::identification::{FigureChoice, IdentificationReport, check_choice, document};
+use super::{Document, ReportError, stage_document};
+use crate::output::StagedFolder;
+use crate::workflow::Workflow;
+
+impl Workflow {
+    /// The report; `truth` are the elements of a virtual bench, shown beside the result, `choice` what figures show.
+    ///
+    /// # Errors
+    /// [`ReportError`] for a choice that the recordings do not allow.
+    pub fn document(&self, truth: Option<&[Element]>, choice: FigureChoice) -> Result<Document, ReportError> {
+        let input = IdentificationReport {
+            identification: &self.identification,
+            training: &self.recordings,
+            validation: self.validation.as_ref().map(|scores| (self.held_out.as_slice(), scores)),
+            truth,
+            seed: self.options.seed,
+            bootstrap: self.options.bootstrap,
+            title: "Force between instrument and trocar",
+            choice,
+        };
+        check_choice(&input)?;
+        Ok(document(&input))
+    }
+
+    /// Stages model.json, summary.json, report.html and figures.
+    ///
+    /// # Errors
+    /// As for [`Workflow::document`], or when something cannot be written.
+    pub fn write(
+        &self,
+        staged: &StagedFolder,
+        truth: Option<&[Element]>,
+        choice: FigureChoice,
+    ) -> Result<(), ReportError> {
+        let document = self.document(truth, choice)?;
+        staged.write("model.json", self.model_file().to_json().as_bytes())?;
+        staged.write("summary.json", self.summary().to_json().as_bytes())?;
+        stage_document(staged, &document)
+    }
+}
