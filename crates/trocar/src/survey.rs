@@ -94,27 +94,30 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
         );
     } else {
         found.push(format!(
-            "the longest stroke is {:.1} mm: a seal that needs more travel to snap through stays unresolved",
+            "the longest stroke is {:.1} mm: a seal that needs more travel to snap through cannot be resolved",
             1e3 * stroke
         ));
     }
     match (insertion.len(), withdrawal.len()) {
         (0, 0) => {
-            found.push("no constant velocity: the sliding force can only be had where the motion is steady".to_owned())
+            found.push("no constant velocity: the sliding force is seen only where the velocity is constant".to_owned())
         }
         (0, _) | (_, 0) => found.push(
-            "steady sliding in one direction only: the sensor offset cannot be told from the Coulomb force".to_owned(),
+            "steady sliding in one direction only: the sensor offset cannot be distinguished from the Coulomb force"
+                .to_owned(),
         ),
         (1, 1) if insertion[0].max(withdrawal[0]) <= insertion[0].min(withdrawal[0]) * (1.0 + SAME_SPEED) => {
-            found.push("one speed: the viscous part cannot be told from the Coulomb force".to_owned());
+            found.push("one speed: the viscous part cannot be distinguished from the Coulomb force".to_owned());
         }
-        (1, _) | (_, 1) => found
-            .push("one speed in one direction: whether the directions differ in viscous damping stays open".to_owned()),
+        (1, _) | (_, 1) => found.push(
+            "one speed in one direction: a difference of the viscous damping between the directions is not determined"
+                .to_owned(),
+        ),
         _ => {}
     }
     if let Some(slowest) = insertion.iter().chain(&withdrawal).copied().reduce(f64::min) {
         found.push(format!(
-            "nothing is steady below {:.1} mm/s: a rise of the friction at lower speeds (Stribeck) stays unseen",
+            "no constant velocity below {:.1} mm/s: a rise of the friction at lower speeds (Stribeck) cannot be seen",
             1e3 * slowest
         ));
     }

@@ -428,9 +428,9 @@ pub fn validate_one<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, 
     let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
     let scored = if known.is_empty() {
         let why = if run.sliding.is_empty() {
-            "the motion never makes the model forget its start: the unknown initial state stays in the figures"
+            "the force depends on the unknown initial state throughout: the figures contain its error"
         } else {
-            "the motion never makes the seal slide all round: the unknown initial deflection stays in the figures"
+            "the motion never makes the seal slide all round: the figures contain the error of the unknown initial deflection"
         };
         warnings.push(why.to_owned());
         (0..recording.len()).collect()

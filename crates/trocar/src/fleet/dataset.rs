@@ -62,7 +62,7 @@ pub enum DatasetError {
     /// A file that is neither a manifest nor a data set.
     #[error(
         "{}: no manifest and no data set: neither a column 'path' nor a column '{group}' among {found}\n\nhint: one recording by itself is \
-         identified with `trocar identify`; recordings that are rows of one table are told apart with --group-by COLUMN",
+         identified with `trocar identify`; --group-by COLUMN separates recordings that are rows of one table",
         path.display()
     )]
     NoDataset {

@@ -253,7 +253,7 @@ impl Speeds {
         let [slow, fast] = [0.1, 0.9].map(|part| self.quantile(part));
         (fast < SPEED_RATIO * slow || self.0.is_empty()).then(|| {
             let why = format!(
-                "sliding was seen at {:.0} to {:.0} mm/s only: F_c and β cannot be told apart; record strokes at speeds that differ by a \
+                "sliding was seen at {:.0} to {:.0} mm/s only: F_c and β cannot be distinguished; record strokes at speeds that differ by a \
                  factor of 3 or more",
                 1e3 * slow,
                 1e3 * fast
@@ -284,7 +284,7 @@ impl Speeds {
         (rise_left(candidate, fast)? > LEFT_RISE).then(|| {
             let why = format!(
                 "the sliding force still falls at {:.0} mm/s, the fastest sliding that was seen: F_c, β and the Stribeck curve cannot be \
-                 told apart; record faster strokes, too",
+                 distinguished; record faster strokes, too",
                 1e3 * fast
             );
             (Group::Speed, why)

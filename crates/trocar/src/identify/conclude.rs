@@ -126,7 +126,7 @@ fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
             true => Estimate::undetermined(
                 p.estimate.value,
                 "N",
-                "the directions slide differently, so an offset cannot be told from a difference of their Coulomb forces: give the \
+                "the directions slide differently, so an offset cannot be distinguished from a difference of their Coulomb forces: give the \
                  sensor's reading without load (--offset-n)",
             ),
             false => p.estimate.clone().with_note("if both directions have the same Coulomb force"),
@@ -162,7 +162,7 @@ fn warnings(
         all.extend(recording.quality.warnings.iter().map(|w| of(&w.message)));
     }
     // One line for all coefficients of a polynomial.
-    let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.name.contains("theta"));
+    let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.is_coefficient());
     all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, p.name != "offset_n")));
     let mut say = |subject: &str, message: String, doubtful: bool| {
         all.push(Warning { subject: subject.to_owned(), message, doubtful });
@@ -181,11 +181,11 @@ fn warnings(
                 unresolved(model, &mut say);
             }
             if input.options.free_motion && !element::has_partial_reversals(input, model.half_width) {
-                let message = "not tried, for fewer than 4 reversals are partial: minor-loop stiffness, second relaxation time, second stage";
+                let message = "not tried (fewer than 4 partial reversals): minor-loop stiffness, second relaxation time, second stage";
                 say("optional terms", message.to_owned(), false);
             }
             if !acceleration_is_resolved(input.recordings) {
-                let message = "not tried, for the sampling is too coarse for the acceleration at a reversal: unmodelled mass, delay of \
+                let message = "not tried (the sampling is too coarse to resolve the acceleration at a reversal): unmodelled mass, delay of \
                                the positions";
                 say("optional terms", message.to_owned(), false);
             }
@@ -195,7 +195,7 @@ fn warnings(
     }
     for (recording, segments) in input.recordings.iter().zip(input.segments) {
         if segments.turn_at_same_places(recording) && fit.is_some_and(|_| input.options.along) {
-            let message = "all strokes turn at the same places: a dependence on the position cannot be told from one on the deflection \
+            let message = "all strokes turn at the same places: a dependence on the position cannot be distinguished from one on the deflection \
                            within 2c of the turning points";
             say(&recording.name, message.to_owned(), false);
         }
@@ -244,8 +244,8 @@ fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, 
     let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
     if let Some(lag) = fit.left.lag.filter(|lag| lag.is_clear() && lag.delay_s > LATE * interval) {
         let message = format!(
-            "the positions still come {:.1} ms late (standard error {:.1} ms), which the correction does not take out: all numbers may \
-             be off; read positions and forces on one clock, or shift the positions before identifying",
+            "a position delay of {:.1} ms (standard error {:.1} ms) remains after the correction: all numbers may be off; \
+              read positions and forces on one clock, or shift the positions before identifying",
             1e3 * lag.delay_s,
             1e3 * lag.standard_error_s
         );

@@ -336,7 +336,7 @@ pub(super) fn fit(
     let (rising, falling) = (count(Direction::Positive), count(Direction::Negative));
     if rising + falling < FEWEST_TRAVERSES || rising == 0 || falling == 0 {
         return Err(format!(
-            "{rising} insertions and {falling} withdrawals turn the seal over from one sliding limit to the other; at least \
+            "{rising} insertions and {falling} withdrawals deform the seal from one sliding limit to the other; at least \
              {FEWEST_TRAVERSES} in all and one in each direction are needed (longer strokes, or more of them)"
         ));
     }

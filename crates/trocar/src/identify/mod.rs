@@ -122,7 +122,7 @@ pub enum IdentifyError {
     NoRecording,
     /// No steady sliding anywhere.
     #[error(
-        "no steady sliding found: {passes} passes between reversals, {stretches} stretches of constant velocity, none of them \
+        "no steady sliding found: {passes} strokes, {stretches} constant-velocity segments, none of them \
          after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
          at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
          several speeds, or half a minute of motion with many reversals"
@@ -219,6 +219,16 @@ pub struct Parameter {
     pub name: String,
     /// Value and interval.
     pub estimate: Estimate,
+}
+
+impl Parameter {
+    /// What the name of a coefficient θ of a branch (EMS (25)) holds.
+    const COEFFICIENT: &str = "_theta";
+
+    /// Whether it is a coefficient of a branch: determined together with the others only.
+    pub fn is_coefficient(&self) -> bool {
+        self.name.contains(Self::COEFFICIENT)
+    }
 }
 
 /// Result of an identification.

@@ -13,13 +13,18 @@ use super::{Estimate, Parameter};
 pub(super) struct BranchQuantity {
     pub(super) name: String,
     pub(super) unit: &'static str,
+    pub(super) kind: BranchNumber,
+    /// The branch.
+    pub(super) side: fn(&Candidate) -> &BranchShape,
     pub(super) of: Box<dyn Fn(&Candidate) -> f64>,
 }
 
-impl BranchQuantity {
-    fn new(name: String, unit: &'static str, of: impl Fn(&Candidate) -> f64 + 'static) -> Self {
-        Self { name, unit, of: Box::new(of) }
-    }
+/// Which quantity of a branch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum BranchNumber {
+    Join,
+    JoinForce,
+    Coefficient,
 }
 
 /// Quantities of the branches: join, force there, and the paper's θ (25).
@@ -29,8 +34,13 @@ pub(super) fn branch_quantities(candidate: &Candidate) -> Vec<BranchQuantity> {
     let sides: [(&str, Side); 2] = [("rising", |c| &c.rising), ("falling", |c| &c.falling)];
     let mut all = Vec::new();
     for (name, side) in sides {
-        all.push(BranchQuantity::new(format!("{name}_join_m"), "m", move |c| side(c).join * c.half_width));
-        all.push(BranchQuantity::new(format!("{name}_join_force_n"), "N", move |c| side(c).join_force));
+        let mut push = |kind, name: String, unit, of: Box<dyn Fn(&Candidate) -> f64>| {
+            all.push(BranchQuantity { name, unit, kind, side, of });
+        };
+        let join = Box::new(move |c: &Candidate| side(c).join * c.half_width);
+        push(BranchNumber::Join, format!("{name}_join_m"), "m", join);
+        let force = Box::new(move |c: &Candidate| side(c).join_force);
+        push(BranchNumber::JoinForce, format!("{name}_join_force_n"), "N", force);
         for (piece, degree) in side(candidate).degrees().into_iter().enumerate() {
             for (power, unit) in POWERS.into_iter().enumerate().take(degree + 1) {
                 let monomial = move |c: &Candidate| {
@@ -38,7 +48,8 @@ pub(super) fn branch_quantities(candidate: &Candidate) -> Vec<BranchQuantity> {
                     if piece == 0 { branch.left().monomial()[power] } else { branch.right().monomial()[power] }
                 };
                 let suffix = if power == 0 { "n".to_owned() } else { format!("n_m{power}") };
-                all.push(BranchQuantity::new(format!("{name}_theta{}_{power}_{suffix}", piece + 1), unit, monomial));
+                let name = format!("{name}{}{}_{power}_{suffix}", Parameter::COEFFICIENT, piece + 1);
+                push(BranchNumber::Coefficient, name, unit, Box::new(monomial));
             }
         }
     }
@@ -137,7 +148,7 @@ fn shortest_lag(found: &Estimate) -> Estimate {
         return found.clone();
     }
     let longest = if found.determined { found.ci95[1].max(SHORTEST) } else { SHORTEST };
-    Estimate::from_bounds(found.value, 0.0, longest, found.unit).with_note("too short to tell from none")
+    Estimate::from_bounds(found.value, 0.0, longest, found.unit).with_note("too short to be distinguished from zero")
 }
 
 /// Factors on the standard errors of forces and of the shape. To first order the intervals of F_c
@@ -224,8 +235,10 @@ pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
         quantities(*layout).into_iter().map(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0))).collect();
     all.iter_mut().filter(|p| p.name == "friction_lag_s").for_each(|p| p.estimate = shortest_lag(&p.estimate));
     for quantity in branch_quantities(best).into_iter().filter(|_| layout.shape) {
-        let factor = if quantity.name.contains("_join_") { SHAPE } else { 1.0 };
-        let scale = if quantity.name.contains("theta") { f64::INFINITY } else { scale_of(best, quantity.unit) };
+        let (factor, scale) = match quantity.kind {
+            BranchNumber::Join | BranchNumber::JoinForce => (SHAPE, scale_of(best, quantity.unit)),
+            BranchNumber::Coefficient => (1.0, f64::INFINITY),
+        };
         let how = Reported { unit: quantity.unit, log: false, scale, least: f64::NEG_INFINITY, factor };
         let estimate = spread.estimate(how, &|t| (quantity.of)(&t.candidate));
         all.push(Parameter { name: quantity.name, estimate });

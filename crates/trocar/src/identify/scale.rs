@@ -89,7 +89,7 @@ impl FrictionScale {
     pub fn in_words(&self, names: &[&str]) -> Option<String> {
         if let Some(jump) = self.jumps.first() {
             return Some(format!(
-                "friction changed by {:+.0} % at {:.0} s of {}: one model cannot hold before and after; identify the two parts apart \
+                "friction changed by {:+.0} % at {:.0} s of {}: one model cannot hold before and after; identify the two parts separately \
                  (--from-s, --to-s)",
                 1e2 * (jump.ratio - 1.0),
                 jump.time_s,

@@ -24,7 +24,7 @@ use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::{Recording, local_velocity};
 use crate::segment::{Direction, Pass, Stretch, after_start};
 
-const NO_STRETCH: &str = "no stretch of constant velocity after the deformation";
+const NO_STRETCH: &str = "no constant-velocity segment after the deformation";
 
 /// Mean force and velocity of the steady sliding in one pass at one speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -393,8 +393,8 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
         let none = |unit| Estimate::undetermined(0.0, unit, NO_STRETCH);
         return blank(none("N"), none("N s/m"), none("N"));
     }
-    let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be told apart";
-    let one_speed = "each direction has one speed: the viscous part cannot be told from the Coulomb force";
+    let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be distinguished";
+    let one_speed = "each direction has one speed: the viscous part cannot be distinguished from the Coulomb force";
     match (both, slope) {
         (true, true) => {
             let (fit, scatter) = weighted(means, &[|_| 1.0, sign, |v| v]);
@@ -431,7 +431,7 @@ pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option
         return None;
     }
     if !speeds_differ(&own, direction) {
-        let why = "one speed only: the viscous part cannot be told from the Coulomb force";
+        let why = "one speed only: the viscous part cannot be distinguished from the Coulomb force";
         let fit = weighted(&own, &[sign]).0?;
         return Some(DirectionLine {
             coulomb_force_n: Estimate::undetermined(fit.coefficients[0], "N", why),

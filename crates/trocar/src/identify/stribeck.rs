@@ -51,9 +51,7 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
     let at_slowest = bump * (-(slowest / best.stribeck_velocity).powf(EXPONENT)).exp();
     let verdict = match () {
         () if p_value >= LEVEL => "the straight line suffices".to_owned(),
-        () if bump <= 0.0 => {
-            "the force bends down towards low speed: not a Stribeck curve, the line is kept".to_owned()
-        }
+        () if bump <= 0.0 => "the force falls towards low speed: not a Stribeck curve, the line is kept".to_owned(),
         () if at_slowest < LEAST_PART_SEEN * bump => format!(
             "the force rises below {:.0} mm/s, but such a narrow bump lies outside the speeds measured: the line is kept, \
              record slower strokes to pin it",
@@ -83,7 +81,7 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
     let column = |v: f64, j: usize| [1.0, sign(v), bump(v), v, by_vs(v)][j];
     let design = DMatrix::from_fn(means.len(), 5, |i, j| column(means[i].velocity_m_s, j));
     let forces = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
-    let flat = "the speeds measured do not separate the bump from the line";
+    let flat = "the measured speeds do not distinguish the bump from the line";
     let joint = LinearFit::new(&design, &forces, weights);
     let estimate = |terms: &[(usize, f64)], unit| match &joint {
         Some(joint) => {

@@ -11,7 +11,7 @@ use trocar_model::{Relaxation, SlidingFriction};
 use super::candidate::Candidate;
 use super::deformation::{self, DampingTest, DeformationFit, Limits, Sensors, Traverse, curves_of, mean_points};
 use super::estimate::Estimate;
-use super::numbers::{BranchQuantity, branch_quantities, named};
+use super::numbers::{BranchNumber, BranchQuantity, branch_quantities, named};
 use super::replicates::Replicates;
 use super::shape::BranchShape;
 use super::steady::{self, DirectionLine, PassMean, SteadyFit};
@@ -356,8 +356,7 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
 /// whatever its replicates.
 fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Vec<Parameter> {
     let parameter = |quantity: BranchQuantity| {
-        let shape = if quantity.name.starts_with("rising") { &best.rising } else { &best.falling };
-        let estimate = if quantity.name.ends_with("join_m") && shape.join_at_bound() {
+        let estimate = if quantity.kind == BranchNumber::Join && (quantity.side)(best).join_at_bound() {
             Estimate::undetermined((quantity.of)(best), quantity.unit, "no best join inside the range searched")
         } else {
             replicates.estimate(best, quantity.unit, &quantity.of)

@@ -151,7 +151,7 @@ impl Unexplained {
         let most = DAMPING * (step.amplitude.max(0.0) + t_quantile(step.degrees) * step.standard_error);
         Some(
             Estimate::from_bounds(0.0, 0.0, most, "N s/m")
-                .with_note("none shows: the interval is what the data leave room for"),
+                .with_note("none found: the interval holds all values that are compatible with the data"),
         )
     }
 }

@@ -122,9 +122,7 @@ pub enum NoProfile {
         folds: usize,
     },
     /// No fit keeps the gain positive and slow enough.
-    #[error(
-        "every profile found would let the seal give off more energy than it takes (storage length {storage_length} m)"
-    )]
+    #[error("every profile found would let the seal yield energy (storage length {storage_length} m)")]
     NotDissipative {
         /// ℓ, m.
         storage_length: f64,

@@ -37,7 +37,7 @@ const GRID: &str = "#e4e4e4";
 const RANGE: &str = "#9aa4ad";
 const MARK: &str = "#5c6670";
 
-/// Points per line in a printed figure; more cannot be told apart at 0.25 mm per pixel.
+/// Points per line in a printed figure; more cannot be distinguished at 0.25 mm per pixel.
 const PRINTED_POINTS: usize = 2_400;
 
 /// Who will turn the scene into a file.

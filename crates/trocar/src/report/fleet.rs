@@ -106,7 +106,7 @@ fn specimens(types: &ByType, roles: &Roles) -> Section {
     let section = Section::new("Types and specimens");
     let Some(specimen) = &roles.specimen else {
         return section.paragraph("No column of the data set names specimens (specimen, or another named with --specimen), so recordings of one \
-                                  trocar cannot be told from those of several, and no interval for a type would hold.");
+                                  trocar cannot be distinguished from those of several, and no interval for a type would hold.");
     };
     let (means, components, missing) = figures::mixed_effects(types, specimen);
     let mut section = section.paragraph(format!(

@@ -168,7 +168,7 @@ impl Transients {
                                         one, from there to sliding. The slope stays positive, so EMS (15) has an empty interval."
                 .to_owned(),
             Self::Single => "The branch identified has no marked minimum of its slope between two rises, so the transients T1 and T2 of a \
-                             seal that snaps through are not told apart: one transient is marked, from the reversal to sliding."
+                             seal that snaps through are not distinguished: one transient is marked, from the reversal to sliding."
                 .to_owned(),
         }
     }

@@ -197,7 +197,7 @@ fn caption(found: &Identification) -> String {
 fn symmetry(steady: &SteadyFit) -> String {
     match steady.symmetry_p_value {
         Some(p) if p < 0.01 => format!(
-            "The directions differ in slope ({}), so each has its own line; their Coulomb forces cannot be told from the offset. ",
+            "The directions differ in slope ({}), so each has its own line; their Coulomb forces cannot be distinguished from the offset. ",
             p_in_words(p)
         ),
         Some(p) => format!("The directions do not differ in slope ({}). ", p_in_words(p)),

@@ -86,19 +86,15 @@ fn of_element(parameter: &str) -> Option<(String, String)> {
     Some((format!("{words}, element {element}"), format!("{symbol}_{element}")))
 }
 
-pub(super) fn is_coefficient(parameter: &Parameter) -> bool {
-    parameter.name.contains("_theta")
-}
-
 /// The main parameters: refined beside two-step, and beside the truth if that is known.
 pub(in super::super) fn parameters(found: &Identification, truth: Option<&[Element]>) -> Table {
-    let main = |p: &&Parameter| !is_coefficient(p);
+    let main = |p: &&Parameter| !p.is_coefficient();
     table("Parameters with 95 % intervals", found, found.parameters.iter().filter(main), truth)
 }
 
 /// The coefficients of the branches, EMS (25), about z = 0.
 pub(in super::super) fn branch_coefficients(found: &Identification) -> Option<Table> {
-    let mut all = found.parameters.iter().filter(|p| is_coefficient(p)).peekable();
+    let mut all = found.parameters.iter().filter(|p| p.is_coefficient()).peekable();
     all.peek()?;
     let caption = "Polynomial coefficients θ of the branches, EMS (25), with z in m";
     Some(table(caption, found, all, None))

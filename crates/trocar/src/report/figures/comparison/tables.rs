@@ -4,7 +4,7 @@ use super::{best, by_name, family_name, model_name};
 use crate::compare::{Comparison, Entry};
 use crate::identify::Warning;
 use crate::report::document::{Cell, Table};
-use crate::report::figures::tables::{cells_of, display, is_coefficient, name_of};
+use crate::report::figures::tables::{cells_of, display, name_of};
 use crate::validate::Part;
 
 /// Banks with more elements than this have their parameters in the JSON alone.
@@ -99,7 +99,7 @@ pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> 
 }
 
 fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
-    entry.estimates.iter().filter(|p| !is_coefficient(p)).map(|p| {
+    entry.estimates.iter().filter(|p| !p.is_coefficient()).map(|p| {
         let (words, symbol) = name_of(&p.name);
         let (scale, unit) = display(p.estimate.unit);
         let [value, interval] = cells_of(&p.estimate, scale);
