@@ -63,13 +63,34 @@ pub struct BacklashFilter {
     half_turn: f64,
 }
 
-/// Sense of a motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Direction of a motion along the axis of the instrument.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Direction {
-    /// Position grows.
+    /// Position increases, v > 0.
     Insertion,
-    /// Position falls.
+    /// Position decreases, v < 0.
     Withdrawal,
+}
+
+impl Direction {
+    /// Both, insertion first.
+    pub const BOTH: [Self; 2] = [Self::Insertion, Self::Withdrawal];
+
+    /// +1 for insertion, -1 for withdrawal.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Insertion => 1.0,
+            Self::Withdrawal => -1.0,
+        }
+    }
+
+    /// In a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Insertion => "insertion",
+            Self::Withdrawal => "withdrawal",
+        }
+    }
 }
 
 /// The motion has turned.

@@ -542,7 +542,8 @@ fn relative_std(file: &ModelFile, name: &str) -> f64 {
         let [Some(low), Some(high)] = interval.ci95 else { return 0.0 };
         if interval.value == 0.0 { 0.0 } else { ((high - low) / (2.0 * NORMAL_95 * interval.value)).abs() }
     };
-    file.intervals.iter().filter(|(key, _)| key.starts_with(name)).map(|(_, interval)| of(interval)).fold(0.0, f64::max)
+    let is_own = |key: &str| [name, &format!("insertion_{name}"), &format!("withdrawal_{name}")].contains(&key);
+    file.intervals.iter().filter(|(key, _)| is_own(key)).map(|(_, interval)| of(interval)).fold(0.0, f64::max)
 }
 
 fn finite(name: &'static str, value: f64) -> Result<f64, CompensateError> {

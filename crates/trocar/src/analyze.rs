@@ -10,7 +10,7 @@
 //! gives is set against a simulation of the very element.
 
 use serde::Serialize;
-use trocar_model::{Branch, Element, Folding, Mode, SlidingFriction, Stages, State};
+use trocar_model::{Branch, Direction, Element, Folding, Mode, SlidingFriction, Stages, State};
 
 mod cycles;
 mod energy;
@@ -29,38 +29,19 @@ const BRANCH_POINTS: u32 = 2000;
 /// Step of the simulations, s.
 const STEP: f64 = 1e-4;
 
-/// Sense of a motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Sense {
-    /// v > 0.
-    Insertion,
-    /// v < 0.
-    Withdrawal,
+/// Sliding law of `direction`.
+fn friction(direction: Direction, element: &Element) -> &SlidingFriction {
+    match direction {
+        Direction::Insertion => &element.params().insertion,
+        Direction::Withdrawal => &element.params().withdrawal,
+    }
 }
 
-impl Sense {
-    const BOTH: [Self; 2] = [Self::Insertion, Self::Withdrawal];
-
-    fn sign(self) -> f64 {
-        match self {
-            Self::Insertion => 1.0,
-            Self::Withdrawal => -1.0,
-        }
-    }
-
-    fn friction(self, element: &Element) -> &SlidingFriction {
-        match self {
-            Self::Insertion => &element.params().insertion,
-            Self::Withdrawal => &element.params().withdrawal,
-        }
-    }
-
-    fn branch(self, element: &Element) -> &Branch {
-        match self {
-            Self::Insertion => element.params().deformation.rising(),
-            Self::Withdrawal => element.params().deformation.falling(),
-        }
+/// Branch that the deformation force follows in `direction`.
+fn branch(direction: Direction, element: &Element) -> &Branch {
+    match direction {
+        Direction::Insertion => element.params().deformation.rising(),
+        Direction::Withdrawal => element.params().deformation.falling(),
     }
 }
 
@@ -77,11 +58,12 @@ pub struct Interval {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BranchPassage {
     /// Motion along the branch.
-    pub sense: Sense,
+    #[serde(rename = "direction", serialize_with = "crate::segment::direction_as_word")]
+    pub direction: Direction,
     /// Where dF_e/dz <= 0, from the start of the motion on. (15) speaks of one such interval, but its proof asks only
     /// that F_e rises outside all of them.
     pub softening: Vec<Interval>,
-    /// Highest force in the sense of the motion before the seal snaps through, N; `None` when the branch rises throughout.
+    /// Highest force in the direction of the motion before the seal snaps through, N; `None` when the branch rises throughout.
     pub hump_force_n: Option<f64>,
     /// Lowest force after it, N.
     pub dip_force_n: Option<f64>,
@@ -192,7 +174,7 @@ fn analyze_element(element: &Element) -> ElementAnalysis {
 impl ReachesSliding {
     fn of(element: &Element) -> Self {
         let branches: Vec<BranchPassage> =
-            Sense::BOTH.into_iter().map(|sense| BranchPassage::of(element, sense)).collect();
+            Direction::BOTH.into_iter().map(|direction| BranchPassage::of(element, direction)).collect();
         let partial = element.params().deformation.softening_interval();
         Self {
             holds: branches.iter().all(|branch| branch.holds),
@@ -203,16 +185,16 @@ impl ReachesSliding {
 }
 
 impl BranchPassage {
-    fn of(element: &Element, sense: Sense) -> Self {
+    fn of(element: &Element, direction: Direction) -> Self {
         let c = element.params().deformation.half_width();
-        let branch = sense.branch(element);
-        let friction = sense.friction(element);
-        let softening = softening(branch, c, sense);
-        // Seen along the motion: u runs from -c to c, the force counts in the sense of the motion.
-        let force = |u: f64| sense.sign() * branch.force(sense.sign() * u);
-        let along = |interval: &Interval| match sense {
-            Sense::Insertion => (interval.from_m, interval.to_m),
-            Sense::Withdrawal => (-interval.to_m, -interval.from_m),
+        let branch = branch(direction, element);
+        let friction = friction(direction, element);
+        let softening = softening(branch, c, direction);
+        // Seen along the motion: u runs from -c to c, the force counts in the direction of the motion.
+        let force = |u: f64| direction.sign() * branch.force(direction.sign() * u);
+        let along = |interval: &Interval| match direction {
+            Direction::Insertion => (interval.from_m, interval.to_m),
+            Direction::Withdrawal => (-interval.to_m, -interval.from_m),
         };
         let hump = softening.iter().map(|i| force(along(i).0)).reduce(f64::max);
         let dip = softening.iter().map(|i| force(along(i).1)).reduce(f64::min);
@@ -220,10 +202,10 @@ impl BranchPassage {
         let excess = |force: f64| (force - friction.coulomb_force).max(0.0) / friction.viscous_damping;
         let critical = hump.filter(|_| !snaps_through_first).map(excess);
         let bistable = critical.zip(dip).map(|(to_m_s, dip)| SpeedRange { from_m_s: excess(dip), to_m_s });
-        let travel = longest_travel_to_sliding(element, sense);
+        let travel = longest_travel_to_sliding(element, direction);
         let holds = travel.is_some();
         let mut passage = Self {
-            sense,
+            direction,
             softening,
             hump_force_n: hump,
             dip_force_n: dip,
@@ -264,7 +246,7 @@ impl BranchPassage {
 }
 
 /// Where the branch does not rise, in the order of the motion.
-fn softening(branch: &Branch, c: f64, sense: Sense) -> Vec<Interval> {
+fn softening(branch: &Branch, c: f64, direction: Direction) -> Vec<Interval> {
     let at = |k: u32| c * (2.0 * f64::from(k) / f64::from(BRANCH_POINTS) - 1.0);
     let softens = |k: u32| branch.stiffness(at(k)) <= 0.0;
     let mut found: Vec<Interval> = Vec::new();
@@ -280,21 +262,21 @@ fn softening(branch: &Branch, c: f64, sense: Sense) -> Vec<Interval> {
         }
     }
     found.extend(start.map(|from_m| Interval { from_m, to_m: c }));
-    if sense == Sense::Withdrawal {
+    if direction == Direction::Withdrawal {
         found.reverse();
     }
     found
 }
 
 /// Travel, m, until the instrument slides, the longest over starts across [-c, c] and [`SPEEDS`].
-fn longest_travel_to_sliding(element: &Element, sense: Sense) -> Option<f64> {
+fn longest_travel_to_sliding(element: &Element, direction: Direction) -> Option<f64> {
     const STARTS: u32 = 16;
     let c = element.params().deformation.half_width();
     let starts = (0..=STARTS).map(|k| c * (2.0 * f64::from(k) / f64::from(STARTS) - 1.0));
     let mut longest = 0.0_f64;
     for start in starts {
         for speed in SPEEDS {
-            longest = longest.max(travel_to_sliding(element, start, sense.sign() * speed)?);
+            longest = longest.max(travel_to_sliding(element, start, direction.sign() * speed)?);
         }
     }
     Some(longest)
@@ -316,8 +298,9 @@ fn travel_to_sliding(element: &Element, start: f64, velocity: f64) -> Option<f64
 
 impl SteadyState {
     fn of(element: &Element) -> Self {
-        let velocities = Sense::BOTH.into_iter().flat_map(|sense| SPEEDS.map(|speed| (sense, speed)));
-        let table: Vec<SteadyPoint> = velocities.map(|(sense, speed)| SteadyPoint::of(element, sense, speed)).collect();
+        let velocities = Direction::BOTH.into_iter().flat_map(|direction| SPEEDS.map(|speed| (direction, speed)));
+        let table: Vec<SteadyPoint> =
+            velocities.map(|(direction, speed)| SteadyPoint::of(element, direction, speed)).collect();
         let stable = table.iter().filter(|point| point.stable);
         let largest = stable.map(|point| point.simulated_difference_n.abs()).fold(0.0, f64::max);
         let allowed = 1e-6 * element.params().insertion.static_force.max(element.params().withdrawal.static_force);
@@ -332,12 +315,12 @@ impl SteadyState {
 }
 
 impl SteadyPoint {
-    fn of(element: &Element, sense: Sense, speed: f64) -> Self {
-        let friction = sense.friction(element);
-        let velocity = sense.sign() * speed;
-        let force_n = sense.sign() * friction.force(speed); // EMS (16)
+    fn of(element: &Element, direction: Direction, speed: f64) -> Self {
+        let friction = friction(direction, element);
+        let velocity = direction.sign() * speed;
+        let force_n = direction.sign() * friction.force(speed); // EMS (16)
         let state = settled(element, velocity);
-        let rate = stability::rate(element, sense, speed, state.deflection());
+        let rate = stability::rate(element, direction, speed, state.deflection());
         Self {
             velocity_m_s: velocity,
             force_n,
@@ -371,7 +354,7 @@ fn settled(element: &Element, velocity: f64) -> State {
 fn is_exact(element: &Element) -> bool {
     let params = element.params();
     let unique = element.folded() == (Folding::Unique, Folding::Unique);
-    let humps = Sense::BOTH.into_iter().all(|sense| BranchPassage::of(element, sense).snaps_through_first);
+    let humps = Direction::BOTH.into_iter().all(|direction| BranchPassage::of(element, direction).snaps_through_first);
     let slow = params.creep_velocity > 0.0 || !params.relaxation.is_none();
     unique
         && humps

@@ -57,6 +57,7 @@ pub struct NoRepeats {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct DirectionScatter {
     /// Direction.
+    #[serde(serialize_with = "crate::segment::direction_as_word")]
     pub direction: Direction,
     /// Standard deviation of a reading about the mean of infinitely many repeats, N.
     pub scatter_n: f64,
@@ -174,7 +175,7 @@ fn by_direction(groups: &[Group], compared: &[Compared]) -> Vec<DirectionScatter
         let scatter_n = pooled(&part, Reading::square)?;
         Some(DirectionScatter { direction, scatter_n, without_drift_n: without_drift(&part), passes })
     };
-    [Direction::Positive, Direction::Negative].into_iter().filter_map(of).collect()
+    [Direction::Insertion, Direction::Withdrawal].into_iter().filter_map(of).collect()
 }
 
 /// A pass along its own direction: `way` = ±position increases along it.

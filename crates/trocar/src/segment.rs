@@ -6,26 +6,13 @@
 //! experiment: the two experiments of the paper are recordings like any other, and free motion is
 //! segmented in the same way.
 
+pub use trocar_model::Direction;
+
 use crate::recording::{Recording, local_velocity};
 
-/// Direction of a motion along the instrument's axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Direction {
-    /// Position increases: insertion, v > 0.
-    Positive,
-    /// Position decreases: withdrawal, v < 0.
-    Negative,
-}
-
-impl Direction {
-    /// +1 for [`Direction::Positive`], -1 for [`Direction::Negative`].
-    pub fn sign(self) -> f64 {
-        match self {
-            Self::Positive => 1.0,
-            Self::Negative => -1.0,
-        }
-    }
+/// Writes a direction as a word.
+pub(crate) fn direction_as_word<S: serde::Serializer>(direction: &Direction, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(direction.name())
 }
 
 /// Motion between two reversals: samples `start..=end` of a recording.
@@ -128,17 +115,17 @@ fn passes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, fou
         let rose = position[i] - position[low] > threshold;
         match heading {
             None if fell || rose => {
-                heading = Some(if rose { Direction::Positive } else { Direction::Negative });
+                heading = Some(if rose { Direction::Insertion } else { Direction::Withdrawal });
                 (low, high) = (i, i);
             }
-            Some(Direction::Positive) if fell => {
-                push(start, high, Direction::Positive);
-                (start, heading) = (high, Some(Direction::Negative));
+            Some(Direction::Insertion) if fell => {
+                push(start, high, Direction::Insertion);
+                (start, heading) = (high, Some(Direction::Withdrawal));
                 (low, high) = (i, i);
             }
-            Some(Direction::Negative) if rose => {
-                push(start, low, Direction::Negative);
-                (start, heading) = (low, Some(Direction::Positive));
+            Some(Direction::Withdrawal) if rose => {
+                push(start, low, Direction::Withdrawal);
+                (start, heading) = (low, Some(Direction::Insertion));
                 (low, high) = (i, i);
             }
             _ => {}
@@ -146,8 +133,8 @@ fn passes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, fou
     }
     if let Some(direction) = heading {
         let end = match direction {
-            Direction::Positive => high,
-            Direction::Negative => low,
+            Direction::Insertion => high,
+            Direction::Withdrawal => low,
         };
         push(start, end, direction);
     }

@@ -67,8 +67,8 @@ impl RecordingSurvey {
             duration: recording.duration(),
             stroke: recording.quality.stroke,
             reversals: passes.iter().filter(|pass| pass.starts_at_reversal).count(),
-            insertion_speeds: speeds(Direction::Positive),
-            withdrawal_speeds: speeds(Direction::Negative),
+            insertion_speeds: speeds(Direction::Insertion),
+            withdrawal_speeds: speeds(Direction::Withdrawal),
             passes: passes.len(),
             stretches: stretches.len(),
         }

@@ -43,8 +43,8 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
     for (name, [value, low, high], digit) in [
         ("coulomb_force_n", [20.49, 20.01, 20.97], 0.01),
         ("viscous_damping_n_s_m", [202.7, 197.3, 208.1], 0.1),
-        ("viscous_damping_n_s_m_positive", [166.3, 162.8, 169.9], 0.1),
-        ("viscous_damping_n_s_m_negative", [239.4, 234.8, 243.9], 0.1),
+        ("insertion_viscous_damping_n_s_m", [166.3, 162.8, 169.9], 0.1),
+        ("withdrawal_viscous_damping_n_s_m", [239.4, 234.8, 243.9], 0.1),
         ("offset_n", [-3.214, -3.416, -3.013], 0.001),
     ] {
         let estimate = parameter(&found, name);

@@ -109,9 +109,9 @@ fn a_term_that_is_not_wanted_is_not_in_the_model() {
         let options = IdentifyOptions { without, bootstrap: 0, ..IdentifyOptions::default() };
         identify(&recordings, &options, &|_, _| {}).expect("it slides")
     };
-    assert!(with(Vec::new()).parameter("viscous_damping_n_s_m_positive").is_some());
+    assert!(with(Vec::new()).parameter("insertion_viscous_damping_n_s_m").is_some());
     let symmetric = with(vec![Term::Asymmetry]);
-    assert!(symmetric.parameter("viscous_damping_n_s_m_positive").is_none());
+    assert!(symmetric.parameter("insertion_viscous_damping_n_s_m").is_none());
     assert_eq!(symmetric.model.insertion, symmetric.model.withdrawal);
 }
 

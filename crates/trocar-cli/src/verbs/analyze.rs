@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, RandomCycles, Sense, SteadyState, analyze};
+use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, RandomCycles, SteadyState, analyze};
 use trocar::model_file::ModelFile;
 use trocar::profile::{is_passive, storage_length};
 
@@ -128,7 +128,7 @@ fn element_text(text: &mut String, element: &ElementAnalysis) {
         let _ = writeln!(
             text,
             "    stick-slip on {}: {} to {} N at {} mm/s, {} Hz; unstable from {} to {} mm/s\n",
-            sense(found.sense),
+            found.direction.name(),
             number(found.lowest_force_n),
             number(found.highest_force_n),
             number(1e3 * found.speed_m_s),
@@ -139,15 +139,8 @@ fn element_text(text: &mut String, element: &ElementAnalysis) {
     }
 }
 
-fn sense(sense: Sense) -> &'static str {
-    match sense {
-        Sense::Insertion => "insertion",
-        Sense::Withdrawal => "withdrawal",
-    }
-}
-
 fn branch_text(text: &mut String, branch: &BranchPassage) {
-    let _ = writeln!(text, "    {}: {}", sense(branch.sense), branch.verdict);
+    let _ = writeln!(text, "    {}: {}", branch.direction.name(), branch.verdict);
     for interval in &branch.softening {
         let _ = writeln!(
             text,

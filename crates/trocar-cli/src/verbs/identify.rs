@@ -264,8 +264,8 @@ pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
     const MAIN: [(&str, &str, f64, &str); 21] = [
         ("coulomb_force_n", "Coulomb force F_c", 1.0, "N"),
         ("viscous_damping_n_s_m", "viscous damping β", 1.0, "N s/m"),
-        ("viscous_damping_n_s_m_positive", "  β of insertion", 1.0, "N s/m"),
-        ("viscous_damping_n_s_m_negative", "  β of withdrawal", 1.0, "N s/m"),
+        ("insertion_viscous_damping_n_s_m", "  β of insertion", 1.0, "N s/m"),
+        ("withdrawal_viscous_damping_n_s_m", "  β of withdrawal", 1.0, "N s/m"),
         ("static_force_n", "static force F_s", 1.0, "N"),
         ("stribeck_velocity_m_s", "Stribeck velocity v_s", 1e3, "mm/s"),
         ("half_width_m", "half width c", 1e3, "mm"),

@@ -1,9 +1,9 @@
 //! Proposition III.3, and the stick-slip where it fails.
 
 use serde::Serialize;
-use trocar_model::{Element, Folding};
+use trocar_model::{Direction, Element, Folding};
 
-use super::{STEP, Sense, SteadyPoint};
+use super::{STEP, SteadyPoint, friction};
 
 /// Speeds, m/s, between which instability is looked for.
 const SLOWEST: f64 = 1e-6;
@@ -21,15 +21,16 @@ pub struct SpeedRange {
 /// Self-excited oscillation of the seal at a constant speed in the unstable range, simulated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StickSlip {
-    /// Sense of the motion.
-    pub sense: Sense,
+    /// Direction of the motion.
+    #[serde(rename = "direction", serialize_with = "crate::segment::direction_as_word")]
+    pub direction: Direction,
     /// Speeds at which steady sliding is unstable.
     pub unstable: SpeedRange,
     /// Speed simulated, m/s.
     pub speed_m_s: f64,
-    /// Lowest force, in the sense of the motion, N.
+    /// Lowest force, in the direction of the motion, N.
     pub lowest_force_n: f64,
-    /// Highest force, in the sense of the motion, N.
+    /// Highest force, in the direction of the motion, N.
     pub highest_force_n: f64,
     /// Oscillations per second; 0 when fewer than two were seen.
     pub frequency_hz: f64,
@@ -61,7 +62,7 @@ pub(super) struct Rate {
 }
 
 /// EMS (22) with g'(V) and σ(0) in the denominator, at `deflection`.
-pub(super) fn rate(element: &Element, sense: Sense, speed: f64, deflection: f64) -> Rate {
+pub(super) fn rate(element: &Element, direction: Direction, speed: f64, deflection: f64) -> Rate {
     let deformation = &element.params().deformation;
     let (negative, positive) = deformation.end_stiffness();
     let stiffness = if deflection >= deformation.half_width() {
@@ -71,13 +72,13 @@ pub(super) fn rate(element: &Element, sense: Sense, speed: f64, deflection: f64)
     } else {
         deformation.rising().stiffness(deflection).min(deformation.falling().stiffness(deflection))
     };
-    let drag = drag(element, sense, speed);
+    let drag = drag(element, direction, speed);
     Rate { eigenvalue: -stiffness / drag, stable: stiffness > 0.0 && drag >= 0.0 }
 }
 
 /// β + σ(0) + g'(V), N·s/m.
-fn drag(element: &Element, sense: Sense, speed: f64) -> f64 {
-    let friction = sense.friction(element);
+fn drag(element: &Element, direction: Direction, speed: f64) -> f64 {
+    let friction = friction(direction, element);
     let damping = friction.viscous_damping + element.params().damping.coefficient(0.0);
     if friction.is_constant() {
         return damping;
@@ -94,7 +95,7 @@ impl Stability {
             _ => None,
         });
         let stick_slip: Vec<StickSlip> =
-            Sense::BOTH.into_iter().filter_map(|sense| StickSlip::of(element, sense)).collect();
+            Direction::BOTH.into_iter().filter_map(|direction| StickSlip::of(element, direction)).collect();
         let stable = table.iter().filter(|point| point.stable);
         let longest = stable.map(|point| point.time_constant_s).fold(0.0, f64::max);
         let holds = stick_slip.is_empty() && table.iter().all(|point| point.stable);
@@ -118,21 +119,21 @@ impl Stability {
 
 impl StickSlip {
     /// Simulates at the middle (geometric) of the unstable speeds; `None` when there are none.
-    fn of(element: &Element, sense: Sense) -> Option<Self> {
-        let unstable = unstable_speeds(element, sense)?;
+    fn of(element: &Element, direction: Direction) -> Option<Self> {
+        let unstable = unstable_speeds(element, direction)?;
         let speed = (unstable.from_m_s * unstable.to_m_s).sqrt();
         let params = element.params();
         let c = params.deformation.half_width();
         let relaxed = params.deformation.end_stiffness();
         // The seal is reloaded from F_c to F_s at this speed; ten such times and the way to the limit are enough to see.
-        let friction = sense.friction(element);
+        let friction = friction(direction, element);
         let reload = (friction.static_force - friction.coulomb_force) / (relaxed.0.min(relaxed.1) * speed);
         let step = STEP.min(reload / 500.0);
         let mut state = element.rest_state(0.0);
         let way = (10.0 * c / speed / step) as usize;
         let mut run = |steps: usize, mut see: Box<dyn FnMut(f64) + '_>| {
             for _ in 0..steps {
-                see(sense.sign() * element.step_velocity(&mut state, sense.sign() * speed, step));
+                see(direction.sign() * element.step_velocity(&mut state, direction.sign() * speed, step));
             }
         };
         run(way.min(2_000_000), Box::new(|_| ()));
@@ -149,15 +150,15 @@ impl StickSlip {
         let middle = 0.5 * (low + high);
         let rises = forces.windows(2).filter(|pair| pair[0] < middle && pair[1] >= middle).count();
         let frequency_hz = if rises > 1 { rises as f64 / (watched as f64 * step) } else { 0.0 };
-        Some(Self { sense, unstable, speed_m_s: speed, lowest_force_n: low, highest_force_n: high, frequency_hz })
+        Some(Self { direction, unstable, speed_m_s: speed, lowest_force_n: low, highest_force_n: high, frequency_hz })
     }
 }
 
 /// Speeds at which β + σ + g'(V) <= 0, from 1 um/s to 1 m/s.
-fn unstable_speeds(element: &Element, sense: Sense) -> Option<SpeedRange> {
+fn unstable_speeds(element: &Element, direction: Direction) -> Option<SpeedRange> {
     const POINTS: i32 = 600;
     let at = |k: i32| SLOWEST * (FASTEST / SLOWEST).powf(f64::from(k) / f64::from(POINTS));
-    let unstable = |k: &i32| drag(element, sense, at(*k)) < 0.0;
+    let unstable = |k: &i32| drag(element, direction, at(*k)) < 0.0;
     let first = (0..=POINTS).find(unstable)?;
     let last = (0..=POINTS).rev().find(unstable)?;
     let edge = |inside: i32, outside: i32| {
@@ -167,7 +168,7 @@ fn unstable_speeds(element: &Element, sense: Sense) -> Option<SpeedRange> {
         let (mut yes, mut no) = (at(inside), at(outside));
         for _ in 0..50 {
             let middle = 0.5 * (yes + no);
-            if drag(element, sense, middle) < 0.0 { yes = middle } else { no = middle }
+            if drag(element, direction, middle) < 0.0 { yes = middle } else { no = middle }
         }
         0.5 * (yes + no)
     };

@@ -140,9 +140,9 @@ fn sort(parameters: &mut [Parameter]) {
         "coulomb_force_n",
         "viscous_damping_n_s_m",
         "offset_n",
-        "coulomb_force_n_positive",
-        "viscous_damping_n_s_m_positive",
-        "coulomb_force_n_negative",
+        "insertion_coulomb_force_with_offset_n",
+        "insertion_viscous_damping_n_s_m",
+        "withdrawal_coulomb_force_with_offset_n",
     ];
     parameters.sort_by_key(|p| FIRST.iter().position(|name| *name == p.name).unwrap_or(FIRST.len()));
 }

@@ -46,9 +46,9 @@ pub struct Limits {
     /// Sensor offset F_0, N.
     pub offset: f64,
     /// Limit in insertion, N, positive.
-    pub positive: f64,
+    pub insertion: f64,
     /// Limit in withdrawal, N, positive.
-    pub negative: f64,
+    pub withdrawal: f64,
     /// Fluctuation of the sliding force below the limit, N: the switching instant is taken at the
     /// limit less this margin.
     pub margin: f64,
@@ -57,21 +57,21 @@ pub struct Limits {
 impl Limits {
     fn of(&self, direction: Direction) -> f64 {
         match direction {
-            Direction::Positive => self.positive - self.margin,
-            Direction::Negative => self.negative - self.margin,
+            Direction::Insertion => self.insertion - self.margin,
+            Direction::Withdrawal => self.withdrawal - self.margin,
         }
     }
 
     fn against(&self, direction: Direction) -> f64 {
         match direction {
-            Direction::Positive => self.negative - self.margin,
-            Direction::Negative => self.positive - self.margin,
+            Direction::Insertion => self.withdrawal - self.margin,
+            Direction::Withdrawal => self.insertion - self.margin,
         }
     }
 
     /// The end points of both branches: (−c, −F_s) and (+c, +F_s).
     pub fn pins(&self) -> Pins {
-        Pins { low: -self.negative, high: self.positive }
+        Pins { low: -self.withdrawal, high: self.insertion }
     }
 }
 
@@ -84,7 +84,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// Drops traverses whose travel is an outlier of their direction: a switching instant caused by a
 /// disturbance.
 fn without_outliers(mut traverses: Vec<Traverse>) -> Vec<Traverse> {
-    for direction in [Direction::Positive, Direction::Negative] {
+    for direction in [Direction::Insertion, Direction::Withdrawal] {
         let own = || traverses.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
         let middle = median(own().collect());
         let spread = 1.4826 * median(own().map(|c| (c - middle).abs()).collect());
@@ -97,7 +97,7 @@ fn without_outliers(mut traverses: Vec<Traverse>) -> Vec<Traverse> {
 /// Standard deviation, m, of the half travel about its direction's mean.
 fn spread_of(traverses: &[Traverse]) -> f64 {
     let mut squares = 0.0;
-    for direction in [Direction::Positive, Direction::Negative] {
+    for direction in [Direction::Insertion, Direction::Withdrawal] {
         let own: Vec<f64> = traverses.iter().filter(|t| t.direction == direction).map(|t| t.half_travel).collect();
         let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
         squares += own.iter().map(|c| (c - mean).powi(2)).sum::<f64>();
@@ -210,8 +210,8 @@ pub(super) fn traverses(
         let crossing = crossings(recording, pass, limits.offset, start, own * limits.of(pass.direction));
         if let (Some((from, to)), Some((_, level_before))) = (crossing, before) {
             let levels = match pass.direction {
-                Direction::Positive => [level_before, own],
-                Direction::Negative => [own, level_before],
+                Direction::Insertion => [level_before, own],
+                Direction::Withdrawal => [own, level_before],
             };
             found.extend(traverse(index, recording, pass.direction, from, to, limits.offset, levels));
         }
@@ -264,7 +264,7 @@ fn traverse(
             s * step * (b - a) as f64 / (when[b] - when[a]).max(f64::MIN_POSITIVE)
         })
         .collect();
-    if direction == Direction::Negative {
+    if direction == Direction::Withdrawal {
         // Bins run along z: a withdrawal passes them in reverse order.
         curve.reverse();
         velocity.reverse();
@@ -333,7 +333,7 @@ pub(super) fn fit(
     let lsb = sensors.position_step;
     let traverses = without_outliers(traverses);
     let count = |d| traverses.iter().filter(|t| t.direction == d).count();
-    let (rising, falling) = (count(Direction::Positive), count(Direction::Negative));
+    let (rising, falling) = (count(Direction::Insertion), count(Direction::Withdrawal));
     if rising + falling < FEWEST_TRAVERSES || rising == 0 || falling == 0 {
         return Err(format!(
             "{rising} insertions and {falling} withdrawals deform the seal from one sliding limit to the other; at least \
@@ -352,14 +352,14 @@ pub(super) fn fit(
         ));
     }
     let branch = |d| branch_fit(&curves_of(&traverses, d), limits.pins(), degrees);
-    let (Some(rising), Some(falling)) = (branch(Direction::Positive), branch(Direction::Negative)) else {
+    let (Some(rising), Some(falling)) = (branch(Direction::Insertion), branch(Direction::Withdrawal)) else {
         return Err("the deformation force could not be fitted by joined polynomials".to_owned());
     };
     // A switch is detected when the smoothed noise first reaches the limit: an error common to all
     // traverses.
     let switching = sensors.force_noise / (SMOOTHING as f64).sqrt() / end_stiffness(&rising, &falling, mean);
     let scatter = mean_square(&rising.scatter).max(mean_square(&falling.scatter)).sqrt();
-    let swing = limits.positive + limits.negative;
+    let swing = limits.insertion + limits.withdrawal;
     if scatter > LARGEST_SCATTER * swing {
         return Err(format!(
             "no repeatable deformation: between reversals the force scatters by {scatter:.2} N at equal deflection, of {swing:.2} N from \
@@ -458,13 +458,13 @@ fn damping_test(traverses: &[Traverse], deflection_error: f64, half_width: f64) 
     let columns = 2 * levels + 1;
     let mut design = DMatrix::zeros(levels * traverses.len(), columns);
     let mut data = DVector::zeros(levels * traverses.len());
-    for direction in [Direction::Positive, Direction::Negative] {
+    for direction in [Direction::Insertion, Direction::Withdrawal] {
         let curves = curves_of(traverses, direction);
         let mean = mean_points(&curves);
         let stiffness: Vec<f64> = bins.iter().map(|b| slope(&mean, *b, half_width)).collect();
         let noise = level_noise(&curves, &mean, &bins);
         let whitening = whitening(&stiffness, deflection_error, noise)?;
-        let block = if direction == Direction::Positive { 0 } else { levels };
+        let block = if direction == Direction::Insertion { 0 } else { levels };
         for (p, t) in traverses.iter().enumerate().filter(|(_, t)| t.direction == direction) {
             let mut rows = DMatrix::zeros(levels, columns);
             let mut force = DVector::zeros(levels);

@@ -286,7 +286,7 @@ fn within_directions(training: &Training, fitted: &Fitted<EmsTrial>) -> f64 {
     let strokes = &training.strokes;
     let (mut squares, mut degrees) = (0.0, 0.0);
     for recording in 0..=strokes.iter().map(|s| s.recording).max().unwrap_or(0) {
-        for direction in [Direction::Positive, Direction::Negative] {
+        for direction in [Direction::Insertion, Direction::Withdrawal] {
             let counts = |g: &usize| {
                 (strokes[*g].recording, strokes[*g].direction) == (recording, Some(direction))
                     && fitted.normal.scales[*g].information > 0.0

@@ -86,16 +86,16 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
     }
     if layout.own_slopes || layout.own_levels {
         // With the sensor offset, as the lines of the steady state: only the sum is identifiable.
-        all.push(("coulomb_force_n_positive", "N", ANY, false, |c| {
+        all.push(("insertion_coulomb_force_with_offset_n", "N", ANY, false, |c| {
             c.stage_factor() * c.insertion.coulomb_force + c.offset
         }));
-        all.push(("coulomb_force_n_negative", "N", ANY, false, |c| {
+        all.push(("withdrawal_coulomb_force_with_offset_n", "N", ANY, false, |c| {
             c.stage_factor() * c.withdrawal.coulomb_force - c.offset
         }));
-        all.push(("viscous_damping_n_s_m_positive", "N s/m", 0.0, false, |c| {
+        all.push(("insertion_viscous_damping_n_s_m", "N s/m", 0.0, false, |c| {
             c.stage_factor() * c.insertion.viscous_damping
         }));
-        all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| {
+        all.push(("withdrawal_viscous_damping_n_s_m", "N s/m", 0.0, false, |c| {
             c.stage_factor() * c.withdrawal.viscous_damping
         }));
     }

@@ -79,7 +79,8 @@ fn quantities(layout: Layout) -> Vec<Quantity> {
         all.push(("stribeck_velocity_m_s", "m/s", 0.0, true, |c| c.insertion.stribeck_velocity));
     }
     if layout.own_slopes {
-        all.push(("viscous_damping_n_s_m_negative", "N s/m", 0.0, false, |c| c.withdrawal.viscous_damping));
+        all[2].0 = "insertion_viscous_damping_n_s_m";
+        all.push(("withdrawal_viscous_damping_n_s_m", "N s/m", 0.0, false, |c| c.withdrawal.viscous_damping));
     }
     all
 }

@@ -80,7 +80,7 @@ fn fitted(
     BranchShape::fit(degrees, pins, &points?).map(|found| found.0)
 }
 
-const DIRECTIONS: [Direction; 2] = [Direction::Positive, Direction::Negative];
+const DIRECTIONS: [Direction; 2] = [Direction::Insertion, Direction::Withdrawal];
 
 fn scaled(sliding: &mut SlidingFriction, factor: f64) {
     sliding.coulomb_force *= factor;
@@ -91,8 +91,8 @@ fn scaled(sliding: &mut SlidingFriction, factor: f64) {
 impl Candidate {
     fn branch_of(&self, direction: Direction) -> &BranchShape {
         match direction {
-            Direction::Positive => &self.rising,
-            Direction::Negative => &self.falling,
+            Direction::Insertion => &self.rising,
+            Direction::Withdrawal => &self.falling,
         }
     }
 
@@ -105,8 +105,8 @@ impl Candidate {
     fn second_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
         let Some(second) = &self.second else { return Some(0.0) };
         let shape = match direction {
-            Direction::Positive => &second.rising,
-            Direction::Negative => &second.falling,
+            Direction::Insertion => &second.rising,
+            Direction::Withdrawal => &second.falling,
         };
         upon_stroke(shape, second.half_width, second.pins(self), direction, travel)
     }

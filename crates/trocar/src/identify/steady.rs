@@ -38,6 +38,7 @@ pub struct PassMean {
     /// Fraction of the motion's time at this speed, 0 to 1.
     pub dwell: f64,
     /// Sense of the motion.
+    #[serde(serialize_with = "crate::segment::direction_as_word")]
     pub direction: Direction,
     /// Mean velocity, m/s.
     pub velocity_m_s: f64,
@@ -95,9 +96,9 @@ pub struct SteadyFit {
     /// F_0, N.
     pub offset_n: Estimate,
     /// Line of the insertions.
-    pub positive: Option<DirectionLine>,
+    pub insertion: Option<DirectionLine>,
     /// Line of the withdrawals.
-    pub negative: Option<DirectionLine>,
+    pub withdrawal: Option<DirectionLine>,
     /// p value of the hypothesis that both directions have the same slope; `None` where it could
     /// not be tested.
     pub symmetry_p_value: Option<f64>,
@@ -154,7 +155,7 @@ pub(super) fn pass_means(
 ) -> Vec<PassMean> {
     let parts = after_start(recording, passes, stretches, settled);
     let mut means: Vec<PassMean> = Vec::new();
-    for direction in [Direction::Positive, Direction::Negative] {
+    for direction in [Direction::Insertion, Direction::Withdrawal] {
         let own: Vec<Stretch> = parts.iter().filter(|s| passes[s.pass].direction == direction).copied().collect();
         for stretch in over_common_positions(recording, own) {
             let Some(mean) = mean_of(index, recording, &stretch, direction) else { continue };
@@ -255,7 +256,7 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
 pub(super) fn imposed(means: Vec<PassMean>) -> Vec<PassMean> {
     const IMPOSED: f64 = 0.5;
     let own: Vec<PassMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
-    let determined = [Direction::Positive, Direction::Negative].into_iter().all(|d| speeds_differ(&own, d));
+    let determined = [Direction::Insertion, Direction::Withdrawal].into_iter().all(|d| speeds_differ(&own, d));
     if determined && own.len() >= 6 { own } else { means }
 }
 
@@ -305,15 +306,15 @@ pub(super) fn moving_means(
 /// Never fails: parameters that the means do not determine are returned as not determined, with the
 /// reason (EMS (23)).
 pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
-    let positive = direction_line(&means, Direction::Positive);
-    let negative = direction_line(&means, Direction::Negative);
+    let positive = direction_line(&means, Direction::Insertion);
+    let negative = direction_line(&means, Direction::Withdrawal);
     let speeds = means.iter().map(|m| m.velocity_m_s.abs());
     let slowest = speeds.clone().fold(f64::INFINITY, f64::min);
     let fastest = speeds.fold(0.0, f64::max);
     let mut fit = common_line(&means);
     fit.symmetry_p_value = symmetry_p_value(&means);
     fit.speed_range_m_s = if means.is_empty() { [0.0, 0.0] } else { [slowest, fastest] };
-    (fit.positive, fit.negative) = (positive, negative);
+    (fit.insertion, fit.withdrawal) = (positive, negative);
     fit.means = means;
     fit
 }
@@ -357,8 +358,8 @@ fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
         coulomb_force_n: coulomb,
         viscous_damping_n_s_m: viscous,
         offset_n: offset,
-        positive: None,
-        negative: None,
+        insertion: None,
+        withdrawal: None,
         symmetry_p_value: None,
         stribeck: None,
         lack_of_fit: None,
@@ -387,8 +388,8 @@ fn has(means: &[PassMean], direction: Direction) -> bool {
 
 /// F = F_0 + F_c·sgn(v) + β·v, or as much of it as the means determine.
 fn common_line(means: &[PassMean]) -> SteadyFit {
-    let both = has(means, Direction::Positive) && has(means, Direction::Negative);
-    let slope = speeds_differ(means, Direction::Positive) || speeds_differ(means, Direction::Negative);
+    let both = has(means, Direction::Insertion) && has(means, Direction::Withdrawal);
+    let slope = speeds_differ(means, Direction::Insertion) || speeds_differ(means, Direction::Withdrawal);
     if means.is_empty() {
         let none = |unit| Estimate::undetermined(0.0, unit, NO_STRETCH);
         return blank(none("N"), none("N s/m"), none("N"));
@@ -445,7 +446,7 @@ pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option
 /// p value of the hypothesis of equal slopes: t test of a slope difference in addition to the
 /// common line.
 fn symmetry_p_value(means: &[PassMean]) -> Option<f64> {
-    if !speeds_differ(means, Direction::Positive) || !speeds_differ(means, Direction::Negative) {
+    if !speeds_differ(means, Direction::Insertion) || !speeds_differ(means, Direction::Withdrawal) {
         return None;
     }
     let (fit, _) = weighted(means, &[|_| 1.0, sign, |v| v, |v| v.abs()]);

@@ -104,8 +104,8 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
     });
     let without_bump: Vec<PassMean> =
         means.iter().map(|m| PassMean { force_n: m.force_n - rise * bump(m.velocity_m_s), ..m.clone() }).collect();
-    fit.positive = direction_line(&without_bump, Direction::Positive);
-    fit.negative = direction_line(&without_bump, Direction::Negative);
+    fit.insertion = direction_line(&without_bump, Direction::Insertion);
+    fit.withdrawal = direction_line(&without_bump, Direction::Withdrawal);
 }
 
 struct Candidate {

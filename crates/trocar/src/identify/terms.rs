@@ -113,7 +113,7 @@ impl Term {
             Self::Relaxation => &["relaxation_stiffness_n_m", "relaxation_time_s"],
             Self::SecondRelaxation => &["second_relaxation_stiffness_n_m", "second_relaxation_time_s"],
             Self::UnmodelledMass => &["unmodelled_mass_kg"],
-            Self::Asymmetry => &["viscous_damping_n_s_m_positive"],
+            Self::Asymmetry => &["insertion_viscous_damping_n_s_m"],
             Self::SecondStage => &["second_coulomb_force_n"],
         }
     }

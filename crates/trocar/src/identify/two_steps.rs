@@ -187,7 +187,7 @@ fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Seg
 fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
     let least = 1e-6;
     let own_slopes = steady.is_asymmetric() && steady.stribeck.is_none();
-    if let (true, Some(plus), Some(minus)) = (own_slopes, &steady.positive, &steady.negative) {
+    if let (true, Some(plus), Some(minus)) = (own_slopes, &steady.insertion, &steady.withdrawal) {
         let coulomb = 0.5 * (plus.coulomb_force_n.value + minus.coulomb_force_n.value);
         let offset = 0.5 * (plus.coulomb_force_n.value - minus.coulomb_force_n.value);
         let friction = |line: &DirectionLine| {
@@ -215,7 +215,7 @@ fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
     let margin = if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
-    Limits { offset, positive: insertion.static_force, negative: withdrawal.static_force, margin }
+    Limits { offset, insertion: insertion.static_force, withdrawal: withdrawal.static_force, margin }
 }
 
 /// Two-step candidate; if the deformation is not resolved, a stiff straight spring replaces it
@@ -260,13 +260,13 @@ fn candidate_of(
 
 /// Lines of both directions from the steady state, through the readings including the offset.
 fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
-    let lines = [("positive", &steady.positive), ("negative", &steady.negative)];
+    let lines = [("insertion", &steady.insertion), ("withdrawal", &steady.withdrawal)];
     let found = lines.into_iter().filter_map(|(name, line)| Some((name, line.as_ref()?)));
     found
         .flat_map(|(name, line)| {
             [
-                named(format!("coulomb_force_n_{name}"), line.coulomb_force_n.clone()),
-                named(format!("viscous_damping_n_s_m_{name}"), line.viscous_damping_n_s_m.clone()),
+                named(format!("{name}_coulomb_force_with_offset_n"), line.coulomb_force_n.clone()),
+                named(format!("{name}_viscous_damping_n_s_m"), line.viscous_damping_n_s_m.clone()),
             ]
         })
         .collect()
@@ -309,7 +309,7 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
             (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
         BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
-    let [up, down] = [Direction::Positive, Direction::Negative].map(|d| curves_of(&found.traverses, d).len());
+    let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.traverses, d).len());
     let with = |rising, falling| Candidate { rising, falling, ..two.candidate.clone() };
     if options.bootstrap == 0 {
         let n = up.min(down);
@@ -317,8 +317,8 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
             cancel::check();
             let skip = |k: usize| if k < g { k } else { k + 1 };
             with(
-                refit(Direction::Positive, &two.candidate.rising, &skip, up.max(2) - 1),
-                refit(Direction::Negative, &two.candidate.falling, &skip, down.max(2) - 1),
+                refit(Direction::Insertion, &two.candidate.rising, &skip, up.max(2) - 1),
+                refit(Direction::Withdrawal, &two.candidate.falling, &skip, down.max(2) - 1),
             )
         };
         return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect());
@@ -330,8 +330,8 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
         let drawn: Vec<usize> = (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();
         let chosen = |k: usize| drawn[k];
         with(
-            refit(Direction::Positive, &two.candidate.rising, &chosen, up),
-            refit(Direction::Negative, &two.candidate.falling, &chosen, down),
+            refit(Direction::Insertion, &two.candidate.rising, &chosen, up),
+            refit(Direction::Withdrawal, &two.candidate.falling, &chosen, down),
         )
     };
     Replicates::Bootstrap((0..options.bootstrap).into_par_iter().map(resampled).collect())

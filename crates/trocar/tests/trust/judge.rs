@@ -126,7 +126,7 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
 /// A parameter that is not listed: right for a mass that is not there; `None` for other model terms that the seal does
 /// not have either, and for what is listed only where the fit has a use for it.
 fn unlisted(name: &str, truth: Range, truths: &std::collections::BTreeMap<&str, Range>) -> Option<Verdict> {
-    let by_need = name.ends_with("_positive") || name.ends_with("_negative") || name == "yield_stiffness_n_m";
+    let by_need = name.starts_with("insertion_") || name.starts_with("withdrawal_") || name == "yield_stiffness_n_m";
     match name {
         "unmodelled_mass_kg" if truth == [0.0; 2] => Some(Verdict::Right),
         "static_force_n" if truth == truths["coulomb_force_n"] => None,

@@ -261,10 +261,10 @@ impl Bench {
         }
         if first.insertion.is_constant() {
             // The lines of each direction are straight.
-            all.insert("coulomb_force_n_positive", shifted(force(insertion), offset));
-            all.insert("coulomb_force_n_negative", shifted(force(withdrawal), -offset));
-            all.insert("viscous_damping_n_s_m_positive", damping(sum(|p| p.insertion.viscous_damping)));
-            all.insert("viscous_damping_n_s_m_negative", damping(sum(|p| p.withdrawal.viscous_damping)));
+            all.insert("insertion_coulomb_force_with_offset_n", shifted(force(insertion), offset));
+            all.insert("withdrawal_coulomb_force_with_offset_n", shifted(force(withdrawal), -offset));
+            all.insert("insertion_viscous_damping_n_s_m", damping(sum(|p| p.insertion.viscous_damping)));
+            all.insert("withdrawal_viscous_damping_n_s_m", damping(sum(|p| p.withdrawal.viscous_damping)));
         } else {
             all.insert("stribeck_velocity_m_s", [first.insertion.stribeck_velocity; 2]);
         }
@@ -367,10 +367,10 @@ fn changes() -> Vec<Kind> {
             Ok(bench.knowing(&[
                 ("coulomb_force_n", around(3.0)),
                 ("viscous_damping_n_s_m", around(5.0)),
-                ("coulomb_force_n_positive", [2.7 - 0.3424, 3.3 - 0.3424]),
-                ("coulomb_force_n_negative", [2.7 + 0.3424, 3.3 + 0.3424]),
-                ("viscous_damping_n_s_m_positive", around(5.0)),
-                ("viscous_damping_n_s_m_negative", around(5.0)),
+                ("insertion_coulomb_force_with_offset_n", [2.7 - 0.3424, 3.3 - 0.3424]),
+                ("withdrawal_coulomb_force_with_offset_n", [2.7 + 0.3424, 3.3 + 0.3424]),
+                ("insertion_viscous_damping_n_s_m", around(5.0)),
+                ("withdrawal_viscous_damping_n_s_m", around(5.0)),
                 ("half_width_m", [7e-3, 9e-3]),
             ]))
         }),
@@ -390,8 +390,8 @@ fn offset_ranges(low: f64, high: f64) -> [(&'static str, Range); 3] {
     let force = DEFAULT.coulomb_force;
     [
         ("offset_n", [offset + low, offset + high]),
-        ("coulomb_force_n_positive", [force + offset + low, force + offset + high]),
-        ("coulomb_force_n_negative", [force - offset - high, force - offset - low]),
+        ("insertion_coulomb_force_with_offset_n", [force + offset + low, force + offset + high]),
+        ("withdrawal_coulomb_force_with_offset_n", [force - offset - high, force - offset - low]),
     ]
 }
 

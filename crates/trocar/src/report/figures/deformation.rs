@@ -36,7 +36,7 @@ pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f
     for (category, &level) in levels.iter().enumerate() {
         let role = Role::Category(category as u8);
         let name = format!("z = {} mm", significant(MM * level * c, digits));
-        for direction in [Direction::Positive, Direction::Negative] {
+        for direction in [Direction::Insertion, Direction::Withdrawal] {
             let at = Level::new(deformation, direction, level);
             panel = panel.series(at.points(&name, role, test.deflection_error_m)).series(at.line(role, test));
         }
@@ -93,8 +93,8 @@ impl Level {
 
 fn fit_of(deformation: &DeformationFit, direction: Direction) -> &BranchFit {
     match direction {
-        Direction::Positive => &deformation.rising,
-        Direction::Negative => &deformation.falling,
+        Direction::Insertion => &deformation.rising,
+        Direction::Withdrawal => &deformation.falling,
     }
 }
 
@@ -269,8 +269,8 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
          fitted to the mean of the snap-throughs by EMS (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
          of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
          of degree 7, in insertion and withdrawal.{true_branches}",
-        count(Direction::Positive),
-        count(Direction::Negative),
+        count(Direction::Insertion),
+        count(Direction::Withdrawal),
         deformation.rising.rms,
         deformation.falling.rms,
         deformation.rising.single_polynomial_rms,

@@ -30,8 +30,8 @@ const fn shown(column: &'static str, words: &'static str, unit: &'static str, sc
 
 /// What is drawn.
 pub(in super::super) const SHOWN: [Shown; 6] = [
-    shown("coulomb_force_n_positive", "F_c + F_0, insertion", "N", 1.0),
-    shown("coulomb_force_n_negative", "F_c − F_0, withdrawal", "N", 1.0),
+    shown("insertion_coulomb_force_with_offset_n", "F_c + F_0, insertion", "N", 1.0),
+    shown("withdrawal_coulomb_force_with_offset_n", "F_c − F_0, withdrawal", "N", 1.0),
     shown("viscous_damping_n_s_m", "viscous damping β", "N·s/m", 1.0),
     shown("half_width_m", "half width c", "mm", 1e3),
     shown("offset_n", "sensor offset F_0", "N", 1.0),

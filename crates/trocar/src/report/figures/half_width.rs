@@ -30,8 +30,8 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     panel = panel
         .series(Series::line("mean, 95 % interval", Role::Fit, ends.clone(), level(estimate.value)))
         .series(Series::line(model, Role::Model, ends, level(found.model.half_width)))
-        .series(points("insertion", 0, Direction::Positive))
-        .series(points("withdrawal", 1, Direction::Negative));
+        .series(points("insertion", 0, Direction::Insertion))
+        .series(points("withdrawal", 1, Direction::Withdrawal));
     let trend = deformation.speed_dependence_p_value.map_or_else(
         || "Too few speeds were measured to test whether c depends on speed.".to_owned(),
         |p| format!("Test of no dependence on speed: {}.", p_in_words(p)),

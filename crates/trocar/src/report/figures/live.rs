@@ -139,8 +139,7 @@ fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
 
 /// The estimate behind a parameter; none where the model's number is not the one that was estimated.
 fn interval(tunable: &Tunable, plain: &str, found: &Identification) -> Option<[f64; 2]> {
-    let side = if tunable.name.starts_with("insertion_") { "positive" } else { "negative" };
-    let names = [plain.to_owned(), format!("{plain}_{side}")];
+    let names = [plain, tunable.name];
     let is_same = |e: &&Estimate| (e.value - tunable.value).abs() <= SAME * tunable.value.abs() && e.determined;
     let estimate = names.iter().filter_map(|name| found.parameter(name)).find(is_same)?;
     estimate.ci95.iter().all(|end| end.is_finite()).then_some(estimate.ci95)

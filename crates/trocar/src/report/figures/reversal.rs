@@ -54,8 +54,8 @@ fn caption(found: &Identification, name: &str, shown: &Traverse, transients: &Tr
     let stages =
         if super::has_stages(found) { " The branch is that of the first of the model's elements." } else { "" };
     let motion = match shown.direction {
-        Direction::Positive => "from withdrawal to insertion",
-        Direction::Negative => "from insertion to withdrawal",
+        Direction::Insertion => "from withdrawal to insertion",
+        Direction::Withdrawal => "from insertion to withdrawal",
     };
     format!(
         "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {}{stages} Sensor offset \
@@ -68,8 +68,8 @@ fn caption(found: &Identification, name: &str, shown: &Traverse, transients: &Tr
 fn branch(found: &Identification, direction: Direction) -> &Branch {
     let force = &found.element().params().deformation;
     match direction {
-        Direction::Positive => force.rising(),
-        Direction::Negative => force.falling(),
+        Direction::Insertion => force.rising(),
+        Direction::Withdrawal => force.falling(),
     }
 }
 
@@ -82,8 +82,8 @@ fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
     let middle = &by_speed[quarter..by_speed.len() - quarter];
     let unsteadiness = |t: &Traverse| {
         let mean = match t.direction {
-            Direction::Positive => &deformation.rising.mean_curve,
-            Direction::Negative => &deformation.falling.mean_curve,
+            Direction::Insertion => &deformation.rising.mean_curve,
+            Direction::Withdrawal => &deformation.falling.mean_curve,
         };
         let swing = mean.iter().fold(0.0f64, |most, f| most.max(f.abs())).max(f64::MIN_POSITIVE);
         let force = t.curve.iter().zip(mean).map(|(f, m)| (f - m).powi(2)).sum::<f64>().sqrt() / swing;
@@ -146,8 +146,8 @@ impl Transients {
         };
         // A withdrawal passes its branch from +c to -c.
         let (first, second) = match shown.direction {
-            Direction::Positive => (first, second),
-            Direction::Negative => (second, first),
+            Direction::Insertion => (first, second),
+            Direction::Withdrawal => (second, first),
         };
         let [first, second] = [first, second].map(|u| time_at(recording, shown, u) - origin);
         let mut marks = vec![Mark::x_range(start, first, "T1"), Mark::x_range(second, end, "T2")];

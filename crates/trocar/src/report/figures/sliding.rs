@@ -112,7 +112,7 @@ impl Curves<'_> {
     /// The direction's own line without offset, its parameters picked by `of`.
     fn direction(&self, v: f64, of: impl Fn(&crate::identify::Estimate) -> f64) -> f64 {
         let line: Option<&DirectionLine> =
-            if v > 0.0 { self.steady.positive.as_ref() } else { self.steady.negative.as_ref() };
+            if v > 0.0 { self.steady.insertion.as_ref() } else { self.steady.withdrawal.as_ref() };
         line.map_or(f64::NAN, |l| {
             v.signum() * (of(&l.coulomb_force_n) + of(&l.viscous_damping_n_s_m) * v.abs()) - self.offset
         })

@@ -24,11 +24,11 @@ pub(in super::super) fn display(unit: &str) -> (f64, String) {
 pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
     let (words, symbol) = match parameter {
         "coulomb_force_n" => ("Coulomb force", "F_c"),
-        "coulomb_force_n_positive" => ("Coulomb force with offset, insertion", "F_c⁺ + F_0"),
-        "coulomb_force_n_negative" => ("Coulomb force with offset, withdrawal", "F_c⁻ − F_0"),
+        "insertion_coulomb_force_with_offset_n" => ("Coulomb force with offset, insertion", "F_c⁺ + F_0"),
+        "withdrawal_coulomb_force_with_offset_n" => ("Coulomb force with offset, withdrawal", "F_c⁻ − F_0"),
         "viscous_damping_n_s_m" => ("Viscous damping", "β"),
-        "viscous_damping_n_s_m_positive" => ("Viscous damping, insertion", "β⁺"),
-        "viscous_damping_n_s_m_negative" => ("Viscous damping, withdrawal", "β⁻"),
+        "insertion_viscous_damping_n_s_m" => ("Viscous damping, insertion", "β⁺"),
+        "withdrawal_viscous_damping_n_s_m" => ("Viscous damping, withdrawal", "β⁻"),
         "offset_n" => ("Sensor offset", "F_0"),
         "static_force_n" => ("Static force", "F_s"),
         "stribeck_velocity_m_s" => ("Stribeck velocity", "v_s"),
@@ -158,8 +158,8 @@ fn true_value(name: &str, elements: &[Element]) -> Option<f64> {
         "viscous_damping_n_s_m" => {
             Some(sum(&|e| mean(e.params().insertion.viscous_damping, e.params().withdrawal.viscous_damping)))
         }
-        "viscous_damping_n_s_m_positive" => Some(sum(&|e| e.params().insertion.viscous_damping)),
-        "viscous_damping_n_s_m_negative" => Some(sum(&|e| e.params().withdrawal.viscous_damping)),
+        "insertion_viscous_damping_n_s_m" => Some(sum(&|e| e.params().insertion.viscous_damping)),
+        "withdrawal_viscous_damping_n_s_m" => Some(sum(&|e| e.params().withdrawal.viscous_damping)),
         "static_force_n" => Some(sum(&|e| mean(e.params().insertion.static_force, e.params().withdrawal.static_force))),
         "stribeck_velocity_m_s" => single.map(|p| p.insertion.stribeck_velocity),
         "seal_damping_n_s_m" => single.map(|p| p.damping.coefficients[0]),
