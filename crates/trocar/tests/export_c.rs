@@ -511,3 +511,54 @@ int main(void)
     return 0;
 }
 "#;
+
+/// The C code is a port: each template and the Rust code that it follows, with the checksum of that code when the two were last
+/// compared. After a change of the Rust code compare the template with it, run `conformance/check`, and set the new checksum.
+const PORTS: [(&str, &[&str], u64); 10] = [
+    (
+        "ems*.c",
+        &[
+            "ems.rs",
+            "slip.rs",
+            "exponential.rs",
+            "elastic.rs",
+            "creep.rs",
+            "relaxation.rs",
+            "damping.rs",
+            "parallel.rs",
+        ],
+        0xda314078a9bb56eb,
+    ),
+    ("sliding.c", &["sliding.rs"], 0x8661ab6f9eda3a36),
+    ("static.c", &["stribeck.rs"], 0xa4cb6b831ec6ed83),
+    ("dahl.c", &["dahl.rs"], 0xdaaecda46e0ec5d7),
+    ("lugre.c", &["lugre.rs"], 0x29e736743d213d66),
+    ("leuven.c", &["leuven.rs"], 0x58c29eee317a718f),
+    ("maxwell_slip.c", &["maxwell_slip.rs"], 0x905ac0385d1c2fb4),
+    ("gms.c", &["gms.rs"], 0xfcbbfaa83cf4a9b5),
+    ("public.c", &["seal.rs", "profile.rs"], 0xc485f3e147df7c92),
+    ("arithmetic.c", &["friction.rs"], 0xd9ba16d2af57de15),
+];
+
+/// FNV-1a over the code without comments, blanks and unit tests.
+fn checksum(files: &[&str]) -> u64 {
+    let folder = repository().join("crates/trocar-model/src");
+    let text: String = files
+        .iter()
+        .map(|file| fs::read_to_string(folder.join(file)).unwrap())
+        .map(|text| {
+            let own = text.split("#[cfg(test)]\nmod tests {").next().unwrap().to_owned();
+            own.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<String>()
+        })
+        .collect();
+    let bytes = text.bytes().filter(|byte| !byte.is_ascii_whitespace());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+#[test]
+fn the_c_code_was_compared_with_the_rust_code_that_it_follows() {
+    let changed = PORTS.iter().filter(|(_, files, known)| checksum(files) != *known);
+    let changed: Vec<String> =
+        changed.map(|(template, files, _)| format!("{template} follows {files:?}: {:#x}", checksum(files))).collect();
+    assert!(changed.is_empty(), "changed since the comparison:\n{}", changed.join("\n"));
+}
