@@ -1,4 +1,4 @@
-"""Recordings of the virtual bench and what is identified from them, made once."""
+"""Fixtures: recordings of the virtual bench and their identification, computed once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import trocar
 ROOT = Path(__file__).resolve().parents[2]
 CONFORMANCE = ROOT / "conformance"
 
-#: Mass of the bench's rod, as its configuration says.
+#: Mass of the bench's rod, as in its configuration.
 ROD_KG = 0.04
 
 

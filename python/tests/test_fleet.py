@@ -1,4 +1,4 @@
-"""Many recordings to one table: rows for whatever happens, the same table from every engine, also when workers are killed."""
+"""Many recordings into one table: a row also after errors, and the same table from every engine, also when workers are killed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import pytest
 import trocar
 from trocar import _core, fleet
 
-#: A recording of some thousand samples: three speeds.
+#: A recording of some thousand samples with three speeds.
 SHORT = "[protocol.steady]\nincrement_m_s = 0.04\nstroke_m = 0.06\n"
 RECORDINGS = 8
 
@@ -33,7 +33,7 @@ def frame(recording: trocar.Recording) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def folder(strokes: list[trocar.Recording], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Files in folders named after what they hold, one of them no recording."""
+    """Files in folders named after their contents; one file is not a recording."""
     root = tmp_path_factory.mktemp("dataset")
     for number, recording in enumerate(strokes):
         inner = root / f"lubricant={'dry' if number % 2 else 'wet'}"
@@ -123,7 +123,7 @@ def test_the_table_holds_the_rows(folder: Path, tmp_path: Path) -> None:
     for row in rows:
         alone = fleet.identify_one(folder / row["path"])
         differ = {name for name in alone if alone[name] != row[name]}
-        # The path is that within the data set, also in what is said of it.
+        # The path is relative to the data set, also in the reason.
         assert differ <= ({"path", "reason"} if row["status"] == "failed" else {"path"})
     assert os.listdir(tmp_path) == ["table.parquet"]
 
@@ -136,7 +136,7 @@ def test_the_table_is_that_of_the_command_line(folder: Path, tmp_path: Path) -> 
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if "unrecognized subcommand" in done.stderr:
         pytest.skip("the command line has no verb fleet yet")
-    # One recording failed.
+    # Exit code 3: one recording failed.
     assert done.returncode == 3, done.stderr
     assert ours.read_bytes() == theirs.read_bytes()
 
@@ -165,7 +165,7 @@ def test_a_manifest_and_groups_of_rows_give_the_same_numbers(
 
 @pytest.fixture(scope="module")
 def partitioned(strokes: list[trocar.Recording], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same rows in one file, in files that cut recordings, and in folders of several files: as polars writes them."""
+    """The same rows in one file, in files that split recordings, and in folders of several files, as polars writes them."""
     root = tmp_path_factory.mktemp("partitioned")
     rows = polars.concat(polars.DataFrame({"trial": [f"t{n}"] * len(r), **frame(r)}) for n, r in enumerate(strokes[:4]))
     (root / "one").mkdir()
@@ -234,7 +234,7 @@ def client() -> Iterator[Any]:
     distributed = pytest.importorskip("distributed", reason="distributed is not installed (requirements-dask.txt)")
     dask = pytest.importorskip("dask")
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
-    # A recording may kill two workers in company and two by itself; by default it is four and four.
+    # A recording may kill two workers together with other files and two alone; the default is four and four.
     with dask.config.set({"distributed.scheduler.allowed-failures": 1}), distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
         yield client
 
@@ -255,7 +255,7 @@ def test_a_killed_worker_changes_nothing(folder: Path, tmp_path: Path, client: A
 
     def kill(done: int, of: int) -> None:
         if done == 2:
-            # Both are at work: more is in flight than they can do.
+            # Both workers are busy: more files are submitted than they can process.
             killed.append(next(iter(client.run(os.getpid).values())))
             os.kill(killed[0], signal.SIGKILL)
 
@@ -282,7 +282,7 @@ def test_recordings_in_several_files_survive_a_killed_worker(partitioned: Path, 
 
 
 def test_a_file_that_kills_its_workers_is_given_up(folder: Path, tmp_path: Path, client: Any) -> None:
-    # Within this function it travels by value: workers need not find the tests.
+    # A local function is pickled by value, so workers need not import the tests.
     def fatal_on_notes(order: str, config: fleet.Config) -> str:
         if "notes.csv" in order:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -305,7 +305,7 @@ def test_a_file_that_was_given_up_is_a_row(folder: Path, tmp_path: Path) -> None
         if source == 0:
             table_.lose(source, "worker_died", "it died")
         else:
-            # Twice counts once.
+            # Rows added twice count once.
             assert table_.add(source, fleet._work(order, fleet.Config())) == table_.add(source, "[]")
     table_.write()
     rows = table(out)

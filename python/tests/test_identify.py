@@ -1,4 +1,4 @@
-"""From recordings to a model, its validation, the comparison and the tissue's force, as the command line does it."""
+"""Identification, validation, comparison and compensation give the results of the command line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import trocar
 
 from .conftest import CONFORMANCE, ROD_KG
 
-#: What the bench's plausible seal is made of.
+#: Parameters of the bench's plausible seal.
 TRUTH = {"coulomb_force_n": 3.0, "viscous_damping_n_s_m": 5.0, "half_width_m": 8e-3}
 
 
@@ -25,7 +25,7 @@ def test_the_truth_lies_in_the_intervals(found: trocar.Identification) -> None:
         assert parameter.determined and parameter.ci95_low <= truth <= parameter.ci95_high, parameter
         assert name.endswith(parameter.unit.replace(" ", "_").replace("/", "_").lower())
     assert found.validation is not None and not found.is_doubtful
-    # N rms: twice the noise of the bench's sensor and fluctuation.
+    # N rms: twice the sensor noise and force fluctuation of the bench.
     assert found.validation.rms_n < 0.06
 
 
@@ -160,7 +160,7 @@ def _coulomb_force(recordings: list[trocar.Recording]) -> tuple[float, trocar.Mo
 
 
 def test_forked_processes_work_too(found: trocar.Identification, training: list[trocar.Recording]) -> None:
-    # The parent has worked on several threads before, which a fork does not inherit.
+    # The parent has used several threads before; a fork does not inherit them.
     with multiprocessing.get_context("fork").Pool(1) as pool:
         force, model = pool.apply_async(_coulomb_force, (training,)).get(timeout=60)
     assert force == pytest.approx(found.parameters["coulomb_force_n"].value, rel=1e-9)
@@ -190,7 +190,7 @@ def test_models_are_compared(training: list[trocar.Recording], held_out: list[tr
 def test_the_tissue_is_told_from_the_trocar(found: trocar.Identification, held_out: list[trocar.Recording]) -> None:
     recording = held_out[0]
     said = trocar.compensate(found.model, recording)
-    # There is no tissue on this bench: what is left is the error of the model, within its band.
+    # This bench has no tissue: the remainder is the error of the model, within its band.
     settled = said.tissue_force_n[1500:]
     assert np.abs(settled).mean() < 2 * found.parameters["coulomb_force_n"].value / 50
     assert (np.abs(settled) < 3 * said.tissue_force_std_n[1500:]).mean() > 0.95
@@ -201,7 +201,7 @@ def test_the_tissue_is_told_from_the_trocar(found: trocar.Identification, held_o
     stepped = [live.step(*row).tissue_force_n for row in rows]
     assert np.array_equal(stepped, said.tissue_force_n[:500])
     rest = live.run(recording.time_s[500:] - recording.time_s[0], recording.position_m[500:], recording.force_n[500:])
-    assert np.allclose(rest.tissue_force_n, said.tissue_force_n[500:], atol=1e-6)  # N; the clocks differ by rounding
+    assert np.allclose(rest.tissue_force_n, said.tissue_force_n[500:], atol=1e-6)  # N; the times differ by rounding
 
 
 def test_faulty_samples_are_named(found: trocar.Identification) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C arrives, and the work that nobody waits for any more ends."""
+"""Ctrl-C raises an exception, and cancelled work stops."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ import trocar
 
 from .conftest import CONFORMANCE, ROD_KG
 
-#: Time, s, in which an interruption must arrive on a busy machine.
+#: Time, s, within which an interruption must raise its exception on a busy machine.
 ARRIVES = 1.0
-#: Threads of a sweep: each has at most one file under way.
+#: Threads of a sweep; each writes at most one file at a time.
 THREADS = 2
-#: Time, s, that called-off work may still take of the processor.
+#: Maximum processor time, s, that cancelled work may still use.
 ENDS = 1.0
 
 
 @pytest.fixture(autouse=True)
 def interruptible() -> Iterator[None]:
-    """A shell starts what runs in its background deaf to Ctrl-C, and Python inherits that."""
+    """Restores the Ctrl-C handler: a shell starts background jobs with SIGINT ignored, and Python inherits this."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -63,10 +63,10 @@ def test_identify_and_compare_are_interrupted(training: list[trocar.Recording], 
 
 
 def test_compensate_is_interrupted(found: trocar.Identification) -> None:
-    # Each sample takes about a microsecond: seconds of work.
+    # Each sample takes about a microsecond, so this is seconds of work.
     positions = np.tile(0.02 * (1 - np.cos(np.arange(10_000) * 2e-3 * np.pi)), 500)
     times = np.arange(len(positions)) * 1e-3
-    # A reading that never repeats: a frozen sensor is left alone.
+    # The readings never repeat, so that no frozen sensor is detected.
     readings = np.tile(trocar.simulate(found.model, times[:10_000], positions[:10_000]), 500) + 1e-3 * np.sin(times)
     recording = trocar.Recording(times, positions, readings)
     works = [
@@ -82,7 +82,7 @@ def test_simulate_is_interrupted() -> None:
     positions = np.tile(0.02 * (1 - np.cos(np.arange(10_000) * 2e-3 * np.pi)), 3000)
     times = np.arange(len(positions)) * 1e-3
     model = trocar.Model.plausible()
-    # The reading of the arrays alone takes some tenths of a second here.
+    # Reading the arrays alone takes some tenths of a second here.
     assert interrupted(lambda: trocar.simulate(model, times, positions), 0.3) < ARRIVES
     assert len(trocar.simulate(model, times[:10], positions[:10])) == 10
 
@@ -97,12 +97,12 @@ def test_many_models_are_interrupted(name: str) -> None:
     works = [
         lambda: trocar.squared_error_many(models, times, positions, times),
         lambda: [trocar.simulate_many(models[:20], times, positions, out=out) for _ in range(1000)],
-        # More to make than to run.
+        # Constructing the models takes longer than running them.
         lambda: trocar.squared_error_many(models[0], [0], [0], [0], parameters=many),
     ]
     for work in works:
         assert interrupted(work, 0.3) < ARRIVES
-        # Nobody goes on to write to an array that its owner may have given away.
+        # No thread continues to write to an array that its owner may have released.
         written = out.copy()
         before = time.process_time()
         time.sleep(ENDS)

@@ -1,4 +1,4 @@
-"""Many models along one motion: the bits of one after the other, whatever the kind, the way in or the threads."""
+"""Many models along one motion: bit for bit as one after the other, for every kind, input form and number of threads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def motion() -> tuple[np.ndarray, np.ndarray]:
 
 
 def draws(model: trocar.Model, count: int) -> dict[str, np.ndarray]:
-    """Forces and widths of 90 to 110 % of the model's, all apart."""
+    """Forces and widths of 90 to 110 % of those of the model, each drawn independently."""
     turned = [t for t in model.tunables if t.name.endswith(("half_width_m", "coulomb_force_n", "stiffness_n_m"))]
     factors = 0.9 + 0.2 * np.random.default_rng(1).random((len(turned), count))
     return {t.name: t.value * factor for t, factor in zip(turned, factors)}
@@ -42,7 +42,7 @@ def bits(forces: np.ndarray) -> np.ndarray:
 def test_every_row_has_the_bits_of_simulate(path: Path) -> None:
     model = trocar.Model.load(path)
     time, position = motion()
-    # Several vectors and a part of one.
+    # Several full SIMD vectors and a partial one.
     parameters = draws(model, 37)
     forces = trocar.simulate_many(model, time, position, parameters=parameters)
     models = [alone(model, parameters, index) for index in range(37)]
@@ -52,7 +52,7 @@ def test_every_row_has_the_bits_of_simulate(path: Path) -> None:
     readings = expected[3] + 0.1 * np.sin(time)
     readings[::7] = np.nan
     errors = np.where(np.isnan(readings), 0.0, (readings - expected) ** 2)
-    # Summed from the first to the last, as cumsum does and sum does not.
+    # Summed from first to last like cumsum; sum uses another order.
     squares = np.cumsum(errors, axis=1)[:, -1].copy()
     for given in (dict(models=model, parameters=parameters), dict(models=models)):
         found = trocar.squared_error_many(time_s=time, position_m=position, force_n=readings, **given)
@@ -116,7 +116,7 @@ def test_parameters_come_in_any_table(model: trocar.Model) -> None:
     record = np.array(list(zip(widths, forces)), dtype=[(name, float) for name in columns])
     for parameters in (pandas.DataFrame(columns), polars.DataFrame(columns), record, {n: list(v) for n, v in columns.items()}):
         assert np.array_equal(trocar.simulate_many(model, time, position, parameters=parameters), expected)
-    # One number for all, and one model.
+    # One number for all rows, and one model.
     same = trocar.simulate_many(model, time, position, parameters={**columns, "half_width_m": 7e-3})
     full = trocar.simulate_many(model, time, position, parameters={**columns, "half_width_m": np.full(20, 7e-3)})
     assert np.array_equal(same, full)
@@ -204,7 +204,7 @@ def test_parameters_that_make_no_model_are_named(model: trocar.Model, parameters
     with pytest.raises(kind) as raised:
         trocar.simulate_many(model, [0, 1, 2], [0, 0, 0], parameters=parameters, out=out)
     assert words in str(raised.value)
-    # Only what cannot be seen in a single number is found when models are made.
+    # Only errors that a single number does not show are found when the models are constructed.
     assert (out == 7).all() or "needs a creep_velocity" in words
 
 
@@ -246,7 +246,7 @@ def test_other_threads_run_meanwhile(model: trocar.Model) -> None:
     while not done.wait(1e-4):
         turns += 1
     thread.join()
-    # Some 100 ms of work; with the lock held there would be a turn or two.
+    # Some 100 ms of work; with the GIL held there would be only one or two turns.
     assert turns > 10
 
 
@@ -255,7 +255,7 @@ def test_the_example_of_the_documentation_runs() -> None:
     names: dict[str, Any] = {}
     exec(text.split("```python\n", 1)[1].split("```", 1)[0], names)
     assert abs(names["width_m"] - 8e-3) < 2 * names["width_std_m"] < 1e-3
-    # N rms: little above the noise that was put on.
+    # N rms: slightly above the added noise.
     assert 0.049 < names["rms_n"].min() < 0.055
     assert names["band_n"].shape == (2, 4000)
 

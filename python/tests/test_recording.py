@@ -1,4 +1,4 @@
-"""Recordings from arrays, data frames and files are one and the same; what is wrong with them is told."""
+"""Recordings from arrays, data frames and files are equal; invalid ones give clear errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import trocar
 
 
 def columns(samples: int = 3000) -> dict[str, np.ndarray]:
-    """Strokes in whole micrometres and millinewtons, so that units convert without rounding twice."""
+    """Strokes in integer micrometres and millinewtons, so that unit conversion does not round twice."""
     time = np.arange(samples)
     position = np.round(20_000 * (1 - np.cos(3e-3 * time)))
     force = np.round(3000 * np.sign(np.gradient(position)) + 5 * np.sin(time))

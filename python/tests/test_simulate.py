@@ -1,4 +1,4 @@
-"""Whole arrays and single steps: the same numbers through every door, and what is refused."""
+"""Whole arrays and single steps give the same numbers through every interface; invalid input is rejected."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ def test_other_threads_run_while_an_array_is_simulated(model: trocar.Model) -> N
     while not done.wait(1e-4):
         turns += 1
     thread.join()
-    # Some 100 ms of work; with the lock held there would be a turn or two.
+    # Some 100 ms of work; with the GIL held there would be only one or two turns.
     assert turns > 10
 
 
@@ -263,7 +263,7 @@ def test_a_tuned_model_is_another_one(model: trocar.Model) -> None:
     assert {t.name: t.value for t in wider.tunables}["half_width_m"] == 5e-3
     assert model.to_json() == before and wider.to_dict()["origin"]["kind"] == "hand_made"
     sliding = trocar.simulate(wider, np.arange(2000) * 1e-3, np.arange(2000) * 1e-5)
-    # N: static force 4 and 10 mm/s of viscous friction.
+    # N: static force 4 N plus viscous friction at 10 mm/s.
     assert sliding[-1] == pytest.approx(4 + 0.01 * {t.name: t.value for t in wider.tunables}["insertion_viscous_damping_n_s_m"], abs=1e-6)
     stages = trocar.Model.load(CONFORMANCE / "models" / "ems_stages.json")
     assert stages.tuned(element_1_half_width_m=4e-3) != stages

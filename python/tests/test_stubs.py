@@ -1,4 +1,4 @@
-"""The type stubs say what is there: the same names with the same arguments, and a user's script passes mypy."""
+"""The type stubs match the module: same names and arguments; a user's script passes mypy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .conftest import ROOT
 
 STUB = Path(_core.__file__).with_name("_core.pyi")
 
-#: What every class has, or what an annotation cannot say.
+#: Attributes that every class has, or that a stub cannot express.
 INHERITED = {"__new__", "__doc__", "__module__", "__weakref__", "__dict__", "__repr__", "__ne__", "__lt__", "__le__"} | {
     "__gt__",
     "__ge__",
@@ -29,7 +29,7 @@ def stub() -> ast.Module:
 
 
 def arguments(function: ast.FunctionDef) -> list[tuple[str, bool, bool]]:
-    """Name, keyword only, has a default; self and cls left out."""
+    """Name, whether keyword-only, whether it has a default; without self and cls."""
     a = function.args
     required = len(a.args) - len(a.defaults)
     found = [(arg.arg, False, i >= required) for i, arg in enumerate(a.args)]

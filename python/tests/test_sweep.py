@@ -1,4 +1,4 @@
-"""Sweeps: the rows and the bytes of the command line, from a file, a text or a dictionary; what is refused."""
+"""Sweeps from a file, a text or a dictionary give the rows and bytes of the command line; invalid input is rejected."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ insertion_coulomb_force_n = { grid = [2.5, 3.5] }
 withdrawal_viscous_damping_n_s_m = 4
 """
 
-#: The same.
+#: The same document as a dictionary.
 KEYS: dict[str, Any] = {
     "runs": np.int64(40),
     "seed": 5,
@@ -39,14 +39,14 @@ KEYS: dict[str, Any] = {
     },
 }
 
-#: One whose draws make no model now and then.
+#: A document in which some draws do not give a valid model.
 DOUBTFUL = 'runs = 20\n[motion]\nprotocol = "step"\n[seal]\nhalf_width_m = { uniform = [-0.005, 0.005] }\n'
 
 RIG = 'runs = 3\n[motion]\nprotocol = "step"\n[rig]\n"rod.mass_kg" = { grid = [0.02, 0.2] }\n'
 
 
 def command(folder: Path, document: str, out: str, code: int = 0) -> bytes:
-    """What the command line writes for a document."""
+    """The table that the command line writes for a document."""
     program = os.environ.get("TROCAR_PROGRAM")
     if program is None:
         pytest.skip("TROCAR_PROGRAM names no command line")
@@ -80,7 +80,7 @@ def test_memory_and_file_hold_the_same(tmp_path: Path) -> None:
     failures = columns.pop("failure").tolist()
     assert failures == written["failure"].to_list()
     for name, cells in columns.items():
-        # Missing numbers are nan here and null there.
+        # Missing numbers are nan in the table and null in the file.
         assert np.array_equal(cells, written[name].fill_null(np.nan).to_numpy(), equal_nan=True), name
     assert table.failed == sum(why is not None for why in failures) > 0
     assert table.first_failure is not None and "half_width must be positive" in table.first_failure
@@ -131,7 +131,7 @@ def test_a_row_is_what_simulate_gives(tmp_path: Path) -> None:
 
 def test_progress_is_told() -> None:
     told: list[tuple[str, float]] = []
-    # News comes every 50 ms and each 256 rows of a thread: the whole takes some hundreds of milliseconds.
+    # Progress is reported every 50 ms and after each 256 rows of a thread; the whole sweep takes some hundreds of milliseconds.
     document = DOCUMENT.replace("runs = 40", "runs = 2000").replace("step", "validation")
     trocar.sweep(document, threads=1, progress=lambda *news: told.append(news))
     parts = [part for _, part in told]

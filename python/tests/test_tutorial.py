@@ -1,4 +1,4 @@
-"""The tutorial runs from its first cell to its last."""
+"""The tutorial runs from the first to the last cell."""
 
 from __future__ import annotations
 
@@ -18,6 +18,6 @@ def test_the_tutorial_runs() -> None:
     NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
     shown = [output for cell in cells for output in cell.outputs]
     html = "".join(output.data.get("text/html", "") for output in shown if output.output_type != "stream")
-    # Figures of identification, validation and comparison stand in the page.
+    # The page contains the figures of identification, validation and comparison.
     assert html.count("data:image/svg+xml;base64,") == 5
     assert not [output for output in shown if output.get("name") == "stderr"]

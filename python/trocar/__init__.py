@@ -1,4 +1,4 @@
-"""From recordings of an instrument in a trocar to a validated model of the force between them.
+"""Identification, validation and simulation of the friction force between an instrument and a trocar.
 
     import trocar
 
@@ -7,9 +7,9 @@
     found.parameters["coulomb_force_n"]             # value, unit, 95 % interval
     force_n = trocar.simulate(found.model, time_s, position_m)
 
-SI units throughout, in every name. Position and force are positive on insertion; the force is that of the instrument on
-the seal. Bad input raises ``TrocarError`` (a ``ValueError``) or one of its kinds, and leaves nothing half done. Not a
-medical device.
+All quantities are in SI units, and each name includes its unit. Position and force are positive on insertion; the force
+is the one that the instrument exerts on the seal. Invalid input raises ``TrocarError`` (a ``ValueError``) or a subclass,
+and leaves no partial results. Not a medical device.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ __all__ = [
 
 #: One recording or several.
 Recordings = Union[Recording, Iterable[Recording]]
-#: Told the stage of the work and the part done, 0 to 1.
+#: Called with the stage of the work and the fraction done, 0 to 1.
 Progress = Callable[[str, float], object]
 
 
@@ -139,25 +139,26 @@ def identify(
     threads: int = 0,
     progress: Optional[Progress] = None,
 ) -> Identification:
-    """Identifies a model from recordings, and validates it on those given with ``validate``.
+    """Identifies a model from recordings and validates it on the recordings given as ``validate``.
 
-    Every recording is searched for what it can give; what the recordings do not determine has an infinite interval and a warning.
+    Each recording contributes to every parameter that it determines. A parameter that the recordings do not determine has
+    an infinite interval and a warning.
 
-    :param bootstrap: resamples of the bootstrap over cycles; 0 takes the quicker jackknife
-    :param seed: of everything random; equal recordings and seed give equal results
-    :param degrees: of the two joined polynomials of each branch, 2 to 7
-    :param free_motion: try the optional terms that rests and partial reversals determine: creep,
+    :param bootstrap: number of resamples of the bootstrap over cycles; 0 takes the faster jackknife
+    :param seed: seed of all random numbers; equal recordings and seed give equal results
+    :param degrees: degrees of the two joined polynomials of each branch, 2 to 7
+    :param free_motion: try the optional model terms that rests and partial reversals determine: creep,
         relaxation, second_relaxation, minor_loops, second_stage
-    :param without: optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
+    :param without: optional model terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
         second_relaxation, unmodelled_mass, asymmetry, second_stage
-    :param offset_n: known reading of the sensor without load (its tare); estimated when left out
-    :param paper: identify by the two steps of the paper alone
-    :param moving_mass_kg: mass between sensor and seal: its inertia is taken out of the readings
-    :param gravity_m_s2: gravity along the insertion as it acts on the reading of that mass; 0 leaves the weight in the
-        offset
-    :param threads: to work on; 0 takes one for each processor, and there are at most four for each, or 64
-    :param progress: called with the stage and the part done, 0 to 1, on the calling thread
-    :raises IdentifyError: where there is nothing to identify from
+    :param offset_n: known reading of the sensor without load (its tare); estimated if not given
+    :param paper: use only the two identification steps of the paper
+    :param moving_mass_kg: mass between sensor and seal; its inertia is subtracted from the readings
+    :param gravity_m_s2: component of gravity along the insertion that acts on the reading of that mass; with 0 the weight
+        is part of the offset
+    :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
+    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1
+    :raises IdentifyError: if the recordings contain nothing to identify from
     """
     training = _recordings("recordings", recordings)
     held_out = [] if validate is None else _recordings("validate", validate)
@@ -194,9 +195,9 @@ def validate(
 ) -> Validation:
     """Runs a model along the positions of recordings and compares its force with the readings.
 
-    Scored are the samples at which the state of the seal is known, that is after it has slid once.
+    Only samples with a known state of the seal are scored, that is those after it has slid once.
 
-    :param moving_mass_kg: mass whose inertia is taken out of the readings; by default that of the model's sensor
+    :param moving_mass_kg: mass whose inertia is subtracted from the readings; by default that of the model's sensor
     :param offset_n: reading at rest without any force of the seal; by default that of the model's sensor
     """
     scored = _recordings("recordings", recordings)
@@ -216,14 +217,14 @@ def compare(
     threads: int = 0,
     progress: Optional[Progress] = None,
 ) -> Comparison:
-    """Fits friction models to the same recordings and scores them on the same others, those given with ``validate``.
+    """Fits friction models to the same recordings and scores all of them on the recordings given as ``validate``.
 
-    Without those, the last third of each recording is held out from the fits and scored on.
+    Without ``validate`` the last third of each recording is held out from the fits and used for scoring.
 
-    :param models: names, with commas between or in a list: ems, ems-output-error, coulomb, coulomb-viscous, stribeck, dahl,
-        lugre, lugre-rational, leuven, maxwell-slip, gms; the last three also with numbers of elements, as in gms:4-10
-    :param timing: measure the time of a step and of each fit; results then differ from run to run
-    :raises NotConverged: where a model could not be fitted from any start
+    :param models: names, separated by commas or in a list: ems, ems-output-error, coulomb, coulomb-viscous, stribeck, dahl,
+        lugre, lugre-rational, leuven, maxwell-slip, gms. The last three accept a number or range of elements, as in gms:4-10
+    :param timing: measure the time of a step and of each fit; the results then differ from run to run
+    :raises NotConverged: if the fit of a model did not converge from any initial value
     """
     held_out = [] if validate is None else _recordings("validate", validate)
     done = _core.compare(
@@ -251,17 +252,17 @@ def compensate(
     force_error_n: Optional[float] = None,
     adaptation: bool = True,
 ) -> Compensation:
-    """Takes the force of the trocar out of a recording of a sensor outside the body: what is left is the tissue's.
+    """Subtracts the trocar force from the readings of a sensor outside the body, which leaves the tissue force.
 
-    Goes through the samples in order, without looking ahead; ``Compensator`` does the same with live ones. Whatever is
-    None comes from the model. Friction that has changed since the identification is followed, unless ``adaptation`` is
-    False.
+    The samples are processed in order and causally; ``Compensator`` does the same with live samples. Options that are
+    None take their values from the model. The observer tracks friction that has changed since the identification, unless
+    ``adaptation`` is False.
 
     :param offset_n: reading of the sensor without any force
-    :param moving_mass_kg: mass between sensor and seal, whose inertia is taken out
-    :param gravity_m_s2: gravity as it acts on the reading of that mass; 0 where the weight is part of the offset
-    :param sensor_limit_n: largest force the sensor can read: readings there tell no tissue force
-    :param force_error_n: standard deviation of the model's force; by default what the model says, by phase
+    :param moving_mass_kg: mass between sensor and seal; its inertia is subtracted
+    :param gravity_m_s2: gravity as it acts on the reading of that mass; 0 if the weight is part of the offset
+    :param sensor_limit_n: largest force that the sensor can read; readings at this limit give no tissue force
+    :param force_error_n: standard deviation of the model's force; by default the value of the model, by phase
     """
     (scored,) = _recordings("recording", recording)
     columns = (scored.time_s, scored.position_m, scored.force_n)
@@ -286,7 +287,7 @@ def simulate_full(
     initial_force_n: Optional[float] = None,
     initial_deflection_m: Optional[float] = None,
 ) -> Simulation:
-    """As ``simulate``, with the deflection of the seal and whether it slides."""
+    """Like ``simulate``, and also returns the deflection of the seal and whether it slides."""
     time, position = _column("time_s", time_s), _column("position_m", position_m)
     options = {"initial_force_n": initial_force_n, "initial_deflection_m": initial_deflection_m}
     force, deformation = _core.simulate_full(model, time, position, **options)

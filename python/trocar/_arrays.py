@@ -1,4 +1,4 @@
-"""Columns from whatever people have; called by the native part when an array does not fit as it is."""
+"""Conversion of array-like input to columns; the native part calls it if it cannot use an array directly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ._core import ArrayError, ParameterError
 
-#: Kinds of NumPy's types that are numbers: whole, without sign, floating.
+#: Kinds of NumPy's numeric types: signed integer, unsigned integer, floating point.
 _NUMBERS = "iuf"
 
 _KINDS = {
@@ -32,7 +32,7 @@ _HINTS = {
 
 
 def column(name: str, values: Any) -> npt.NDArray[np.float64]:
-    """The numbers of ``values`` as contiguous float64; what is missing becomes nan."""
+    """``values`` as contiguous float64; missing values become nan."""
     found = array(name, values)
     if found.dtype.kind not in _NUMBERS:
         kind_ = found.dtype.kind
@@ -43,12 +43,12 @@ def column(name: str, values: Any) -> npt.NDArray[np.float64]:
 
 
 def array(name: str, values: Any) -> npt.NDArray[Any]:
-    """``values`` as an array of whatever kind; what is masked or missing becomes nan."""
+    """``values`` as an array of any kind; masked or missing values become nan."""
     if isinstance(values, np.ma.MaskedArray):
         return np.ma.asarray(values, dtype=np.float64).filled(np.nan)
     kind_ = getattr(getattr(values, "dtype", None), "kind", None)
     if kind_ in ("i", "u", "f") and hasattr(values, "to_numpy") and hasattr(values, "iloc"):
-        # pandas, whose own types may hold NA.
+        # pandas: its own types may contain NA.
         return np.asarray(values.to_numpy(dtype="float64", na_value=np.nan))
     try:
         return np.asarray(values.to_numpy() if hasattr(values, "to_numpy") else values)
@@ -57,7 +57,7 @@ def array(name: str, values: Any) -> npt.NDArray[Any]:
 
 
 def count(name: str, value: int) -> int:
-    """``value`` where it is a whole number that the native part can take."""
+    """``value``, if it is an integer in the range of the native part."""
     if isinstance(value, bool) or not hasattr(value, "__index__"):
         raise TypeError(f"{name} must be a whole number, got {value!r}")
     if not 0 <= value < 2**64:
@@ -66,7 +66,7 @@ def count(name: str, value: int) -> int:
 
 
 def kind(values: Any) -> str:
-    """What ``values`` are, for messages."""
+    """Description of ``values`` for messages."""
     if isinstance(values, np.ndarray):
         order = "" if values.dtype.isnative else " in foreign byte order"
         return f"an array of {values.dtype.name}{order} of shape {values.shape}"
@@ -91,7 +91,7 @@ def names(frame: Any) -> list[str]:
 
 
 def series(frame: Any, index: int) -> Any:
-    """The column at ``index`` of what ``names`` understands."""
+    """The column at ``index`` of any object that ``names`` accepts."""
     if isinstance(frame, Mapping):
         return list(frame.values())[index]
     if hasattr(frame, "column_names"):

@@ -1,4 +1,4 @@
-"""Many models along one motion; the package shows these functions as its own."""
+"""Simulation of many models along one motion; the package re-exports these functions."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def simulate_many(
     out: Optional[_Array] = None,
     threads: int = 0,
 ) -> _Array:
-    """Forces of many models along one motion, N: an array of a row for each model, a column for each sample.
+    """Forces of many models along one motion, N: an array with one row per model and one column per sample.
 
-    Each row is what ``simulate`` gives for that model, bit for bit; the models are stepped side by side, on all cores.
+    Each row equals the result of ``simulate`` for that model, bit for bit. The models are stepped in parallel on all cores.
 
-    :param models: a list of models; or one model, of which ``parameters`` makes many
-    :param parameters: columns of values by the names of ``Model.tunables``, as a dictionary, a data frame or a record array: row i
-        makes the model ``model.tuned(**row)``. A single number is that of all rows. Hundreds of thousands are no burden: none
-        becomes an object of Python
-    :param out: takes the result: a contiguous, writable array of float64 of that shape
-    :param threads: to work on; 0 takes one for each processor
+    :param models: a list of models; or one model, from which ``parameters`` makes many
+    :param parameters: columns of values with the names of ``Model.tunables``, as a dictionary, a data frame or a record array. Row i
+        gives the model ``model.tuned(**row)``; a single number applies to all rows. Hundreds of thousands of rows are
+        possible, because no Python object is created per model
+    :param out: array for the result: contiguous, writable, float64, of that shape
+    :param threads: number of threads; 0 takes one per processor
     """
     own, columns, count = _ensemble(models, parameters)
     time, position = column("time_s", time_s), column("position_m", position_m)
@@ -64,14 +64,14 @@ def squared_error_many(
     out: Optional[_Array] = None,
     threads: int = 0,
 ) -> _Array:
-    """Sum of the squared errors of many models against readings, N²: the residual sum of squares of each.
+    """Residual sum of squares of each of many models against readings, N².
 
-    What a Monte Carlo of one's own, an ABC sampler or a particle filter wants of each draw; no force is kept. Each is
-    Σ(force_n - simulate(model, ...))², summed from the first sample to the last; the rms error is its square root over that of the
-    number of readings. The forces are those on the seal: take the sensor's offset and the inertia of a moving mass out
-    before. A reading of nan is left out.
+    A Monte Carlo study, an ABC sampler or a particle filter needs this number for each draw. The forces are not stored.
+    Each sum is Σ(force_n - simulate(model, ...))², from the first sample to the last; the rms error is the square root of the
+    sum divided by the number of readings. The forces are those on the seal: subtract the sensor's offset and the inertia of
+    a moving mass first. Readings that are nan are left out.
 
-    :param models: as for ``simulate_many``, with ``parameters``
+    :param models: as for ``simulate_many``, like ``parameters``
     :param force_n: measured forces, N
     """
     own, columns, count = _ensemble(models, parameters)
@@ -92,7 +92,7 @@ def squared_error_many(
 
 
 def _ensemble(models: Models, parameters: Any) -> tuple[list[Model], _Columns, int]:
-    """Models, columns of parameters, and how many models these make."""
+    """Models, columns of parameters, and the resulting number of models."""
     own = [models] if isinstance(models, Model) else list(models)
     for item in own:
         if not isinstance(item, Model):

@@ -1,4 +1,4 @@
-"""How objects look in a notebook: small tables, and figures as pictures."""
+"""Display of objects in a notebook: small tables, and figures as images."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from ._core import Model, Recording
     from .results import Comparison, Compensation, Figure, Identification, Parameter, SweepTable, Validation
 
-#: Figures of an identification that are shown without being asked for, those that there are.
+#: Figures of an identification that are shown by default, if they exist.
 _FIRST = ("cross-validation", "static-friction", "deformation-force")
-#: Most models of a comparison and most further parameters in a table before the rest is folded away.
+#: Maximum number of rows of a comparison table; further models are in a collapsed section.
 _MOST_ROWS = 12
 
-#: Units that people think in.
+#: Units for display.
 _DISPLAY = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "N/m": (1e-3, "N/mm"), "kg": (1e3, "g")}
 
 _LEFT = "text-align:left"
@@ -35,7 +35,7 @@ def _number(value: float, digits: int = 4) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> str:
-    """Cells are HTML already; the first column and those without a heading are flush left."""
+    """An HTML table. Cells are already HTML; the first column and columns without a heading are left-aligned."""
 
     def cells(tag: str, row: Sequence[str]) -> str:
         style = [f' style="{_LEFT}"' if i == 0 or not heading else "" for i, heading in enumerate(head)]
@@ -56,7 +56,7 @@ def _list(title: str, lines: Iterable[str]) -> str:
 
 
 def figure(found: Figure) -> str:
-    """A picture of its own: what is inside cannot collide with the page, whatever else it shows."""
+    """A figure as an embedded image, so that its content cannot conflict with the rest of the page."""
     data = base64.b64encode(found.encode()).decode()
     picture = (
         f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(found.heading)}" '
@@ -92,7 +92,7 @@ def identification(found: Identification) -> str:
     names = ", ".join(r["name"] for r in found.summary["recordings"] if r["used_for"] == "identification")
     caption = f"<b>Identified</b> from {escape(names)}: {_number(found.residual_rms_n, 3)} N rms left"
     recordings = () if found.validation is None else found.validation.recordings
-    # The table of the validation lists its own.
+    # The validation table lists the warnings of its recordings.
     listed = {f"{r.name}: {warning}" for r in recordings for warning in r.warnings}
     warnings = [str(warning) for warning in found.warnings if warning.doubtful and str(warning) not in listed]
     remarks = [str(warning) for warning in found.warnings if not warning.doubtful]

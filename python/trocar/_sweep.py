@@ -1,4 +1,4 @@
-"""Sweeps; the package shows the function as its own."""
+"""Parameter sweeps; the package re-exports the function."""
 
 from __future__ import annotations
 
@@ -28,21 +28,22 @@ def sweep(
     threads: int = 0,
     progress: Optional[Callable[[str, float], object]] = None,
 ) -> SweepTable:
-    """One model many times, with parameters of seal and rig drawn at random or taken from a grid: ``trocar sweep``.
+    """Simulates one model many times, with parameters of seal and rig drawn at random or taken from a grid (``trocar sweep``).
 
-    A row depends on the document and on its number alone: the same document and seed give the same table on any number of
-    threads, and the file of the command line, byte for byte. A run whose parameters make no model is a row with its reason.
+    A row depends only on the configuration and on the row number. The same configuration and seed therefore give the same table
+    on any number of threads, byte for byte equal to the file of the command line. If the parameters of a run do not give a
+    valid model, its row contains the reason.
 
-    :param config: what to vary: path of a TOML file, its text (of several lines), or a dictionary of the same keys, whose ``model`` may
-        also be a ``Model``; ``sweep_config()`` gives an example that describes every key. Files that a text or a dictionary
-        names are sought in the current directory
-    :param out: the table: .parquet, .arrow, .csv, .csv.gz or .csv.zst; it appears whole or not at all. Nothing is then kept in memory,
-        however many rows there are
-    :param traces: folder for time, position and force of each run, a Parquet file each
-    :param seed: in place of that of the document
-    :param threads: to work on; 0 takes one for each processor, and there are at most four for each, or 64
-    :param progress: called with the stage and the part done, 0 to 1, on the calling thread
-    :raises SweepError: for a document that cannot be understood
+    :param config: what to vary: path of a TOML file, TOML text (of several lines), or a dictionary with the same keys, whose ``model``
+        may also be a ``Model``. ``sweep_config()`` gives an example that describes every key. Relative paths in a text or a
+        dictionary refer to the current directory
+    :param out: file for the table: .parquet, .arrow, .csv, .csv.gz or .csv.zst. It is written completely or not at all. The table is
+        then not kept in memory, so the number of rows is not limited by it
+    :param traces: folder for time, position and force of each run, one Parquet file per run
+    :param seed: replaces the seed of the configuration
+    :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
+    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1
+    :raises SweepError: if the configuration is invalid
     """
     text, name, folder, model = _document(config)
     rows, failed, first_failure, table = _core.sweep(
@@ -66,7 +67,7 @@ def _cells(cells: Any) -> npt.NDArray[Any]:
 
 
 def _document(config: Union[_Path, Mapping[str, Any]]) -> tuple[str, Optional[str], str, Optional[Model]]:
-    """Text of a sweep, what to call it, where its files are, and its model if there is one already."""
+    """Text of a sweep, its name, the folder of its files, and its model if it was given as an object."""
     if isinstance(config, Mapping):
         given = dict(config)
         model = given.pop("model") if isinstance(given.get("model"), Model) else None

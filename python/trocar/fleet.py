@@ -1,12 +1,12 @@
-"""Many recordings, each identified by itself, to one table: in a pipeline of your own, here, or on a Dask cluster.
+"""Identification of many recordings, one by one, into one table: in your own pipeline, in this process, or on a Dask cluster.
 
     from trocar import fleet
 
-    row = fleet.identify_one("recordings/0001.csv")                       # a dictionary of plain values, whatever happens
-    fleet.identify_dataset("recordings", "table.parquet", engine="dask")  # two processes and more, or a cluster
+    row = fleet.identify_one("recordings/0001.csv")                       # a dictionary of plain values, also after an error
+    fleet.identify_dataset("recordings", "table.parquet", engine="dask")  # local processes, or a cluster
 
-A recording that cannot be read or identified is a row with its reason, not an exception. Rows and table are those of
-``trocar fleet``, byte for byte. The engine needs ``distributed``, which is not imported before it is used:
+A recording that cannot be read or identified gives a row with the reason, not an exception. Rows and table equal those of
+``trocar fleet``, byte for byte. The Dask engine needs ``distributed``, which is imported only when it is used:
 ``pip install trocar[dask]``.
 """
 
@@ -29,7 +29,7 @@ __all__ = ["Config", "Outcome", "columns", "identify_dataset", "identify_one"]
 _Path = Union[str, "os.PathLike[str]"]
 Row = dict[str, Any]
 
-#: Files that a cluster knows of at one time, for each of its threads.
+#: Files submitted to a cluster at one time, per thread of the cluster.
 IN_FLIGHT = 3
 
 
@@ -37,8 +37,9 @@ IN_FLIGHT = 3
 class Config:
     """How to read and identify each recording; equal configurations and recordings give equal rows.
 
-    ``depth`` is ``quick`` (without the optional terms that rests and partial reversals determine) or ``full`` (all that
-    ``trocar.identify`` does); ``bootstrap`` 0 takes the quicker jackknife for the intervals. The rest is as in ``trocar.read`` and ``trocar.identify``.
+    ``depth`` is ``quick`` (without the optional model terms that rests and partial reversals determine) or ``full`` (everything
+    that ``trocar.identify`` does). With ``bootstrap`` 0 the intervals come from the faster jackknife. The other fields are as in
+    ``trocar.read`` and ``trocar.identify``.
     """
 
     depth: str = "quick"
@@ -52,16 +53,16 @@ class Config:
     to_s: Optional[float] = None
     flip_force: bool = False
     sensor_limit_n: Optional[float] = None
-    #: Of a longer recording excerpts are taken, spread over the whole.
+    #: From a longer recording, excerpts spread over its whole length are used.
     most_samples: Optional[int] = 2_000_000
-    #: Most memory that one identification may take.
+    #: Maximum memory of one identification.
     memory_limit_bytes: Optional[int] = None
 
     def __post_init__(self) -> None:
         _native(self)
 
     def hash_text(self) -> str:
-        """What stands in the column ``config`` of every row."""
+        """The text in the column ``config`` of every row."""
         return _native(self).hash_text()
 
 
@@ -71,7 +72,7 @@ def _native(config: Config) -> _core.FleetConfig:
 
 
 def columns() -> dict[str, str]:
-    """Names of the columns of every row, in order, with what they hold: number, whole, truth or text."""
+    """Names of the columns of every row, in order, with the type of their values: number, integer, boolean or text."""
     return dict(_core.fleet_columns())
 
 
@@ -81,13 +82,13 @@ def _names() -> tuple[str, ...]:
 
 
 def identify_one(recording: Any, config: Config = Config(), *, name: Optional[str] = None) -> Row:
-    """Identifies one recording by itself: a pure function, to be called from any pipeline, process or machine.
+    """Identifies one recording: a pure function that any pipeline, process or machine can call.
 
-    What goes wrong is part of the row: ``status`` is ``ok``, ``doubtful`` or ``failed``, with ``reason_kind`` and ``reason``. One
-    thread does the work. Empty cells are None.
+    Errors are part of the row: ``status`` is ``ok``, ``doubtful`` or ``failed``, with ``reason_kind`` and ``reason``. The call
+    uses one thread. Empty cells are None.
 
     :param recording: path of a file, or columns: a data frame, an Arrow table, a dictionary
-    :param name: what to call columns in the table
+    :param name: name in the table of a recording given as columns
     """
     given = os.fspath(recording) if isinstance(recording, os.PathLike) else recording
     if isinstance(given, str):
@@ -109,17 +110,17 @@ def _failed(name: str, config: Config, kind: str, reason: str) -> Row:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What became of a data set."""
+    """Summary of the identification of a data set."""
 
     table: Path
     recordings: int
     ok: int
     doubtful: int
-    #: Name of the recording, and why it failed.
+    #: Name of each failed recording, and the reason.
     failed: tuple[tuple[str, str], ...]
-    #: Recordings whose rows an interrupted run had left behind.
+    #: Recordings whose rows were reused from an interrupted run.
     taken_over: int
-    #: Files that were passed over for their extension.
+    #: Files skipped because of their extension.
     left_out: tuple[str, ...]
 
 
@@ -134,21 +135,22 @@ def identify_dataset(
     workers: Optional[int] = None,
     progress: Optional[Callable[[int, int], object]] = None,
 ) -> Outcome:
-    """Identifies every recording of a data set and writes one table with a row for each.
+    """Identifies every recording of a data set and writes one table with one row per recording.
 
-    The table is that of ``trocar fleet``, whatever the engine, the number of workers, their order and their fate. Rows done are
-    kept in a journal beside ``out``: an interrupted call, made again, goes on where it was; so does ``trocar fleet``.
+    The table equals that of ``trocar fleet``. It does not depend on the engine, on the number or order of the workers, or on
+    workers that die. Finished rows are kept in a journal beside ``out``: a repeated call continues an interrupted one, and so
+    does ``trocar fleet``.
 
-    :param dataset: a folder (folders in it named ``key=value`` become columns), a manifest (CSV or Parquet with a column ``path``,
-        relative to it; its other columns are kept), or a Parquet file; workers must see it under the same path. Parquet files of a
-        folder may be the parts of a partitioned data set, with rows of one recording in several of them
-    :param out: the table: .parquet, .csv, .csv.gz, .csv.zst or .arrow; it appears whole or not at all
-    :param group_by: the column, or the key of folders, that tells recordings apart where Parquet files hold rows of several;
-        by default ``recording`` where there is one
+    :param dataset: a folder (subfolders named ``key=value`` become columns), a manifest (CSV or Parquet with a column ``path``,
+        relative to the manifest; its other columns are kept), or a Parquet file. Workers must see it under the same path. Parquet
+        files in a folder may be the parts of a partitioned data set, with the rows of one recording in several files
+    :param out: file for the table: .parquet, .csv, .csv.gz, .csv.zst or .arrow; it is written completely or not at all
+    :param group_by: the column or folder key that distinguishes recordings if Parquet files contain rows of several;
+        by default ``recording``, if it exists
     :param engine: ``dask``, or ``serial`` for this process alone
     :param client: a ``distributed.Client`` of a running cluster; by default a cluster of processes on this machine
-    :param workers: processes of that cluster; by default one for each processor
-    :param progress: called with the files done and all of them
+    :param workers: number of processes of that local cluster; by default one per processor
+    :param progress: called with the number of finished files and the total number
     """
     if engine not in ("dask", "serial"):
         raise ParameterError(f"engine {engine!r}: expected dask or serial")
@@ -177,7 +179,7 @@ def _work(order: str, config: Config) -> str:
     return _core.fleet_source(order, _native(config))
 
 
-#: Number of a file with the text of its rows; None where its workers died.
+#: Index of a file and the text of its rows; None if its workers died.
 _Parts = Iterator[tuple[int, Optional[str]]]
 
 
@@ -193,7 +195,7 @@ def _dask(
     workers: Optional[int],
     work: Callable[[str, Config], str] = _work,
 ) -> _Parts:
-    """Rows as they come. A worker that dies loses its file to another; a file that kills worker after worker is given up."""
+    """Rows in order of completion. If a worker dies, another one takes its file; a file that repeatedly kills workers is abandoned."""
     distributed = _needed("distributed")
     if client is None:
         options = {"n_workers": workers or os.cpu_count() or 1, "threads_per_worker": 1, "dashboard_address": None}
@@ -207,12 +209,12 @@ def _dask(
         try:
             yield source, future.result()
         except Exception:
-            # A killed worker: perhaps this file only stood in line where another one killed. A failure: it may pass.
+            # If the worker was killed, another file may have caused it. Other failures may be transient.
             suspects.append(source)
     for source in suspects:
         try:
             text = submit(orders[source]).result()
-        except Exception:  # whatever it is, it is this file's
+        except Exception:  # any failure now is due to this file
             text = None
         yield source, text
 
@@ -220,7 +222,7 @@ def _dask(
 def _in_flight(
     distributed: Any, client: Any, submit: Callable[[str], Any], orders: Sequence[str]
 ) -> Iterator[tuple[int, Any]]:
-    """Finished futures; a cluster is never given more than it soon gets to."""
+    """Finished futures; the number of submitted files is limited."""
     waiting = iter(enumerate(orders))
     at_once = IN_FLIGHT * max(sum(client.nthreads().values()), 1)
     of_key: dict[Any, int] = {}
@@ -240,7 +242,7 @@ def _in_flight(
 
 
 def _same_everywhere(client: Any) -> None:
-    """Refuses workers without this package, which would wait for ever, and those with another version."""
+    """Rejects workers without this package, which would wait forever, and workers with another version of it."""
     for address, has in client.get_versions(packages=["trocar"])["workers"].items():
         found = has["packages"].get("trocar")
         if found != __version__:

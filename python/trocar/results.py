@@ -1,4 +1,4 @@
-"""What identify, validate, compare, simulate_full, sweep and compensate give: plain objects that show themselves in a notebook."""
+"""Results of identify, validate, compare, simulate_full, sweep and compensate: plain objects with a display for notebooks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = [
 
 
 class Figure(str):
-    """A figure as the text of an SVG file, with its name, heading and caption; a notebook shows the picture."""
+    """A figure as SVG text, with its name, heading and caption; a notebook displays the image."""
 
     name: str
     heading: str
@@ -72,7 +72,7 @@ class Parameter:
     name: str
     value: float
     unit: str
-    #: Ends of the interval; infinite where the data set none.
+    #: Bounds of the interval; infinite if the data do not determine them.
     ci95_low: float
     ci95_high: float
     #: Whether the data determine it; if not, ``note`` says why.
@@ -89,7 +89,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class ResultWarning:
-    """Something to know about a result: what it concerns, what it is, and whether the result is doubtful for it."""
+    """A warning or remark about a result: its subject, its message, and whether it makes the result doubtful."""
 
     subject: str
     message: str
@@ -100,7 +100,7 @@ class ResultWarning:
 
 
 class Forces(NamedTuple):
-    """Measured and computed force along one recording, the sensor's offset taken out."""
+    """Measured and computed force along one recording, with the sensor's offset subtracted."""
 
     time_s: npt.NDArray[np.float64]
     measured_n: npt.NDArray[np.float64]
@@ -116,11 +116,11 @@ class RecordingValidation:
     fit_percent: float
     bias_n: float
     worst_n: float
-    #: Samples scored, and those left out because the seal had not slid yet.
+    #: Number of samples scored, and of those left out because the seal had not slid yet.
     samples: int
     samples_before_known: int
     warnings: tuple[str, ...]
-    #: Everything, as in the JSON of the command line: errors by speed and phase, whiteness, scatter of strokes.
+    #: All results, as in the JSON of the command line: errors by speed and phase, whiteness, scatter of strokes.
     details: Mapping[str, Any] = field(repr=False)
 
     @classmethod
@@ -137,7 +137,7 @@ class Validation:
     rms_n: float
     fit_percent: float
     recordings: tuple[RecordingValidation, ...]
-    #: Taken out of the readings: offset of the sensor, and inertia of the mass between it and the seal.
+    #: Subtracted from the readings: offset of the sensor, and inertia of the mass between sensor and seal.
     offset_n: float
     moving_mass_kg: float
     summary: Mapping[str, Any] = field(repr=False)
@@ -151,11 +151,15 @@ class Validation:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether a recording never let the seal forget its unknown start, or contradicts the identification."""
+        """Whether any recording has a warning.
+
+        Its seal never forgot the unknown initial state, its motion left the range of the position profile, or it contradicts
+        the identification.
+        """
         return any(recording.warnings for recording in self.recordings)
 
     def forces(self, recording: int | str = 0) -> Forces:
-        """Measured and computed force along a recording, by its number or name."""
+        """Measured and computed force along a recording, selected by index or name."""
         names = [found.name for found in self.recordings]
         if isinstance(recording, str):
             if recording not in names:
@@ -177,15 +181,15 @@ class Validation:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """An identified model with everything that is known about it."""
+    """An identified model with its parameters, intervals, warnings and validation."""
 
     model: Model
-    #: By name with unit, the main ones first.
+    #: Parameters by name (with unit), the main ones first.
     parameters: Mapping[str, Parameter]
     warnings: tuple[ResultWarning, ...] = field(repr=False)
-    #: Root mean square error over the recordings it was identified from, N.
+    #: Root mean square error over the recordings used for identification, N.
     residual_rms_n: float
-    #: On the recordings held out; None without any.
+    #: Validation on the held-out recordings; None if there are none.
     validation: Optional[Validation]
     #: The contents of summary.json.
     summary: Mapping[str, Any] = field(repr=False)
@@ -217,11 +221,11 @@ class Identification:
         return _figures(self._done.figures())
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Writes model.json, summary.json, report.html and figures into a folder: all of them or none."""
+        """Writes model.json, summary.json, report.html and figures into a folder: either all of them or none."""
         self._done.save(folder)
 
     def report(self, path: str | os.PathLike[str]) -> None:
-        """Writes the report: one HTML file with everything inside."""
+        """Writes the report as one self-contained HTML file."""
         self._done.report(path)
 
     def __repr__(self) -> str:
@@ -239,9 +243,9 @@ class Identification:
 
 @dataclass(frozen=True, eq=False)
 class ComparedModel:
-    """One model of a comparison: fit and scores. Errors in N rms."""
+    """One model of a comparison with its fit and scores. Errors are in N rms."""
 
-    #: Family, with the number of elements where there is a choice: "lugre", "gms-4".
+    #: Family, with the number of elements if it is variable: "lugre", "gms-4".
     label: str
     name: str
     elements: int
@@ -252,7 +256,7 @@ class ComparedModel:
     fit_percent: float
     aic: float
     bic: float
-    #: After the reversals of the validation, and behind the worst one; nan without a reversal.
+    #: Error after all reversals of the validation, and after the worst one; nan without a reversal.
     reversal_rms_n: float
     worst_reversal_n: float
     offset_n: float
@@ -282,12 +286,12 @@ class ComparedModel:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Friction models fitted to the same recordings and scored on the same others, least validation error first."""
+    """Friction models fitted to the same recordings and scored on the same validation data, smallest validation error first."""
 
     models: tuple[ComparedModel, ...]
-    #: What EMS section II-C claims, tested, in words.
+    #: Results of testing the claims of EMS section II-C, as sentences.
     claims: tuple[str, ...]
-    #: Whether the models were scored on the last thirds of the recordings, for want of others.
+    #: Whether the models were scored on the last third of each recording, because no other recordings were given.
     held_out: bool
     warnings: tuple[str, ...]
     #: The contents of compare.json.
@@ -303,7 +307,7 @@ class Comparison:
 
     @property
     def best(self) -> ComparedModel:
-        """The model with the least validation error."""
+        """The model with the smallest validation error."""
         return self.models[0]
 
     def __getitem__(self, label: str) -> ComparedModel:
@@ -324,11 +328,11 @@ class Comparison:
         return _figures(self._done.figures())
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Writes compare.json, models, report.html and figures into a folder: all of them or none."""
+        """Writes compare.json, models, report.html and figures into a folder: either all of them or none."""
         self._done.save(folder)
 
     def report(self, path: str | os.PathLike[str]) -> None:
-        """Writes the report: one HTML file with everything inside."""
+        """Writes the report as one self-contained HTML file."""
         self._done.report(path)
 
     def __reduce__(self) -> Any:
@@ -343,13 +347,13 @@ class Comparison:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A model along a motion, sample by sample."""
+    """Simulation of a model along a motion, sample by sample."""
 
     time_s: npt.NDArray[np.float64]
     position_m: npt.NDArray[np.float64]
     #: Force of the instrument on the seal, N.
     force_n: npt.NDArray[np.float64]
-    #: Deflection of the seal, m, and whether it slides; None for a classical model, which does not tell.
+    #: Deflection of the seal, m, and whether it slides; None for a classical model, which does not provide them.
     deflection_m: Optional[npt.NDArray[np.float64]]
     sliding: Optional[npt.NDArray[np.bool_]]
 
@@ -359,7 +363,7 @@ class Simulation:
         return None if self.sliding is None else np.where(self.sliding, "sliding", "deforming")
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The columns that there are, as ``pandas.DataFrame`` and ``polars.DataFrame`` take them."""
+        """All columns that are not None, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept."""
         all_ = {
             "time_s": self.time_s,
             "position_m": self.position_m,
@@ -381,10 +385,10 @@ class Simulation:
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """The table of a sweep: a row for each run, in memory or in a file."""
+    """The table of a sweep, one row per run, in memory or in a file."""
 
     rows: int
-    #: Rows without a result, and the reason of the first of them.
+    #: Number of rows without a result, and the reason for the first of them.
     failed: int
     first_failure: Optional[str]
     #: The file that holds the table; None for one in memory.
@@ -392,9 +396,9 @@ class SweepTable:
     _table: Optional[dict[str, npt.NDArray[Any]]] = field(repr=False)
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The columns of a table in memory, as ``pandas.DataFrame`` and ``polars.DataFrame`` take them.
+        """The columns of a table in memory, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept.
 
-        ``run`` and ``seed``, the parameters, the results (nan where there is none) and ``failure`` (None where there is none).
+        They are ``run`` and ``seed``, the parameters, the results (nan if missing) and ``failure`` (None if the run succeeded).
         """
         if self._table is None:
             raise TrocarError(f"the table is in {self.path}: read it from there, or leave out `out` to have it in memory")
@@ -408,7 +412,7 @@ class SweepTable:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether runs failed."""
+        """Whether any run failed."""
         return self.failed > 0
 
     def __len__(self) -> int:
@@ -423,7 +427,7 @@ class SweepTable:
 
 
 class Drift(NamedTuple):
-    """Friction and viscosity over those of the model, with standard deviations; 1 where nothing has changed."""
+    """Friction scale and viscosity scale relative to the model, with standard deviations; 1 means unchanged."""
 
     level: float
     level_std: float
@@ -433,25 +437,25 @@ class Drift(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Compensation:
-    """The force on the tissue along a recording: what the sensor read less what the trocar took."""
+    """The force on the tissue along a recording: the sensor reading minus offset, inertia and trocar force."""
 
     time_s: npt.NDArray[np.float64]
     position_m: npt.NDArray[np.float64]
-    #: As read.
+    #: Sensor reading.
     force_n: npt.NDArray[np.float64]
-    #: Of the instrument on seal and trocar, and on the tissue; nan where a reading cannot tell.
+    #: Force of the instrument on seal and trocar, and on the tissue; nan if the reading does not determine it.
     trocar_force_n: npt.NDArray[np.float64]
     tissue_force_n: npt.NDArray[np.float64]
-    #: Standard deviation of both.
+    #: Standard deviation of both forces.
     tissue_force_std_n: npt.NDArray[np.float64]
-    #: Whether friction and viscosity are being followed.
+    #: Whether the observer tracks friction and viscosity.
     adapting: npt.NDArray[np.bool_]
-    #: Place of each sample's fault in ``FAULTS``, -1 for none.
+    #: Index of each sample's fault in ``FAULTS``; -1 for none.
     fault: npt.NDArray[np.int8]
-    #: Where friction and viscosity ended.
+    #: Friction and viscosity after the last sample.
     drift: Drift
 
-    #: Names of the faults, and what they mean.
+    #: Names and meanings of the faults.
     FAULTS: ClassVar[tuple[tuple[str, str], ...]] = tuple(_core.faults())
 
     @classmethod
@@ -461,17 +465,17 @@ class Compensation:
 
     @property
     def faults(self) -> dict[str, int]:
-        """How many samples have which fault; only those that occur."""
+        """Number of samples with each fault, for the faults that occur."""
         counts = {name: int((self.fault == place).sum()) for place, (name, _) in enumerate(self.FAULTS)}
         return {name: count for name, count in counts.items() if count}
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether readings could not tell the force, or samples were missing."""
+        """Whether some readings did not determine the force, or samples were missing."""
         return bool({"no_reading", "no_position", "saturated", "frozen", "gap"} & self.faults.keys())
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The columns, as ``pandas.DataFrame`` and ``polars.DataFrame`` take them."""
+        """The columns, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept."""
         names = ("time_s", "position_m", "force_n", "trocar_force_n", "tissue_force_n", "tissue_force_std_n", "adapting")
         return {name: getattr(self, name) for name in names}
 
