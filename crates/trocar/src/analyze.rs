@@ -1,13 +1,14 @@
-//! The paper's propositions III.1 to III.3 for one given seal, and what happens where their assumptions fail.
+//! The paper's propositions III.1 to III.3 for one given seal, and what happens where their
+//! assumptions fail.
 //!
 //! ```text
 //! III.1  dF_e/dz > 0 outside an interval (15)           => the element reaches sliding at constant velocity
 //! III.2  F_ss = g(V)·sgn V + β·V (16)                    F_e(z_ss) = F_ss (17)
 //! III.3  A = -F_e'(z_ss)/(σ + β + g'(V)) (22)            A < 0: the steady state is stable
 //! ```
-//! EMS states III.3 for constant g, with the remark that it holds for a Stribeck curve as well. It does not: where
-//! β + σ + g'(V) <= 0 the steady state is unstable and the seal sticks and slips by itself. Each figure that theory
-//! gives is set against a simulation of the very element.
+//! EMS states III.3 for constant g and remarks that it also holds for a Stribeck curve. It does
+//! not: where β + σ + g'(V) <= 0 the steady state is unstable and the seal shows stick-slip without
+//! external excitation. Each value from theory is compared with a simulation of the same element.
 
 use serde::Serialize;
 use trocar_model::{Branch, Element, Folding, Mode, SlidingFriction, Stages, State};
@@ -23,13 +24,13 @@ pub use stability::{SpeedRange, Stability, StickSlip};
 /// Speeds of the tables, m/s: the paper's range (EMS section IV) and slower.
 pub const SPEEDS: [f64; 8] = [0.001, 0.005, 0.015, 0.03, 0.05, 0.08, 0.1, 0.2];
 
-/// Points at which a branch is looked at.
+/// Points at which a branch is evaluated.
 const BRANCH_POINTS: u32 = 2000;
 
 /// Step of the simulations, s.
 const STEP: f64 = 1e-4;
 
-/// Sense of a motion.
+/// Direction of a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sense {
@@ -64,7 +65,7 @@ impl Sense {
     }
 }
 
-/// Deflections between which something holds.
+/// Range of deflections.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interval {
     /// Lower end, m.
@@ -73,30 +74,32 @@ pub struct Interval {
     pub to_m: f64,
 }
 
-/// How one branch is run through on the way to sliding.
+/// How the deflection follows one branch until sliding.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BranchPassage {
     /// Motion along the branch.
     pub sense: Sense,
-    /// Where dF_e/dz <= 0, from the start of the motion on. (15) speaks of one such interval, but its proof asks only
-    /// that F_e rises outside all of them.
+    /// Where dF_e/dz <= 0, from the start of the motion. (15) assumes one such interval, but its
+    /// proof only requires that F_e rises outside all of them.
     pub softening: Vec<Interval>,
-    /// Highest force in the sense of the motion before the seal snaps through, N; `None` when the branch rises throughout.
+    /// Highest force in the direction of motion before the seal snaps through, N; `None` when the
+    /// branch rises throughout.
     pub hump_force_n: Option<f64>,
     /// Lowest force after it, N.
     pub dip_force_n: Option<f64>,
     /// F_s, N.
     pub static_force_n: f64,
-    /// Whether the seal snaps through before the instrument slides: the hump stays below F_s.
+    /// Whether the seal snaps through before the instrument slides: the hump is below F_s.
     pub snaps_through_first: bool,
-    /// Speed above which the seal snaps through although the hump exceeds F_s: (F_hump - F_c)/β, m/s; infinite without β.
-    /// `None` when it snaps through at any speed.
+    /// Speed above which the seal snaps through although the hump exceeds F_s: (F_hump - F_c)/β,
+    /// m/s; infinite without β. `None` when it snaps through at any speed.
     pub critical_speed_m_s: Option<f64>,
-    /// Speeds at which the deflection has two resting places; which one is taken depends on the past.
+    /// Speeds at which the deflection has two equilibria; the history decides which one it reaches.
     pub bistable: Option<SpeedRange>,
-    /// Longest travel until sliding over all starts and speeds simulated, m; `None` when one never slid.
+    /// Longest travel until sliding over all simulated initial deflections and speeds, m; `None`
+    /// when one never slid.
     pub longest_travel_to_sliding_m: Option<f64>,
-    /// Whether F_e rises outside the softening and sliding is reached.
+    /// Whether F_e rises outside the softening intervals and sliding is reached.
     pub holds: bool,
     /// The same in words.
     pub verdict: String,
@@ -107,26 +110,26 @@ pub struct BranchPassage {
 pub struct ReachesSliding {
     /// Both branches.
     pub branches: Vec<BranchPassage>,
-    /// Interval outside which the law between the branches rises too, whatever the history.
+    /// Interval outside which the law between the branches also rises, whatever the history.
     pub softening_of_partial_reversals: Option<Interval>,
     /// Whether it holds on both branches.
     pub holds: bool,
 }
 
-/// One line of the table of proposition III.2.
+/// One row of the table of proposition III.2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SteadyPoint {
     /// V, m/s.
     pub velocity_m_s: f64,
     /// F_ss of (16), N.
     pub force_n: f64,
-    /// Deflection at which the simulation rests, m; F_e there is F_ss (17).
+    /// Deflection at which the simulation settles, m; F_e there is F_ss (17).
     pub deflection_m: f64,
     /// Simulated minus F_ss, N.
     pub simulated_difference_n: f64,
-    /// A of (22), 1/s; minus infinity where nothing damps.
+    /// A of (22), 1/s; minus infinity without damping.
     pub eigenvalue_1_s: f64,
-    /// -1/A, s; 0 where nothing damps.
+    /// -1/A, s; 0 without damping.
     pub time_constant_s: f64,
     /// Whether A < 0 and β + σ + g'(V) > 0.
     pub stable: bool,
@@ -135,11 +138,11 @@ pub struct SteadyPoint {
 /// Propositions III.2 and III.3.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SteadyState {
-    /// Table over [`SPEEDS`] in both senses.
+    /// Table over [`SPEEDS`] in both directions.
     pub table: Vec<SteadyPoint>,
     /// Largest difference between simulation and (16) where the steady state is stable, N.
     pub largest_difference_n: f64,
-    /// Whether the simulation comes to rest at (16) wherever it is stable.
+    /// Whether the simulation settles at (16) wherever the steady state is stable.
     pub holds: bool,
     /// The same in words.
     pub verdict: String,
@@ -150,7 +153,7 @@ pub struct SteadyState {
 pub struct ElementAnalysis {
     /// Proposition III.1.
     pub reaches_sliding: ReachesSliding,
-    /// Proposition III.2 with the figures of III.3.
+    /// Proposition III.2 with the eigenvalues of III.3.
     pub steady_state: SteadyState,
     /// Proposition III.3 for this sliding law.
     pub stability: Stability,
@@ -163,7 +166,7 @@ pub struct Analysis {
     pub elements: Vec<ElementAnalysis>,
     /// Work dissipated over full cycles.
     pub cycle_work: CycleWork,
-    /// Least work of random closed cycles.
+    /// Least work over random closed cycles.
     pub random_cycles: RandomCycles,
     /// Error of the step.
     pub step_error: StepError,
@@ -171,7 +174,7 @@ pub struct Analysis {
     pub holds: bool,
 }
 
-/// Analyses one seal; `seed` is for the random motions.
+/// Analyses one seal; `seed` determines the random motions.
 pub fn analyze(stages: &Stages, seed: u64) -> Analysis {
     let each: Vec<ElementAnalysis> = stages.elements().iter().map(analyze_element).collect();
     let cycle_work = CycleWork::of(stages);
@@ -208,7 +211,8 @@ impl BranchPassage {
         let branch = sense.branch(element);
         let friction = sense.friction(element);
         let softening = softening(branch, c, sense);
-        // Seen along the motion: u runs from -c to c, the force counts in the sense of the motion.
+        // Relative to the motion: u runs from -c to c, and forces in the direction of motion are
+        // positive.
         let force = |u: f64| sense.sign() * branch.force(sense.sign() * u);
         let along = |interval: &Interval| match sense {
             Sense::Insertion => (interval.from_m, interval.to_m),
@@ -263,7 +267,7 @@ impl BranchPassage {
     }
 }
 
-/// Where the branch does not rise, in the order of the motion.
+/// Intervals where the branch does not rise, in the order of the motion.
 fn softening(branch: &Branch, c: f64, sense: Sense) -> Vec<Interval> {
     let at = |k: u32| c * (2.0 * f64::from(k) / f64::from(BRANCH_POINTS) - 1.0);
     let softens = |k: u32| branch.stiffness(at(k)) <= 0.0;
@@ -286,7 +290,8 @@ fn softening(branch: &Branch, c: f64, sense: Sense) -> Vec<Interval> {
     found
 }
 
-/// Travel, m, until the instrument slides, the longest over starts across [-c, c] and [`SPEEDS`].
+/// Travel until the instrument slides, m: the longest over initial deflections across [-c, c] and
+/// [`SPEEDS`].
 fn longest_travel_to_sliding(element: &Element, sense: Sense) -> Option<f64> {
     const STARTS: u32 = 16;
     let c = element.params().deformation.half_width();
@@ -350,7 +355,7 @@ impl SteadyPoint {
     }
 }
 
-/// State after so long a slide at `velocity`, m/s, that what settles has settled.
+/// State after sliding at `velocity` (m/s) until all transients have decayed.
 fn settled(element: &Element, velocity: f64) -> State {
     const PARTS: u32 = 400;
     let params = element.params();
@@ -366,8 +371,8 @@ fn settled(element: &Element, velocity: f64) -> State {
     state
 }
 
-/// Whether the step is exact: constant friction, no damping of the seal, neither creep nor relaxation, and branches that
-/// stay within the limits.
+/// Whether the step is exact: constant friction, no damping of the seal, no creep or relaxation,
+/// and branches that stay within the limits.
 fn is_exact(element: &Element) -> bool {
     let params = element.params();
     let unique = element.folded() == (Folding::Unique, Folding::Unique);
@@ -390,7 +395,7 @@ mod tests {
         ElementParams::plausible_10_5_mm().unwrap()
     }
 
-    /// A straight spring of K = 500 N/m that slides with F_c 2, F_s 3 N, v_s 20 mm/s, β = 5 N·s/m.
+    /// A linear spring of K = 500 N/m that slides with F_c 2, F_s 3 N, v_s 20 mm/s, β = 5 N·s/m.
     fn stribeck() -> Element {
         let friction = SlidingFriction {
             coulomb_force: 2.0,
@@ -423,8 +428,8 @@ mod tests {
         assert!((0.016..0.017).contains(&travel), "one full snap-through of 2c = 16 mm, got {travel}");
     }
 
-    /// Worked out elsewhere: at 15 mm/s the force swings between 2.22 and 3.00 N and the steady 2.64 N is never reached;
-    /// at 60 mm/s it is.
+    /// From an independent computation: at 15 mm/s the force oscillates between 2.22 and 3.00 N and
+    /// never reaches the steady 2.64 N; at 60 mm/s it does.
     #[test]
     fn strong_stribeck_friction_sticks_and_slips() {
         let found = analyze(&stribeck().into(), 1);
@@ -440,14 +445,15 @@ mod tests {
         assert!(found.elements[0].steady_state.holds);
     }
 
-    /// A hump above F_s: the seal snaps through above (F_hump - F_c)/β only.
+    /// A hump above F_s: the seal snaps through only above (F_hump - F_c)/β.
     #[test]
     fn a_hump_above_the_static_force_is_passed_at_speed_only() {
         let plausible = plausible();
         let scaled = |branch: &Branch| {
             let ends = [branch.force(-8e-3), branch.force(8e-3)];
             let piece = |p: &Piece| {
-                // 3 N at the ends down to 1 N, the inside as it is: a straight line taken off.
+                // From 3 N at the ends to 1 N with the interior unchanged: a straight line is
+                // subtracted.
                 let mut legendre: Vec<f64> = p.legendre().to_vec();
                 let slope = (ends[1] - 2.0 * 1.0 - ends[0]) / (2.0 * 8e-3);
                 legendre[0] -= slope * 0.5 * (p.from() + p.to());

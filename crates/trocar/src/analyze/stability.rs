@@ -5,7 +5,7 @@ use trocar_model::{Element, Folding};
 
 use super::{STEP, Sense, SteadyPoint};
 
-/// Speeds, m/s, between which instability is looked for.
+/// Range of speeds searched for instability, m/s.
 const SLOWEST: f64 = 1e-6;
 const FASTEST: f64 = 1.0;
 
@@ -21,38 +21,39 @@ pub struct SpeedRange {
 /// Self-excited oscillation of the seal at a constant speed in the unstable range, simulated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StickSlip {
-    /// Sense of the motion.
+    /// Direction of the motion.
     pub sense: Sense,
     /// Speeds at which steady sliding is unstable.
     pub unstable: SpeedRange,
-    /// Speed simulated, m/s.
+    /// Simulated speed, m/s.
     pub speed_m_s: f64,
-    /// Lowest force, in the sense of the motion, N.
+    /// Lowest force in the direction of motion, N.
     pub lowest_force_n: f64,
-    /// Highest force, in the sense of the motion, N.
+    /// Highest force in the direction of motion, N.
     pub highest_force_n: f64,
-    /// Oscillations per second; 0 when fewer than two were seen.
+    /// Frequency of the oscillation; 0 when fewer than two periods were found.
     pub frequency_hz: f64,
 }
 
 /// Proposition III.3 for the element's own sliding law.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Stability {
-    /// Whether one force belongs to one slip speed at all times, both senses.
+    /// Whether each force determines one slip speed at all times, in both directions.
     pub unique_slip_speed: bool,
-    /// Slip speeds between which the sliding force falls with speed, for insertion and withdrawal.
+    /// Slip speeds between which the sliding force falls with speed (velocity weakening), for
+    /// insertion and withdrawal.
     pub folds: [Option<SpeedRange>; 2],
-    /// Longest time constant among the stable steady states, s.
+    /// Longest time constant of the stable steady states, s.
     pub longest_time_constant_s: f64,
-    /// What happens where steady sliding is unstable.
+    /// Simulated oscillations where steady sliding is unstable.
     pub stick_slip: Vec<StickSlip>,
     /// Whether every steady state from 1 um/s to 1 m/s is stable.
     pub holds: bool,
-    /// The same in words.
+    /// The verdict in words.
     pub verdict: String,
 }
 
-/// Linearised answer of the deflection at a steady state.
+/// Linearised dynamics of the deflection at a steady state.
 pub(super) struct Rate {
     /// A of (22), 1/s.
     pub(super) eigenvalue: f64,
@@ -117,14 +118,15 @@ impl Stability {
 }
 
 impl StickSlip {
-    /// Simulates at the middle (geometric) of the unstable speeds; `None` when there are none.
+    /// Simulates at the geometric mean of the unstable speeds; `None` when there are none.
     fn of(element: &Element, sense: Sense) -> Option<Self> {
         let unstable = unstable_speeds(element, sense)?;
         let speed = (unstable.from_m_s * unstable.to_m_s).sqrt();
         let params = element.params();
         let c = params.deformation.half_width();
         let relaxed = params.deformation.end_stiffness();
-        // The seal is reloaded from F_c to F_s at this speed; ten such times and the way to the limit are enough to see.
+        // At this speed the seal reloads from F_c to F_s in one period. Ten periods and the travel
+        // to the limit suffice.
         let friction = sense.friction(element);
         let reload = (friction.static_force - friction.coulomb_force) / (relaxed.0.min(relaxed.1) * speed);
         let step = STEP.min(reload / 500.0);
