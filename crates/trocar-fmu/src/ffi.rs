@@ -41,12 +41,12 @@ impl Logger {
             Self::Fmi2 { callback: Some(callback), environment, name } => {
                 // The message of FMI 2.0 is a printf format, in which also # has a meaning.
                 let Ok(text) = CString::new(plain.replace('%', "%%").replace('#', "##")) else { return };
-                // SAFETY: the importer's function, called as FMI 2.0 lays down; all strings outlive the call.
+                // SAFETY: the importer's function, called as FMI 2.0 requires; all strings outlive the call.
                 unsafe { callback(*environment, name.as_ptr(), status as c_int, category.as_ptr(), text.as_ptr()) }
             }
             Self::Fmi3 { callback: Some(callback), environment } => {
                 let Ok(text) = CString::new(plain) else { return };
-                // SAFETY: the importer's function, called as FMI 3.0 lays down; all strings outlive the call.
+                // SAFETY: the importer's function, called as FMI 3.0 requires; all strings outlive the call.
                 unsafe { callback(*environment, status as c_int, category.as_ptr(), text.as_ptr()) }
             }
             _ => {}
@@ -119,7 +119,7 @@ pub(crate) unsafe fn call(
     status as c_int
 }
 
-/// Frees a component; null is nothing.
+/// Frees a component; null is ignored.
 ///
 /// # Safety
 /// As for [`call`]; the handle is dead afterwards.
@@ -190,7 +190,7 @@ pub(crate) fn paired(references: usize, values: usize) -> Result<(), FmuError> {
 /// # Safety
 /// As for [`values`].
 pub(crate) unsafe fn none_of(references: *const u32, count: usize, kind: &'static str) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     match unsafe { values(references, count, "value references") }?.first() {
         None => Ok(Status::Ok),
         Some(reference) => Err(FmuError::Unknown { reference: *reference, kind }),
@@ -202,9 +202,9 @@ pub(crate) unsafe fn none_of(references: *const u32, count: usize, kind: &'stati
 /// # Safety
 /// As for [`values`] and [`text`].
 pub(crate) unsafe fn categories(names: *const *const c_char, count: usize) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     for name in unsafe { values(names, count, "categories") }? {
-        // SAFETY: as promised to this function.
+        // SAFETY: by the contract of this function.
         let given = unsafe { text(*name, "category") }?;
         if ![ERRORS, WARNINGS].iter().any(|category| category.to_bytes() == given.as_bytes()) {
             return Err(FmuError::Category { given: given.to_owned() });
@@ -219,7 +219,7 @@ pub(crate) unsafe fn categories(names: *const *const c_char, count: usize) -> Re
 /// `slot` is null or points to null or to a state of this library that was not freed.
 pub(crate) unsafe fn get_state(component: &mut Component, slot: *mut *mut c_void) -> Result<Status, FmuError> {
     let state = component.instance.state()?;
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { put_state(state, slot) }
 }
 
@@ -243,7 +243,7 @@ pub(crate) unsafe fn state_at<'a>(state: *mut c_void) -> Result<&'a Snapshot, Fm
     unsafe { state.cast::<Snapshot>().as_ref() }.ok_or(FmuError::Null { what: "the state" })
 }
 
-/// Frees the state in `slot` and empties it; null is nothing.
+/// Frees the state in `slot` and empties it; null is ignored.
 ///
 /// # Safety
 /// As for [`get_state`].
@@ -268,9 +268,9 @@ pub(crate) unsafe fn state_size(
     state: *mut c_void,
     size: *mut usize,
 ) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { state_at(state) }?;
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { Room::new(size, 1, "the size") }?.put(0, component.instance.state_length());
     Ok(Status::Ok)
 }
@@ -280,12 +280,12 @@ pub(crate) unsafe fn state_size(
 /// # Safety
 /// `state` as for [`state_at`]; `bytes` is null or room for `size` bytes.
 pub(crate) unsafe fn serialise(state: *mut c_void, bytes: *mut u8, size: usize) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     let serialised = unsafe { state_at(state) }?.to_bytes();
     if size < serialised.len() {
         return Err(FmuError::StateLength { found: size, expected: serialised.len() });
     }
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     let mut room = unsafe { Room::new(bytes, size, "the serialised state") }?;
     serialised.into_iter().enumerate().for_each(|(place, byte)| room.put(place, byte));
     Ok(Status::Ok)
@@ -301,10 +301,10 @@ pub(crate) unsafe fn deserialise(
     size: usize,
     slot: *mut *mut c_void,
 ) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     let bytes = unsafe { values(bytes, size, "the serialised state") }?;
     let state = component.instance.read_state(bytes)?;
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { put_state(state, slot) }
 }
 
@@ -314,7 +314,7 @@ macro_rules! unsupported {
         #[doc = concat!("`", stringify!($name), "`: refused, ", $why, ".")]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(handle: *mut c_void $(, _: $argument)*) -> c_int {
-            // SAFETY: the handle is as FMI lays down.
+            // SAFETY: the handle is as FMI requires.
             unsafe { $crate::ffi::call(handle, stringify!($name), |_| Err($crate::error::FmuError::Unsupported { why: $why })) }
         }
     )* };

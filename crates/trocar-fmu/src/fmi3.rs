@@ -31,7 +31,7 @@ pub unsafe extern "C" fn fmi3SetDebugLogging(
     count: usize,
     names: *const *const c_char,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SetDebugLogging", |_| ffi::categories(names, count)) }
 }
 
@@ -52,7 +52,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     _intermediate: *const c_void,
 ) -> *mut c_void {
     ffi::instantiate("fmi3InstantiateCoSimulation", Logger::Fmi3 { callback, environment }, || {
-        // SAFETY: null or C strings, as FMI lays down.
+        // SAFETY: null or C strings, as FMI requires.
         let (_, token, resources) = unsafe {
             (
                 ffi::text(name, "the instance name")?,
@@ -102,10 +102,10 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     })
 }
 
-/// Frees an instance; null is nothing.
+/// Frees an instance; null is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut c_void) {
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { ffi::free(handle) }
 }
 
@@ -120,7 +120,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     stop: f64,
 ) -> c_int {
     let stop = (has_stop != 0).then_some(stop);
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe {
         call(handle, "fmi3EnterInitializationMode", |c| {
             c.instance.set_time(start, stop)?;
@@ -133,7 +133,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut c_void) -> c_int {
     const NAME: &str = "fmi3ExitInitializationMode";
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe {
         call(handle, NAME, |c| {
             let remark = c.instance.exit_initialization()?;
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut c_void) -> c_in
 /// Ends the simulation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Terminate(handle: *mut c_void) -> c_int {
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi3Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
 }
 
@@ -156,7 +156,7 @@ pub unsafe extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
         c.instance.reset();
         Ok(Status::Ok)
     };
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi3Reset", reset) }
 }
 
@@ -169,7 +169,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     out: *mut f64,
     out_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3GetFloat64", |c| {
             paired(count, out_count)?;
@@ -188,7 +188,7 @@ pub unsafe extern "C" fn fmi3GetInt64(
     out: *mut i64,
     out_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3GetInt64", |c| {
             paired(count, out_count)?;
@@ -207,7 +207,7 @@ pub unsafe extern "C" fn fmi3SetFloat64(
     new: *const f64,
     new_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3SetFloat64", |c| {
             paired(count, new_count)?;
@@ -226,7 +226,7 @@ pub unsafe extern "C" fn fmi3SetInt64(
     _: *const i64,
     new_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3SetInt64", |c| {
             paired(count, new_count)?;
@@ -241,7 +241,7 @@ macro_rules! no_variables {
         #[doc = concat!("There are no variables of type ", $kind, ".")]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(handle: *mut c_void, vr: *const u32, count: usize $(, _: $argument)*) -> c_int {
-            // SAFETY: pointers as FMI lays down.
+            // SAFETY: pointers as FMI requires.
             unsafe { call(handle, stringify!($name), |_| ffi::none_of(vr, count, $kind)) }
         }
     )* };
@@ -285,21 +285,21 @@ no_variables! {
 /// Stores the present state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3GetFMUState", |c| ffi::get_state(c, slot)) }
 }
 
 /// Brings a state back.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut c_void, state: *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SetFMUState", |c| c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)) }
 }
 
-/// Frees a state; null is nothing.
+/// Frees a state; null is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3FreeFMUState", |_| ffi::free_state(slot)) }
 }
 
@@ -310,7 +310,7 @@ pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     state: *mut c_void,
     size: *mut usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SerializedFMUStateSize", |c| ffi::state_size(c, state, size)) }
 }
 
@@ -322,7 +322,7 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
     bytes: *mut u8,
     size: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SerializeFMUState", |_| ffi::serialise(state, bytes, size)) }
 }
 
@@ -334,7 +334,7 @@ pub unsafe extern "C" fn fmi3DeserializeFMUState(
     size: usize,
     slot: *mut *mut c_void,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3DeserializeFMUState", |c| ffi::deserialise(c, bytes, size, slot)) }
 }
 
@@ -350,7 +350,7 @@ pub unsafe extern "C" fn fmi3DoStep(
     early: *mut bool,
     last_time: *mut f64,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3DoStep", |c| {
             let told = "a result";

@@ -125,8 +125,8 @@ impl StickSlip {
         let params = element.params();
         let c = params.deformation.half_width();
         let relaxed = params.deformation.end_stiffness();
-        // At this speed the seal reloads from F_c to F_s in one period. Ten periods and the travel
-        // to the limit suffice.
+        // The seal reloads from F_c to F_s in this time. Ten of these after the travel to the limit
+        // suffice to find the oscillation.
         let friction = sense.friction(element);
         let reload = (friction.static_force - friction.coulomb_force) / (relaxed.0.min(relaxed.1) * speed);
         let step = STEP.min(reload / 500.0);

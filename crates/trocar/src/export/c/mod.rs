@@ -1,8 +1,9 @@
 //! A model as one C file of constants and one step function, for a microcontroller.
 //!
-//! The C works in the same order as `trocar_model` with the same numbers and its own exponential, so that a compiler which
-//! keeps to IEEE 754 gives the same bits, but for `log1p` and `log` of its library in rare corners. Only what the model
-//! needs is written. The templates beside this file are the code; `element` and `classical` fill in the constants.
+//! The C code performs the operations of `trocar_model` in the same order with the same numbers and
+//! its own exponential. So a compiler that follows IEEE 754 gives the same bits, except for `log1p`
+//! and `log` of its library in rare corner cases. The file contains only what the model needs. The
+//! templates next to this file are the code; `element` and `classical` fill in the constants.
 
 use std::fmt::Write as _;
 use std::fs;
