@@ -14,7 +14,7 @@ use crate::resource::folder_of_uri;
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct Callbacks {
-    /// Takes messages.
+    /// Receives messages.
     pub logger: Option<Logger2>,
     /// Not used.
     pub allocate_memory: *const c_void,
@@ -49,7 +49,7 @@ pub extern "C" fn fmi2GetVersion() -> *const c_char {
     c"2.0".as_ptr()
 }
 
-/// Checks the categories; errors and warnings are told always.
+/// Checks the categories; errors and warnings are always logged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetDebugLogging(
     handle: *mut c_void,
@@ -61,7 +61,7 @@ pub unsafe extern "C" fn fmi2SetDebugLogging(
     unsafe { call(handle, "fmi2SetDebugLogging", |_| ffi::categories(names, count)) }
 }
 
-/// Makes an instance; null, and a message, where that fails.
+/// Creates an instance; null and a message if that fails.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2Instantiate(
     name: *const c_char,
@@ -72,7 +72,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
     _visible: c_int,
     _logging: c_int,
 ) -> *mut c_void {
-    // SAFETY: null or valid, as FMI requires. Without callbacks nobody could be told anything.
+    // SAFETY: null or valid, as FMI requires. Without callbacks no message can be sent.
     let Some(callbacks) = (unsafe { callbacks.as_ref() }) else { return std::ptr::null_mut() };
     // SAFETY: null or a C string, as FMI requires.
     let named = (!name.is_null()).then(|| unsafe { CStr::from_ptr(name) }.to_owned());
@@ -124,7 +124,7 @@ pub unsafe extern "C" fn fmi2EnterInitializationMode(handle: *mut c_void) -> c_i
     unsafe { call(handle, NAME, |c| c.instance.enter_initialization().map(|()| Status::Ok)) }
 }
 
-/// Leaves initialization mode; a warning where the seal cannot hold the force or deflection asked for.
+/// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2ExitInitializationMode(handle: *mut c_void) -> c_int {
     const NAME: &str = "fmi2ExitInitializationMode";
@@ -144,7 +144,7 @@ pub unsafe extern "C" fn fmi2Terminate(handle: *mut c_void) -> c_int {
     unsafe { call(handle, "fmi2Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
 }
 
-/// Back to instantiation.
+/// Returns to instantiation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2Reset(handle: *mut c_void) -> c_int {
     let reset = |c: &mut ffi::Component| {
@@ -155,7 +155,7 @@ pub unsafe extern "C" fn fmi2Reset(handle: *mut c_void) -> c_int {
     unsafe { call(handle, "fmi2Reset", reset) }
 }
 
-/// Values of real variables.
+/// Reads real variables.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetReal(handle: *mut c_void, vr: *const u32, count: usize, out: *mut f64) -> c_int {
     // SAFETY: pointers as FMI requires.
@@ -167,7 +167,7 @@ pub unsafe extern "C" fn fmi2GetReal(handle: *mut c_void, vr: *const u32, count:
     }
 }
 
-/// Values of integer and enumeration variables: the mode.
+/// Reads integer and enumeration variables: the mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetInteger(handle: *mut c_void, vr: *const u32, count: usize, out: *mut c_int) -> c_int {
     // SAFETY: pointers as FMI requires.
@@ -198,7 +198,7 @@ pub unsafe extern "C" fn fmi2GetString(
     unsafe { call(handle, "fmi2GetString", |_| ffi::none_of(vr, count, "String")) }
 }
 
-/// Sets real variables, all or none.
+/// Sets all given real variables or none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetReal(handle: *mut c_void, vr: *const u32, count: usize, new: *const f64) -> c_int {
     // SAFETY: pointers as FMI requires.
@@ -247,7 +247,7 @@ pub unsafe extern "C" fn fmi2GetFMUstate(handle: *mut c_void, slot: *mut *mut c_
     unsafe { call(handle, "fmi2GetFMUstate", |c| ffi::get_state(c, slot)) }
 }
 
-/// Brings a state back.
+/// Restores a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetFMUstate(handle: *mut c_void, state: *mut c_void) -> c_int {
     // SAFETY: pointers as FMI requires.
@@ -261,7 +261,7 @@ pub unsafe extern "C" fn fmi2FreeFMUstate(handle: *mut c_void, slot: *mut *mut c
     unsafe { call(handle, "fmi2FreeFMUstate", |_| ffi::free_state(slot)) }
 }
 
-/// Bytes that a state takes.
+/// Size of a serialized state in bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SerializedFMUstateSize(
     handle: *mut c_void,
@@ -272,7 +272,7 @@ pub unsafe extern "C" fn fmi2SerializedFMUstateSize(
     unsafe { call(handle, "fmi2SerializedFMUstateSize", |c| ffi::state_size(c, state, size)) }
 }
 
-/// Bytes of a state.
+/// Serializes a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SerializeFMUstate(
     handle: *mut c_void,
@@ -284,7 +284,7 @@ pub unsafe extern "C" fn fmi2SerializeFMUstate(
     unsafe { call(handle, "fmi2SerializeFMUstate", |_| ffi::serialise(state, bytes, size)) }
 }
 
-/// A state from its bytes.
+/// Restores a state from its bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
     handle: *mut c_void,
@@ -303,7 +303,7 @@ pub unsafe extern "C" fn fmi2DoStep(handle: *mut c_void, point: f64, size: f64, 
     unsafe { call(handle, "fmi2DoStep", |c| c.instance.step(point, size).map(|()| Status::Ok)) }
 }
 
-/// The time of the last step; nothing else of this kind is known.
+/// The time of the last step; no other status of this type exists.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetRealStatus(handle: *mut c_void, kind: c_int, out: *mut f64) -> c_int {
     // SAFETY: pointers as FMI requires.
@@ -318,7 +318,7 @@ pub unsafe extern "C" fn fmi2GetRealStatus(handle: *mut c_void, kind: c_int, out
     }
 }
 
-/// Whether the FMU wants to end: never; nothing else of this kind is known.
+/// Whether the FMU requests the end of the simulation: never. No other status of this type exists.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetBooleanStatus(handle: *mut c_void, kind: c_int, out: *mut c_int) -> c_int {
     // SAFETY: pointers as FMI requires.

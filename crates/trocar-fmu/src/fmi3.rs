@@ -1,6 +1,6 @@
 //! The functions of FMI 3.0 for co-simulation, as importers call them.
 //!
-//! A `bool` of C comes in as one byte: what is not 0 is true.
+//! A C `bool` is passed as one byte; every value except 0 is true.
 #![allow(unsafe_code)]
 #![allow(non_snake_case, reason = "names of the standard")]
 #![allow(clippy::missing_safety_doc, reason = "the contract of every function is that of FMI 3.0")]
@@ -23,7 +23,7 @@ pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Checks the categories; errors and warnings are told always.
+/// Checks the categories; errors and warnings are always logged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetDebugLogging(
     handle: *mut c_void,
@@ -35,7 +35,7 @@ pub unsafe extern "C" fn fmi3SetDebugLogging(
     unsafe { call(handle, "fmi3SetDebugLogging", |_| ffi::categories(names, count)) }
 }
 
-/// Makes an instance; null, and a message, where that fails.
+/// Creates an instance; null and a message if that fails.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     name: *const c_char,
@@ -67,7 +67,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     })
 }
 
-/// Refused: this FMU is for co-simulation only.
+/// Fails: this FMU supports co-simulation only.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     _name: *const c_char,
@@ -83,7 +83,7 @@ pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     })
 }
 
-/// Refused: this FMU is for co-simulation only.
+/// Fails: this FMU supports co-simulation only.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     _name: *const c_char,
@@ -129,7 +129,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     }
 }
 
-/// Leaves initialization mode; a warning where the seal cannot hold the force or deflection asked for.
+/// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut c_void) -> c_int {
     const NAME: &str = "fmi3ExitInitializationMode";
@@ -149,7 +149,7 @@ pub unsafe extern "C" fn fmi3Terminate(handle: *mut c_void) -> c_int {
     unsafe { call(handle, "fmi3Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
 }
 
-/// Back to instantiation.
+/// Returns to instantiation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
     let reset = |c: &mut ffi::Component| {
@@ -160,7 +160,7 @@ pub unsafe extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
     unsafe { call(handle, "fmi3Reset", reset) }
 }
 
-/// Values of real variables.
+/// Reads real variables.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFloat64(
     handle: *mut c_void,
@@ -179,7 +179,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     }
 }
 
-/// Values of enumeration variables: the mode.
+/// Reads enumeration variables: the mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetInt64(
     handle: *mut c_void,
@@ -198,7 +198,7 @@ pub unsafe extern "C" fn fmi3GetInt64(
     }
 }
 
-/// Sets real variables, all or none.
+/// Sets all given real variables or none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFloat64(
     handle: *mut c_void,
@@ -289,7 +289,7 @@ pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut c_void, slot: *mut *mut c_
     unsafe { call(handle, "fmi3GetFMUState", |c| ffi::get_state(c, slot)) }
 }
 
-/// Brings a state back.
+/// Restores a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut c_void, state: *mut c_void) -> c_int {
     // SAFETY: pointers as FMI requires.
@@ -303,7 +303,7 @@ pub unsafe extern "C" fn fmi3FreeFMUState(handle: *mut c_void, slot: *mut *mut c
     unsafe { call(handle, "fmi3FreeFMUState", |_| ffi::free_state(slot)) }
 }
 
-/// Bytes that a state takes.
+/// Size of a serialized state in bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     handle: *mut c_void,
@@ -314,7 +314,7 @@ pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     unsafe { call(handle, "fmi3SerializedFMUStateSize", |c| ffi::state_size(c, state, size)) }
 }
 
-/// Bytes of a state.
+/// Serializes a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializeFMUState(
     handle: *mut c_void,
@@ -326,7 +326,7 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
     unsafe { call(handle, "fmi3SerializeFMUState", |_| ffi::serialise(state, bytes, size)) }
 }
 
-/// A state from its bytes.
+/// Restores a state from its bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3DeserializeFMUState(
     handle: *mut c_void,
