@@ -52,7 +52,7 @@ pub(crate) fn number(value: f64) -> String {
     }
 }
 
-/// An interval, `[low, high]`; a bound that the data do not determine is omitted.
+/// An interval, `[low, high]`, or "not determined" if both bounds are infinite.
 pub(crate) fn interval([low, high]: [f64; 2]) -> String {
     if low == f64::NEG_INFINITY && high == f64::INFINITY {
         return "not determined".to_owned();
