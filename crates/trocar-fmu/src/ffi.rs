@@ -42,12 +42,14 @@ impl Logger {
             Self::Fmi2 { callback: Some(callback), environment, name } => {
                 // The message of FMI 2.0 is a printf format, in which # also has a special meaning.
                 let Ok(text) = CString::new(plain.replace('%', "%%").replace('#', "##")) else { return };
-                // SAFETY: the importer's function, called as FMI 2.0 requires; all strings outlive the call.
+                // SAFETY: the importer's function, called as FMI 2.0 requires; all strings
+                // outlive the call.
                 unsafe { callback(*environment, name.as_ptr(), status as c_int, category.as_ptr(), text.as_ptr()) }
             }
             Self::Fmi3 { callback: Some(callback), environment } => {
                 let Ok(text) = CString::new(plain) else { return };
-                // SAFETY: the importer's function, called as FMI 3.0 requires; all strings outlive the call.
+                // SAFETY: the importer's function, called as FMI 3.0 requires; all strings
+                // outlive the call.
                 unsafe { callback(*environment, status as c_int, category.as_ptr(), text.as_ptr()) }
             }
             _ => {}

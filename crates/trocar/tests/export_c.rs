@@ -240,7 +240,7 @@ fn is_refused(call: Call, position: f64) -> bool {
     !(call.duration > 0.0 && call.duration.is_finite() && velocity.is_finite() && (position + displacement).is_finite())
 }
 
-/// A program that runs every model of `names` through the calls from its standard input.
+/// A program that runs every model of `names` through the calls in the file of its first argument.
 fn driver(names: &[String]) -> String {
     let mut text = String::from("#include <stdio.h>\n#include <string.h>\n");
     for name in names {
