@@ -1,4 +1,5 @@
-//! What goes to standard output and standard error, and how errors look and end the process.
+//! Output to standard output and standard error, and the reporting of errors at the end of the
+//! process.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -10,10 +11,10 @@ use trocar::output::OutputError;
 use trocar::recording::RecordingError;
 use trocar::simulate::SimulateError;
 
-/// Way out, as the library's messages carry it.
+/// Marks the remedy in the messages of the library.
 const HINT: &str = "\n\nhint: ";
 
-/// An argument that clap lets through and the verb does not.
+/// An argument that clap accepts but the verb does not.
 #[derive(Debug)]
 pub(crate) struct BadArgument(pub(crate) String);
 
@@ -25,7 +26,7 @@ impl std::fmt::Display for BadArgument {
 
 impl std::error::Error for BadArgument {}
 
-/// Standard error, loud or quiet.
+/// Standard error, normal or quiet.
 pub(crate) struct Console {
     pub(crate) quiet: bool,
 }
@@ -35,20 +36,20 @@ impl Console {
         Self { quiet }
     }
 
-    /// A remark that `--quiet` drops.
+    /// Prints a remark, but not with `--quiet`.
     pub(crate) fn remark(&self, text: &str) {
         if !self.quiet {
             to_stderr(text);
         }
     }
 
-    /// A loss or doubt; stays with `--quiet`.
+    /// Prints a warning about a loss or doubt, even with `--quiet`.
     pub(crate) fn warn(&self, text: &str) {
         to_stderr(&labelled("warning", text));
     }
 }
 
-/// Text and its hint, each on a line of its own.
+/// Text and its hint, each on its own line.
 fn labelled(label: &str, text: &str) -> String {
     let (what, hint) = text.split_once(HINT).map_or((text, None), |(what, hint)| (what, Some(hint)));
     let mut lines = format!("{label}: {what}");
@@ -58,15 +59,15 @@ fn labelled(label: &str, text: &str) -> String {
     lines
 }
 
-/// What is said when an interruption ends the process; nothing while empty.
+/// Message printed when an interruption ends the process; none if empty.
 static FAREWELL: Mutex<String> = Mutex::new(String::new());
 
-/// Sets what is said when an interruption ends the process.
+/// Sets the message for an interruption.
 pub(crate) fn farewell(text: String) {
     *FAREWELL.lock().unwrap_or_else(PoisonError::into_inner) = text;
 }
 
-/// The last words of an interrupted process.
+/// Prints the message of an interrupted process.
 pub(crate) fn say_farewell() {
     let text = FAREWELL.lock().unwrap_or_else(PoisonError::into_inner);
     if !text.is_empty() {
@@ -74,29 +75,29 @@ pub(crate) fn say_farewell() {
     }
 }
 
-/// Nobody is left to tell when standard error is closed.
+/// Ignores errors: they cannot be reported if standard error is closed.
 fn to_stderr(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
-/// Prints to standard output: data, nothing else.
+/// Prints data to standard output, nothing else.
 pub(crate) fn print(text: &str) -> io::Result<()> {
     let mut stdout = io::stdout().lock();
     stdout.write_all(text.as_bytes())?;
     stdout.flush()
 }
 
-/// Says what went wrong and how the process ends.
+/// Reports the error and returns the exit code.
 pub(crate) fn fail(error: &anyhow::Error) -> ExitCode {
     if is_closed_pipe(error) {
-        // The reader of our output has seen enough.
+        // The reader of the output has closed it.
         return ExitCode::SUCCESS;
     }
     to_stderr(&labelled("error", &whole_message(error)));
     ExitCode::from(if is_bad_argument(error) { 2 } else { 1 })
 }
 
-/// The message with those of its causes that it does not hold already, in front of the hint.
+/// The message with those of its causes that it does not already contain, before the hint.
 fn whole_message(error: &anyhow::Error) -> String {
     let own = error.to_string();
     let (what, hint) = own.split_once(HINT).map_or((own.as_str(), None), |(what, hint)| (what, Some(hint)));

@@ -1,4 +1,4 @@
-//! Arguments on how to read recordings, common to several verbs.
+//! Arguments for reading recordings, shared by several verbs.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use trocar::workflow::MovingMass;
 use crate::console::{BadArgument, Console};
 use crate::progress::Progress;
 
-/// Recordings in memory against what a whole identification holds at its peak.
+/// Ratio of the peak memory of a whole identification to that of the recordings.
 const PEAK_TO_COLUMNS: u64 = 5;
 
 /// What to take from a file.
@@ -45,7 +45,7 @@ impl Choosing {
     }
 }
 
-/// Samples of a recording in memory at once where it is read in pieces: a quarter of an hour at 1 kHz.
+/// Samples in memory when a recording is read in pieces: a quarter of an hour at 1 kHz.
 const SAMPLES_IN_A_PIECE: usize = 1 << 20;
 
 /// How to read the recordings.
@@ -66,7 +66,8 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// Reads all files, says what is doubtful about them, and refuses those that would not fit into memory together.
+    /// Reads all files, prints warnings about them, and rejects files that do not fit into memory
+    /// together.
     pub(crate) fn recordings(&self, console: &Console, paths: &[PathBuf]) -> anyhow::Result<Vec<Recording>> {
         one_standard_input(paths)?;
         let mut left = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
@@ -80,7 +81,8 @@ impl Reading {
         Ok(recordings)
     }
 
-    /// Hands on one recording piece by piece, so that its length does not matter; says what is doubtful about each.
+    /// Passes a recording on piece by piece, so that its length is not limited, and prints warnings
+    /// about each piece.
     pub(crate) fn pieces(
         &self,
         console: &Console,
@@ -95,7 +97,7 @@ impl Reading {
             progress.report_rows("validating", part, rows);
             let mut piece = piece.without_glitches();
             if count > 0 {
-                // A piece may well be a pause.
+                // A piece may consist of a rest only.
                 piece.quality.warnings.retain(|warning| warning.kind != WarningKind::Stroke);
             }
             say_quality(console, path, &piece);
@@ -113,7 +115,8 @@ impl Reading {
         Ok(())
     }
 
-    /// The same for `count` recordings at a time, each with its part of the memory, of which it may fill a fifth with columns.
+    /// The same for `count` recordings at a time. Each gets its share of the memory, a fifth of
+    /// which its columns may fill.
     pub(crate) fn for_each_of(&self, count: usize) -> ReadOptions {
         let memory = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
         ReadOptions { memory_limit: memory.map(|bytes| bytes / count.max(1) as u64), ..self.options(None) }
@@ -147,7 +150,7 @@ impl Rod {
     }
 }
 
-/// Tells the memory that the whole work needs, not only the columns.
+/// States the memory for the whole computation, not only that of the columns.
 fn with_the_peak(error: RecordingError) -> RecordingError {
     match error {
         RecordingError::TooLarge { file, rows, needed_mb, limit_mb } => RecordingError::TooLarge {
@@ -182,7 +185,8 @@ fn bytes_of(recording: &Recording) -> u64 {
     (columns * size_of::<f64>() * recording.len()) as u64
 }
 
-/// Memory that the system can give without swapping, in bytes; `None` where it does not tell.
+/// Memory that the system can provide without swapping, in bytes; `None` if it does not report
+/// this.
 fn available_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
@@ -196,12 +200,12 @@ pub(crate) fn finite(text: &str) -> Result<f64, String> {
     if number.is_finite() { Ok(number) } else { Err("expected a finite number".to_owned()) }
 }
 
-/// A finite number above zero.
+/// A positive finite number.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
     finite(text).and_then(|number| if number > 0.0 { Ok(number) } else { Err("expected a number above 0".to_owned()) })
 }
 
-/// A finite number, zero or above.
+/// A finite number ≥ 0.
 pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("expected 0 or more".to_owned()) })
 }

@@ -1,7 +1,9 @@
-//! `trocar`: from recordings of an instrument in a trocar to a validated model of the force, on the command line.
+//! `trocar`: from recordings of an instrument in a trocar to a validated model of the force, on the
+//! command line.
 //!
-//! Thin on purpose: the library works, this crate reads arguments, prints and exits. Data go to standard output,
-//! everything else to standard error. Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done with lost or doubtful data.
+//! The library does the computation; this crate parses arguments, prints and exits. Data are
+//! written to standard output, everything else to standard error. Exit codes: 0 success, 1 failure,
+//! 2 invalid arguments, 3 success with lost or doubtful data.
 
 mod console;
 mod input;
@@ -52,12 +54,12 @@ enum Verb {
     Man(verbs::man::Args),
 }
 
-/// How a verb ended when it did not fail.
+/// Result of a verb that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Done {
-    /// Nothing to complain about.
+    /// No warnings.
     Clean,
-    /// Data were lost or the result is doubtful; the warnings say how.
+    /// Data were lost or the result is doubtful; the warnings give the details.
     Doubtful,
 }
 
@@ -67,7 +69,8 @@ impl Done {
     }
 }
 
-/// Set once an interruption ends the process: what fails or finishes from then on is its doing.
+/// Set once an interruption ends the process; later failures and results are then consequences of
+/// it.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 fn main() -> ExitCode {
@@ -84,7 +87,7 @@ fn main() -> ExitCode {
     }
     let outcome = run(&console, cli.verb);
     while INTERRUPTED.load(Ordering::SeqCst) {
-        // The handler's thread ends the process, with its own exit code.
+        // The handler's thread ends the process with its own exit code.
         std::thread::park();
     }
     match outcome {

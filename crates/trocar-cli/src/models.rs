@@ -2,11 +2,11 @@
 
 use trocar::compare::Choice;
 
-/// Models named on the command line, none twice.
+/// Models given on the command line, without duplicates.
 #[derive(Debug, Clone)]
 pub(crate) struct Models(pub(crate) Vec<Choice>);
 
-/// Reads a list; what is named twice counts once.
+/// Parses a list; duplicates count once.
 pub(crate) fn models(text: &str) -> Result<Models, String> {
     Choice::list(text).map(Models)
 }

@@ -1,4 +1,4 @@
-//! A progress bar for work that lasts: on a terminal, after a second, and not with `--quiet`.
+//! A progress bar for long computations: on a terminal, after a second, and not with `--quiet`.
 
 use std::io::IsTerminal;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -9,20 +9,20 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::console::Console;
 
-/// Work shorter than this shows no bar.
+/// Shorter computations show no bar.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Steps of the bar: a tenth of a percent each.
 const STEPS: f64 = 1000.0;
 
-/// A bar that appears late and leaves no trace; dropped, it disappears.
+/// A bar that appears after a delay and disappears when it is dropped.
 pub(crate) struct Progress {
     bar: ProgressBar,
     waiting: Option<(mpsc::Sender<()>, JoinHandle<()>)>,
 }
 
 impl Progress {
-    /// A bar for work of known length.
+    /// A bar for a known amount of work.
     pub(crate) fn new(console: &Console) -> Self {
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden());
         let style = ProgressStyle::with_template("{spinner} {msg:22} {wide_bar} {percent:>3} %  {elapsed}, {eta} left");
@@ -31,21 +31,21 @@ impl Progress {
         Self { waiting: visible.then(|| appear_later(bar.clone())), bar }
     }
 
-    /// The same, with the rows done so far and how many come in a second.
+    /// The same with the number of rows so far and the rows per second.
     pub(crate) fn report_rows(&self, stage: &str, part: f64, rows: u64) {
         let seconds = self.bar.elapsed().as_secs_f64();
         let rate = if seconds > 0.0 { rows as f64 / seconds } else { 0.0 };
         self.report(&format!("{stage} {:.1} M rows, {:.2} M/s", 1e-6 * rows as f64, 1e-6 * rate), part);
     }
 
-    /// Names the stage and the part done, 0 to 1.
+    /// Sets the stage and the completed fraction, 0 to 1.
     pub(crate) fn report(&self, stage: &str, part: f64) {
         self.bar.set_message(stage.to_owned());
         self.bar.set_position((STEPS * part.clamp(0.0, 1.0)) as u64);
     }
 }
 
-/// Shows the bar when the sender lives longer than the patience.
+/// Shows the bar if the sender still exists after the delay.
 fn appear_later(bar: ProgressBar) -> (mpsc::Sender<()>, JoinHandle<()>) {
     let (sender, receiver) = mpsc::channel();
     let appear = move || {

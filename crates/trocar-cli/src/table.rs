@@ -1,8 +1,8 @@
-//! Plain tables for people: columns aligned, numbers to the right.
+//! Plain-text tables: columns aligned, numbers right-aligned.
 
 use std::fmt::Write as _;
 
-/// Rows of cells of one length each; the first column is text.
+/// Rows with equal numbers of cells; the first column is text.
 #[derive(Default)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
@@ -37,7 +37,7 @@ impl Table {
     }
 }
 
-/// A number with about four significant digits, without an exponent where it is readable without.
+/// A number with about four significant digits, without an exponent if it is readable without one.
 pub(crate) fn number(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
@@ -52,7 +52,7 @@ pub(crate) fn number(value: f64) -> String {
     }
 }
 
-/// An interval, `[low, high]`; without bounds where the data set none.
+/// An interval, `[low, high]`, or "not determined" if both bounds are infinite.
 pub(crate) fn interval([low, high]: [f64; 2]) -> String {
     if low == f64::NEG_INFINITY && high == f64::INFINITY {
         return "not determined".to_owned();

@@ -1,11 +1,11 @@
-//! What an importer can do wrong, and what can be wrong with an FMU.
+//! Errors of an importer, and errors in an FMU.
 
 use std::fmt;
 
 use trocar_model::ParamError;
 use trocar_model::flat::FlatError;
 
-/// Where a simulation is.
+/// Phase of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     /// After instantiation or reset.
@@ -29,21 +29,21 @@ impl fmt::Display for Phase {
     }
 }
 
-/// Why a call was refused. A refused call changes nothing.
+/// Why a call was rejected. A rejected call changes nothing.
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq)]
 pub enum FmuError {
-    /// A pointer that must point to something does not.
+    /// A null pointer where a value is required.
     Null {
-        /// What it should have pointed to.
+        /// What it should point to.
         what: &'static str,
     },
     /// Text that is not UTF-8.
     NotText {
-        /// What it was meant to be.
+        /// Name of the text.
         what: &'static str,
     },
-    /// The resource location of FMI 2.0 is no file URI.
+    /// The resource location of FMI 2.0 is not a file URI.
     Location {
         /// As given.
         given: String,
@@ -52,16 +52,16 @@ pub enum FmuError {
     Resource {
         /// Path.
         path: String,
-        /// What the operating system says.
+        /// Error of the operating system.
         what: String,
     },
-    /// A resource that holds no model.
+    /// A resource that contains no valid model.
     Damaged {
         /// Path.
         path: String,
-        /// Bytes of it.
+        /// Its length in bytes.
         bytes: usize,
-        /// What is wrong, unless the length is.
+        /// The error, unless the length is wrong.
         source: Option<FlatError>,
     },
     /// GUID or instantiation token of another FMU.
@@ -69,23 +69,23 @@ pub enum FmuError {
         /// As given.
         given: String,
     },
-    /// A call that is not for this state of the simulation.
+    /// A call that is not allowed in this phase of the simulation.
     Phase {
-        /// The state.
+        /// The phase.
         phase: Phase,
     },
-    /// No variable of that type has that reference.
+    /// No variable of that type has this value reference.
     Unknown {
         /// Value reference.
         reference: u32,
-        /// The type asked for.
+        /// The requested type.
         kind: &'static str,
     },
     /// A variable that cannot be set now, or never.
     NotSettable {
         /// Name of the variable.
         name: String,
-        /// The state, or `None` if never.
+        /// The phase, or `None` if never.
         phase: Option<Phase>,
     },
     /// A value that is not finite.
@@ -95,43 +95,43 @@ pub enum FmuError {
         /// As given.
         value: f64,
     },
-    /// A value below its least.
+    /// A value below its minimum.
     TooSmall {
         /// Name of the variable.
         name: String,
         /// As given.
         value: f64,
-        /// The least.
+        /// The minimum.
         least: f64,
-        /// Whether the least itself is left out.
+        /// Whether the minimum itself is excluded.
         above: bool,
     },
-    /// Parameters that do not go together.
+    /// Inconsistent parameters.
     Parameter(ParamError),
-    /// Force and deflection to begin with, both given.
+    /// Both initial force and initial deflection are set.
     TwoStarts {
         /// Force, N.
         force: f64,
         /// Deflection, m.
         deflection: f64,
     },
-    /// A stop that is not after the start.
+    /// A stop time that is not after the start time.
     Stop {
         /// Start, s.
         start: f64,
         /// Stop, s.
         stop: f64,
     },
-    /// A communication step that has no length.
+    /// A communication step without positive length.
     StepSize {
         /// As given, s.
         given: f64,
     },
-    /// A communication point where the simulation is not.
+    /// A communication point that differs from the time of the simulation.
     Point {
         /// As given, s.
         given: f64,
-        /// Where the simulation is, s.
+        /// Time of the simulation, s.
         expected: f64,
     },
     /// A step beyond the stop time.
@@ -141,44 +141,44 @@ pub enum FmuError {
         /// Stop, s.
         stop: f64,
     },
-    /// A step whose way or speed is no number.
+    /// A step whose displacement or speed is not finite.
     TooFast {
         /// The input, m or m/s.
         input: f64,
         /// Length of the step, s.
         duration: f64,
     },
-    /// As many values as references are needed.
+    /// The numbers of values and references differ.
     Count {
-        /// References.
+        /// Number of references.
         references: usize,
-        /// Values.
+        /// Number of values.
         values: usize,
     },
-    /// A serialised state of another length, or a buffer too small for one.
+    /// A serialized state with another length, or a buffer that is too small.
     StateLength {
-        /// Bytes there are.
+        /// Bytes found.
         found: usize,
         /// Bytes of a state.
         expected: usize,
     },
-    /// A state of another model or another program.
+    /// A state of another model or another version of the program.
     StateForeign,
-    /// A state that does not hold together.
+    /// A corrupted state.
     StateDamaged,
-    /// No such log category.
+    /// An unknown log category.
     Category {
         /// As given.
         given: String,
     },
-    /// What this FMU does not do.
+    /// A function that this FMU does not support.
     Unsupported {
-        /// Why not.
+        /// The reason.
         why: &'static str,
     },
-    /// An error of the program itself.
+    /// An internal error of the program.
     Internal {
-        /// What it said.
+        /// Its message.
         what: String,
     },
 }

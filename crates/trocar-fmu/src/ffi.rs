@@ -1,4 +1,5 @@
-//! Between C and the instance: pointers checked, panics stopped, errors told. All that both versions of FMI share.
+//! Interface between C and the instance, common to both versions of FMI: checks pointers, catches
+//! panics and reports errors.
 
 use std::any::Any;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
@@ -8,7 +9,7 @@ use crate::error::FmuError;
 use crate::instance::{Instance, Remark};
 use crate::snapshot::Snapshot;
 
-/// `fmi2Status` and `fmi3Status`, which agree.
+/// `fmi2Status` and `fmi3Status`, which have the same values.
 #[repr(i32)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Status {
@@ -39,14 +40,16 @@ impl Logger {
         let plain = text.replace('\0', "?");
         match self {
             Self::Fmi2 { callback: Some(callback), environment, name } => {
-                // The message of FMI 2.0 is a printf format, in which also # has a meaning.
+                // The message of FMI 2.0 is a printf format, in which # also has a special meaning.
                 let Ok(text) = CString::new(plain.replace('%', "%%").replace('#', "##")) else { return };
-                // SAFETY: the importer's function, called as FMI 2.0 lays down; all strings outlive the call.
+                // SAFETY: the importer's function, called as FMI 2.0 requires; all strings
+                // outlive the call.
                 unsafe { callback(*environment, name.as_ptr(), status as c_int, category.as_ptr(), text.as_ptr()) }
             }
             Self::Fmi3 { callback: Some(callback), environment } => {
                 let Ok(text) = CString::new(plain) else { return };
-                // SAFETY: the importer's function, called as FMI 3.0 lays down; all strings outlive the call.
+                // SAFETY: the importer's function, called as FMI 3.0 requires; all strings
+                // outlive the call.
                 unsafe { callback(*environment, status as c_int, category.as_ptr(), text.as_ptr()) }
             }
             _ => {}
@@ -58,7 +61,7 @@ impl Logger {
 pub(crate) struct Component {
     pub(crate) instance: Instance,
     logger: Logger,
-    /// After a panic nothing is known about the instance.
+    /// Set by a panic: the instance is in an unknown state.
     lost: bool,
 }
 
@@ -74,7 +77,7 @@ fn said(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "panic".to_owned())
 }
 
-/// Makes a component; null, and a message, where `make` fails.
+/// Creates a component; null and a message if `make` fails.
 pub(crate) fn instantiate(
     function: &str,
     logger: Logger,
@@ -91,10 +94,11 @@ pub(crate) fn instantiate(
     }
 }
 
-/// Runs `body` on the component behind `handle`; an error goes to the logger. A null handle is an error without words.
+/// Runs `body` on the component behind `handle` and logs an error. A null handle is an error
+/// without a message.
 ///
 /// # Safety
-/// `handle` is null or from [`instantiate`], not freed, and nobody else uses it meanwhile.
+/// `handle` is null or from [`instantiate`], not freed, and not in use elsewhere during the call.
 pub(crate) unsafe fn call(
     handle: *mut c_void,
     function: &str,
@@ -119,10 +123,10 @@ pub(crate) unsafe fn call(
     status as c_int
 }
 
-/// Frees a component; null is nothing.
+/// Frees a component; null is ignored.
 ///
 /// # Safety
-/// As for [`call`]; the handle is dead afterwards.
+/// As for [`call`]; the handle is invalid afterwards.
 pub(crate) unsafe fn free(handle: *mut c_void) {
     if !handle.is_null() {
         // SAFETY: made by `Box::into_raw` in `instantiate`, by the contract of this function.
@@ -130,10 +134,10 @@ pub(crate) unsafe fn free(handle: *mut c_void) {
     }
 }
 
-/// Text of the importer; `what` names it in messages.
+/// A text of the importer; `what` names it in messages.
 ///
 /// # Safety
-/// `text` is null or a string that ends with NUL and stays for `'a`.
+/// `text` is null or a NUL-terminated string that is valid for `'a`.
 pub(crate) unsafe fn text<'a>(text: *const c_char, what: &'static str) -> Result<&'a str, FmuError> {
     if text.is_null() {
         return Err(FmuError::Null { what });
@@ -145,7 +149,7 @@ pub(crate) unsafe fn text<'a>(text: *const c_char, what: &'static str) -> Result
 /// Values of the importer; `what` names them in messages.
 ///
 /// # Safety
-/// `values` is null or points to `count` of them, which stay for `'a`.
+/// `values` is null or points to `count` values that are valid for `'a`.
 pub(crate) unsafe fn values<'a, T>(values: *const T, count: usize, what: &'static str) -> Result<&'a [T], FmuError> {
     if count == 0 {
         return Ok(&[]);
@@ -157,54 +161,55 @@ pub(crate) unsafe fn values<'a, T>(values: *const T, count: usize, what: &'stati
     Ok(unsafe { std::slice::from_raw_parts(values, count) })
 }
 
-/// Room of the importer for values, which need not hold any yet.
+/// A buffer of the importer for values, which may be uninitialized.
 pub(crate) struct Room<T> {
     values: *mut T,
     count: usize,
 }
 
 impl<T> Room<T> {
-    /// Room for `count` values; `what` names it in messages.
+    /// A buffer for `count` values; `what` names it in messages.
     ///
     /// # Safety
-    /// `values` is null or points to room for `count` values as long as this lives.
+    /// `values` is null or points to space for `count` values as long as this exists.
     pub(crate) unsafe fn new(values: *mut T, count: usize, what: &'static str) -> Result<Self, FmuError> {
         if values.is_null() && count > 0 { Err(FmuError::Null { what }) } else { Ok(Self { values, count }) }
     }
 
     pub(crate) fn put(&mut self, place: usize, value: T) {
         if place < self.count {
-            // SAFETY: within the room, which is there by the contract of `new`.
+            // SAFETY: within the buffer, which is valid by the contract of `new`.
             unsafe { self.values.add(place).write(value) }
         }
     }
 }
 
-/// As many values as references?
+/// Checks that there are as many values as references.
 pub(crate) fn paired(references: usize, values: usize) -> Result<(), FmuError> {
     if references == values { Ok(()) } else { Err(FmuError::Count { references, values }) }
 }
 
-/// Refuses a type of variable that there is none of, unless nothing is asked for.
+/// Rejects access to a type that no variable has, unless no variable is requested.
 ///
 /// # Safety
 /// As for [`values`].
 pub(crate) unsafe fn none_of(references: *const u32, count: usize, kind: &'static str) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     match unsafe { values(references, count, "value references") }?.first() {
         None => Ok(Status::Ok),
         Some(reference) => Err(FmuError::Unknown { reference: *reference, kind }),
     }
 }
 
-/// Checks the categories of a call that turns logging on or off; errors and warnings are always told.
+/// Checks the categories of a call that switches logging on or off; errors and warnings are always
+/// logged.
 ///
 /// # Safety
 /// As for [`values`] and [`text`].
 pub(crate) unsafe fn categories(names: *const *const c_char, count: usize) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     for name in unsafe { values(names, count, "categories") }? {
-        // SAFETY: as promised to this function.
+        // SAFETY: by the contract of this function.
         let given = unsafe { text(*name, "category") }?;
         if ![ERRORS, WARNINGS].iter().any(|category| category.to_bytes() == given.as_bytes()) {
             return Err(FmuError::Category { given: given.to_owned() });
@@ -213,13 +218,13 @@ pub(crate) unsafe fn categories(names: *const *const c_char, count: usize) -> Re
     Ok(Status::Ok)
 }
 
-/// Stores the present state in `slot`: in the state it holds, or a new one.
+/// Stores the present state in `slot`: in the existing state there, or in a new one.
 ///
 /// # Safety
 /// `slot` is null or points to null or to a state of this library that was not freed.
 pub(crate) unsafe fn get_state(component: &mut Component, slot: *mut *mut c_void) -> Result<Status, FmuError> {
     let state = component.instance.state()?;
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { put_state(state, slot) }
 }
 
@@ -243,7 +248,7 @@ pub(crate) unsafe fn state_at<'a>(state: *mut c_void) -> Result<&'a Snapshot, Fm
     unsafe { state.cast::<Snapshot>().as_ref() }.ok_or(FmuError::Null { what: "the state" })
 }
 
-/// Frees the state in `slot` and empties it; null is nothing.
+/// Frees the state in `slot` and empties it; null is ignored.
 ///
 /// # Safety
 /// As for [`get_state`].
@@ -259,7 +264,7 @@ pub(crate) unsafe fn free_state(slot: *mut *mut c_void) -> Result<Status, FmuErr
     Ok(Status::Ok)
 }
 
-/// Bytes that `state` takes, to `size`.
+/// Writes the size of `state` in bytes to `size`.
 ///
 /// # Safety
 /// `state` as for [`state_at`]; `size` is null or valid.
@@ -268,9 +273,9 @@ pub(crate) unsafe fn state_size(
     state: *mut c_void,
     size: *mut usize,
 ) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { state_at(state) }?;
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { Room::new(size, 1, "the size") }?.put(0, component.instance.state_length());
     Ok(Status::Ok)
 }
@@ -278,20 +283,20 @@ pub(crate) unsafe fn state_size(
 /// Writes the bytes of `state`.
 ///
 /// # Safety
-/// `state` as for [`state_at`]; `bytes` is null or room for `size` bytes.
+/// `state` as for [`state_at`]; `bytes` is null or points to space for `size` bytes.
 pub(crate) unsafe fn serialise(state: *mut c_void, bytes: *mut u8, size: usize) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     let serialised = unsafe { state_at(state) }?.to_bytes();
     if size < serialised.len() {
         return Err(FmuError::StateLength { found: size, expected: serialised.len() });
     }
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     let mut room = unsafe { Room::new(bytes, size, "the serialised state") }?;
     serialised.into_iter().enumerate().for_each(|(place, byte)| room.put(place, byte));
     Ok(Status::Ok)
 }
 
-/// Reads a state from its bytes into `slot`.
+/// Reads a state from its bytes and stores it in `slot`.
 ///
 /// # Safety
 /// `bytes` is null or points to `size` bytes; `slot` as for [`get_state`].
@@ -301,20 +306,21 @@ pub(crate) unsafe fn deserialise(
     size: usize,
     slot: *mut *mut c_void,
 ) -> Result<Status, FmuError> {
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     let bytes = unsafe { values(bytes, size, "the serialised state") }?;
     let state = component.instance.read_state(bytes)?;
-    // SAFETY: as promised to this function.
+    // SAFETY: by the contract of this function.
     unsafe { put_state(state, slot) }
 }
 
-/// Declares functions of FMI that this FMU has no use for: they refuse, with a message that says why.
+/// Declares functions of FMI that this FMU does not support: they fail with a message that gives
+/// the reason.
 macro_rules! unsupported {
     ($($name:ident($($argument:ty),*): $why:expr;)*) => { $(
         #[doc = concat!("`", stringify!($name), "`: refused, ", $why, ".")]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(handle: *mut c_void $(, _: $argument)*) -> c_int {
-            // SAFETY: the handle is as FMI lays down.
+            // SAFETY: the handle is as FMI requires.
             unsafe { $crate::ffi::call(handle, stringify!($name), |_| Err($crate::error::FmuError::Unsupported { why: $why })) }
         }
     )* };

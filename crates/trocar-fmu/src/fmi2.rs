@@ -14,7 +14,7 @@ use crate::resource::folder_of_uri;
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct Callbacks {
-    /// Takes messages.
+    /// Receives messages.
     pub logger: Option<Logger2>,
     /// Not used.
     pub allocate_memory: *const c_void,
@@ -49,7 +49,7 @@ pub extern "C" fn fmi2GetVersion() -> *const c_char {
     c"2.0".as_ptr()
 }
 
-/// Checks the categories; errors and warnings are told always.
+/// Checks the categories; errors and warnings are always logged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetDebugLogging(
     handle: *mut c_void,
@@ -57,11 +57,11 @@ pub unsafe extern "C" fn fmi2SetDebugLogging(
     count: usize,
     names: *const *const c_char,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2SetDebugLogging", |_| ffi::categories(names, count)) }
 }
 
-/// Makes an instance; null, and a message, where that fails.
+/// Creates an instance; null and a message if that fails.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2Instantiate(
     name: *const c_char,
@@ -72,14 +72,14 @@ pub unsafe extern "C" fn fmi2Instantiate(
     _visible: c_int,
     _logging: c_int,
 ) -> *mut c_void {
-    // SAFETY: null or valid, as FMI lays down. Without callbacks nobody could be told anything.
+    // SAFETY: null or valid, as FMI requires. Without callbacks no message can be sent.
     let Some(callbacks) = (unsafe { callbacks.as_ref() }) else { return std::ptr::null_mut() };
-    // SAFETY: null or a C string, as FMI lays down.
+    // SAFETY: null or a C string, as FMI requires.
     let named = (!name.is_null()).then(|| unsafe { CStr::from_ptr(name) }.to_owned());
     let (callback, environment) = (callbacks.logger, callbacks.environment);
     let logger = Logger::Fmi2 { callback, environment, name: named.unwrap_or_else(|| CString::from(c"")) };
     ffi::instantiate("fmi2Instantiate", logger, || {
-        // SAFETY: null or C strings, as FMI lays down.
+        // SAFETY: null or C strings, as FMI requires.
         let (_, guid, resources) = unsafe {
             (
                 ffi::text(name, "the instance name")?,
@@ -94,10 +94,10 @@ pub unsafe extern "C" fn fmi2Instantiate(
     })
 }
 
-/// Frees an instance; null is nothing.
+/// Frees an instance; null is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2FreeInstance(handle: *mut c_void) {
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { ffi::free(handle) }
 }
 
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn fmi2SetupExperiment(
     stop: f64,
 ) -> c_int {
     let stop = (has_stop != 0).then_some(stop);
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi2SetupExperiment", |c| c.instance.set_time(start, stop).map(|()| Status::Ok)) }
 }
 
@@ -120,15 +120,15 @@ pub unsafe extern "C" fn fmi2SetupExperiment(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2EnterInitializationMode(handle: *mut c_void) -> c_int {
     const NAME: &str = "fmi2EnterInitializationMode";
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, NAME, |c| c.instance.enter_initialization().map(|()| Status::Ok)) }
 }
 
-/// Leaves initialization mode; a warning where the seal cannot hold the force or deflection asked for.
+/// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2ExitInitializationMode(handle: *mut c_void) -> c_int {
     const NAME: &str = "fmi2ExitInitializationMode";
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe {
         call(handle, NAME, |c| {
             let remark = c.instance.exit_initialization()?;
@@ -140,25 +140,25 @@ pub unsafe extern "C" fn fmi2ExitInitializationMode(handle: *mut c_void) -> c_in
 /// Ends the simulation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2Terminate(handle: *mut c_void) -> c_int {
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi2Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
 }
 
-/// Back to instantiation.
+/// Returns to instantiation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2Reset(handle: *mut c_void) -> c_int {
     let reset = |c: &mut ffi::Component| {
         c.instance.reset();
         Ok(Status::Ok)
     };
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi2Reset", reset) }
 }
 
-/// Values of real variables.
+/// Reads real variables.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetReal(handle: *mut c_void, vr: *const u32, count: usize, out: *mut f64) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetReal", |c| {
             let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
@@ -167,10 +167,10 @@ pub unsafe extern "C" fn fmi2GetReal(handle: *mut c_void, vr: *const u32, count:
     }
 }
 
-/// Values of integer and enumeration variables: the mode.
+/// Reads integer and enumeration variables: the mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetInteger(handle: *mut c_void, vr: *const u32, count: usize, out: *mut c_int) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetInteger", |c| {
             let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
@@ -182,7 +182,7 @@ pub unsafe extern "C" fn fmi2GetInteger(handle: *mut c_void, vr: *const u32, cou
 /// There are no boolean variables.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetBoolean(handle: *mut c_void, vr: *const u32, count: usize, _: *mut c_int) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2GetBoolean", |_| ffi::none_of(vr, count, "Boolean")) }
 }
 
@@ -194,14 +194,14 @@ pub unsafe extern "C" fn fmi2GetString(
     count: usize,
     _: *mut *const c_char,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2GetString", |_| ffi::none_of(vr, count, "String")) }
 }
 
-/// Sets real variables, all or none.
+/// Sets all given real variables or none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetReal(handle: *mut c_void, vr: *const u32, count: usize, new: *const f64) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2SetReal", |c| {
             let (vr, new) = (values(vr, count, REFERENCES)?, values(new, count, VALUES)?);
@@ -213,7 +213,7 @@ pub unsafe extern "C" fn fmi2SetReal(handle: *mut c_void, vr: *const u32, count:
 /// No integer or enumeration variable can be set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetInteger(handle: *mut c_void, vr: *const u32, count: usize, _: *const c_int) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2SetInteger", |c| {
             c.instance.set_integers(values(vr, count, REFERENCES)?, INTEGER).map(|()| Status::Ok)
@@ -224,7 +224,7 @@ pub unsafe extern "C" fn fmi2SetInteger(handle: *mut c_void, vr: *const u32, cou
 /// There are no boolean variables.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetBoolean(handle: *mut c_void, vr: *const u32, count: usize, _: *const c_int) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2SetBoolean", |_| ffi::none_of(vr, count, "Boolean")) }
 }
 
@@ -236,43 +236,43 @@ pub unsafe extern "C" fn fmi2SetString(
     count: usize,
     _: *const *const c_char,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2SetString", |_| ffi::none_of(vr, count, "String")) }
 }
 
 /// Stores the present state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetFMUstate(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2GetFMUstate", |c| ffi::get_state(c, slot)) }
 }
 
-/// Brings a state back.
+/// Restores a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetFMUstate(handle: *mut c_void, state: *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2SetFMUstate", |c| c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)) }
 }
 
-/// Frees a state; null is nothing.
+/// Frees a state; null is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2FreeFMUstate(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2FreeFMUstate", |_| ffi::free_state(slot)) }
 }
 
-/// Bytes that a state takes.
+/// Size of a serialized state in bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SerializedFMUstateSize(
     handle: *mut c_void,
     state: *mut c_void,
     size: *mut usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2SerializedFMUstateSize", |c| ffi::state_size(c, state, size)) }
 }
 
-/// Bytes of a state.
+/// Serializes a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SerializeFMUstate(
     handle: *mut c_void,
@@ -280,11 +280,11 @@ pub unsafe extern "C" fn fmi2SerializeFMUstate(
     bytes: *mut u8,
     size: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2SerializeFMUstate", |_| ffi::serialise(state, bytes, size)) }
 }
 
-/// A state from its bytes.
+/// Restores a state from its bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
     handle: *mut c_void,
@@ -292,21 +292,21 @@ pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
     size: usize,
     slot: *mut *mut c_void,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2DeSerializeFMUstate", |c| ffi::deserialise(c, bytes, size, slot)) }
 }
 
 /// Advances by one communication step, s.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2DoStep(handle: *mut c_void, point: f64, size: f64, _keeps_past: c_int) -> c_int {
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi2DoStep", |c| c.instance.step(point, size).map(|()| Status::Ok)) }
 }
 
-/// The time of the last step; nothing else of this kind is known.
+/// The time of the last step; no other status of this type exists.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetRealStatus(handle: *mut c_void, kind: c_int, out: *mut f64) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetRealStatus", |c| {
             if kind != LAST_TIME {
@@ -318,10 +318,10 @@ pub unsafe extern "C" fn fmi2GetRealStatus(handle: *mut c_void, kind: c_int, out
     }
 }
 
-/// Whether the FMU wants to end: never; nothing else of this kind is known.
+/// Whether the FMU requests the end of the simulation: never. No other status of this type exists.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetBooleanStatus(handle: *mut c_void, kind: c_int, out: *mut c_int) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetBooleanStatus", |_| {
             if kind != TERMINATED {

@@ -1,6 +1,6 @@
 //! The functions of FMI 3.0 for co-simulation, as importers call them.
 //!
-//! A `bool` of C comes in as one byte: what is not 0 is true.
+//! A C `bool` is passed as one byte; every value except 0 is true.
 #![allow(unsafe_code)]
 #![allow(non_snake_case, reason = "names of the standard")]
 #![allow(clippy::missing_safety_doc, reason = "the contract of every function is that of FMI 3.0")]
@@ -23,7 +23,7 @@ pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Checks the categories; errors and warnings are told always.
+/// Checks the categories; errors and warnings are always logged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetDebugLogging(
     handle: *mut c_void,
@@ -31,11 +31,11 @@ pub unsafe extern "C" fn fmi3SetDebugLogging(
     count: usize,
     names: *const *const c_char,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SetDebugLogging", |_| ffi::categories(names, count)) }
 }
 
-/// Makes an instance; null, and a message, where that fails.
+/// Creates an instance; null and a message if that fails.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     name: *const c_char,
@@ -52,7 +52,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     _intermediate: *const c_void,
 ) -> *mut c_void {
     ffi::instantiate("fmi3InstantiateCoSimulation", Logger::Fmi3 { callback, environment }, || {
-        // SAFETY: null or C strings, as FMI lays down.
+        // SAFETY: null or C strings, as FMI requires.
         let (_, token, resources) = unsafe {
             (
                 ffi::text(name, "the instance name")?,
@@ -67,7 +67,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     })
 }
 
-/// Refused: this FMU is for co-simulation only.
+/// Fails: this FMU supports co-simulation only.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     _name: *const c_char,
@@ -83,7 +83,7 @@ pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     })
 }
 
-/// Refused: this FMU is for co-simulation only.
+/// Fails: this FMU supports co-simulation only.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     _name: *const c_char,
@@ -102,10 +102,10 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     })
 }
 
-/// Frees an instance; null is nothing.
+/// Frees an instance; null is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut c_void) {
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { ffi::free(handle) }
 }
 
@@ -120,7 +120,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     stop: f64,
 ) -> c_int {
     let stop = (has_stop != 0).then_some(stop);
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe {
         call(handle, "fmi3EnterInitializationMode", |c| {
             c.instance.set_time(start, stop)?;
@@ -129,11 +129,11 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     }
 }
 
-/// Leaves initialization mode; a warning where the seal cannot hold the force or deflection asked for.
+/// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut c_void) -> c_int {
     const NAME: &str = "fmi3ExitInitializationMode";
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe {
         call(handle, NAME, |c| {
             let remark = c.instance.exit_initialization()?;
@@ -145,22 +145,22 @@ pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut c_void) -> c_in
 /// Ends the simulation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Terminate(handle: *mut c_void) -> c_int {
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi3Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
 }
 
-/// Back to instantiation.
+/// Returns to instantiation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
     let reset = |c: &mut ffi::Component| {
         c.instance.reset();
         Ok(Status::Ok)
     };
-    // SAFETY: handle as FMI lays down.
+    // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi3Reset", reset) }
 }
 
-/// Values of real variables.
+/// Reads real variables.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFloat64(
     handle: *mut c_void,
@@ -169,7 +169,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     out: *mut f64,
     out_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3GetFloat64", |c| {
             paired(count, out_count)?;
@@ -179,7 +179,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     }
 }
 
-/// Values of enumeration variables: the mode.
+/// Reads enumeration variables: the mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetInt64(
     handle: *mut c_void,
@@ -188,7 +188,7 @@ pub unsafe extern "C" fn fmi3GetInt64(
     out: *mut i64,
     out_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3GetInt64", |c| {
             paired(count, out_count)?;
@@ -198,7 +198,7 @@ pub unsafe extern "C" fn fmi3GetInt64(
     }
 }
 
-/// Sets real variables, all or none.
+/// Sets all given real variables or none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFloat64(
     handle: *mut c_void,
@@ -207,7 +207,7 @@ pub unsafe extern "C" fn fmi3SetFloat64(
     new: *const f64,
     new_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3SetFloat64", |c| {
             paired(count, new_count)?;
@@ -226,7 +226,7 @@ pub unsafe extern "C" fn fmi3SetInt64(
     _: *const i64,
     new_count: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3SetInt64", |c| {
             paired(count, new_count)?;
@@ -241,7 +241,7 @@ macro_rules! no_variables {
         #[doc = concat!("There are no variables of type ", $kind, ".")]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(handle: *mut c_void, vr: *const u32, count: usize $(, _: $argument)*) -> c_int {
-            // SAFETY: pointers as FMI lays down.
+            // SAFETY: pointers as FMI requires.
             unsafe { call(handle, stringify!($name), |_| ffi::none_of(vr, count, $kind)) }
         }
     )* };
@@ -285,36 +285,36 @@ no_variables! {
 /// Stores the present state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3GetFMUState", |c| ffi::get_state(c, slot)) }
 }
 
-/// Brings a state back.
+/// Restores a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut c_void, state: *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SetFMUState", |c| c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)) }
 }
 
-/// Frees a state; null is nothing.
+/// Frees a state; null is ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3FreeFMUState", |_| ffi::free_state(slot)) }
 }
 
-/// Bytes that a state takes.
+/// Size of a serialized state in bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     handle: *mut c_void,
     state: *mut c_void,
     size: *mut usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SerializedFMUStateSize", |c| ffi::state_size(c, state, size)) }
 }
 
-/// Bytes of a state.
+/// Serializes a state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializeFMUState(
     handle: *mut c_void,
@@ -322,11 +322,11 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
     bytes: *mut u8,
     size: usize,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3SerializeFMUState", |_| ffi::serialise(state, bytes, size)) }
 }
 
-/// A state from its bytes.
+/// Restores a state from its bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3DeserializeFMUState(
     handle: *mut c_void,
@@ -334,7 +334,7 @@ pub unsafe extern "C" fn fmi3DeserializeFMUState(
     size: usize,
     slot: *mut *mut c_void,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi3DeserializeFMUState", |c| ffi::deserialise(c, bytes, size, slot)) }
 }
 
@@ -350,7 +350,7 @@ pub unsafe extern "C" fn fmi3DoStep(
     early: *mut bool,
     last_time: *mut f64,
 ) -> c_int {
-    // SAFETY: pointers as FMI lays down.
+    // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3DoStep", |c| {
             let told = "a result";

@@ -1,4 +1,4 @@
-//! FNV-1a: tells models apart and damaged states from whole ones. No protection against intent.
+//! FNV-1a: distinguishes models and detects corrupted states. Not cryptographic.
 
 const OFFSET_128: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
 const PRIME_128: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
@@ -19,7 +19,7 @@ pub(crate) fn fnv_64(bytes: &[u8]) -> u64 {
 mod tests {
     use super::*;
 
-    /// Test vectors of the algorithm's authors for the text "foobar".
+    /// Test vectors for the text "foobar" by the authors of the algorithm.
     #[test]
     fn published_vectors() {
         assert_eq!(fnv_64(b"foobar"), 0x85944171f73967e8);

@@ -1,4 +1,4 @@
-//! One instance of an FMU, whatever the version of FMI: phases, variables, steps, states.
+//! One instance of an FMU, independent of the version of FMI: phases, variables, steps, states.
 
 use std::path::Path;
 
@@ -9,11 +9,12 @@ use crate::resource::Resource;
 use crate::snapshot::Snapshot;
 use crate::variables::{Input, Role, Variable, identity, token, variables};
 
-/// Largest difference between communication points that counts as rounding, as a part of the time.
+/// Largest difference between communication points that counts as rounding, relative to the time.
 const TIME_TOLERANCE: f64 = 1e-9;
-/// The same as a part of a step.
+/// The same relative to a step.
 const STEP_TOLERANCE: f64 = 1e-6;
-/// Largest difference between the force or deflection asked for and the one begun with, as a part of it.
+/// Largest difference between the requested and the actual initial force or deflection, relative to
+/// it.
 const START_TOLERANCE: f64 = 1e-6;
 
 /// An instance.
@@ -30,14 +31,14 @@ pub struct Instance {
     live: Snapshot,
 }
 
-/// What an importer should know though the call was done.
+/// A remark for the importer after a successful call.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Remark {
     /// Name of the variable.
     pub name: &'static str,
-    /// As given.
+    /// The requested value.
     pub asked: f64,
-    /// What the seal can hold.
+    /// The value that the seal can hold.
     pub given: f64,
 }
 
@@ -49,10 +50,11 @@ impl std::fmt::Display for Remark {
 }
 
 impl Instance {
-    /// From the folder of resources; `wanted` is the GUID or token in the description.
+    /// Reads the instance from the resources folder; `wanted` is the GUID or token in the
+    /// description.
     ///
     /// # Errors
-    /// [`FmuError`] for missing or damaged resources or the token of another FMU.
+    /// [`FmuError`] for missing or corrupted resources or the token of another FMU.
     pub fn new(resources: &Path, wanted: &str) -> Result<Self, FmuError> {
         Self::from_resource(Resource::read(resources)?, wanted)
     }
@@ -75,12 +77,12 @@ impl Instance {
         })
     }
 
-    /// Where the simulation is.
+    /// Phase of the simulation.
     pub fn phase(&self) -> Phase {
         self.live.phase
     }
 
-    /// Where the simulation is in time, s.
+    /// Time of the simulation, s.
     pub fn time(&self) -> f64 {
         self.live.time
     }
@@ -90,10 +92,11 @@ impl Instance {
         if now == phase { Ok(()) } else { Err(FmuError::Phase { phase: now }) }
     }
 
-    /// Sets start and stop of the time, s.
+    /// Sets start and stop time, s.
     ///
     /// # Errors
-    /// [`FmuError`] in another phase than [`Phase::Instantiated`], or for times that are not finite or not in order.
+    /// [`FmuError`] in another phase than [`Phase::Instantiated`], or for times that are not finite
+    /// or not increasing.
     pub fn set_time(&mut self, start: f64, stop: Option<f64>) -> Result<(), FmuError> {
         self.expect(Phase::Instantiated)?;
         for (name, value) in [("start time", Some(start)), ("stop time", stop)] {
@@ -118,11 +121,11 @@ impl Instance {
         Ok(())
     }
 
-    /// Begins: the seal rests with what was set.
+    /// Leaves initialization mode: the seal is at rest with the values that were set.
     ///
     /// # Errors
-    /// [`FmuError`] in another phase than [`Phase::Initialization`], for parameters that do not go together or two
-    /// starts at once.
+    /// [`FmuError`] in another phase than [`Phase::Initialization`], for inconsistent parameters or
+    /// two initial conditions at once.
     pub fn exit_initialization(&mut self) -> Result<Option<Remark>, FmuError> {
         self.expect(Phase::Initialization)?;
         self.settle()?;
@@ -148,7 +151,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Back to instantiation, with all values as exported.
+    /// Returns to instantiation, with all values as exported.
     pub fn reset(&mut self) {
         let values: Vec<f64> = self.base.seal().tunables().map(|tunable| tunable.value).collect();
         self.trocar = self.base.clone();
@@ -156,7 +159,7 @@ impl Instance {
         self.live = Snapshot::new(self.identity, values, self.base.rest(0.0));
     }
 
-    /// Takes new parameters over, and before the first step the state at rest.
+    /// Applies new parameters and, before the first step, the state at rest.
     fn settle(&mut self) -> Result<(), FmuError> {
         if self.live.tunables != self.applied {
             match self.base.seal().tuned(&self.live.tunables) {
@@ -193,8 +196,9 @@ impl Instance {
     /// Advances from `point` by `duration`, s.
     ///
     /// # Errors
-    /// [`FmuError`] in another phase than [`Phase::Step`]; for a step without a length, from elsewhere or beyond the
-    /// stop; for a way or speed that is not finite; for parameters that do not go together. Nothing moves then.
+    /// [`FmuError`] in another phase than [`Phase::Step`]; for a step without positive length, from
+    /// another time than the present one or beyond the stop time; for a displacement or speed that
+    /// is not finite; for inconsistent parameters. The state is then unchanged.
     pub fn step(&mut self, point: f64, duration: f64) -> Result<(), FmuError> {
         self.expect(Phase::Step)?;
         if !(duration > 0.0 && duration.is_finite()) {
@@ -222,7 +226,7 @@ impl Instance {
                 goal
             }
         };
-        // The model leaves its state untouched where it cannot step.
+        // The model leaves its state unchanged if it cannot step.
         if state.position() != goal {
             return Err(FmuError::TooFast { input, duration });
         }
@@ -259,11 +263,11 @@ impl Instance {
         }
     }
 
-    /// Values of real variables, given to `put` one by one; `kind` names the type in messages.
+    /// Values of real variables, passed to `put` one by one; `kind` names the type in messages.
     ///
     /// # Errors
-    /// [`FmuError::Unknown`] before any value was given, or [`FmuError::Parameter`] for parameters set before that do
-    /// not go together.
+    /// [`FmuError::Unknown`] before any value is passed on, or [`FmuError::Parameter`] if the
+    /// parameters set before are inconsistent.
     pub fn get_reals(
         &mut self,
         references: &[u32],
@@ -278,7 +282,7 @@ impl Instance {
         Ok(())
     }
 
-    /// The same for whole numbers and enumerations: the mode, 1 deforming, 2 sliding.
+    /// The same for integers and enumerations: the mode, 1 deforming, 2 sliding.
     ///
     /// # Errors
     /// As for [`Instance::get_reals`].
@@ -303,10 +307,12 @@ impl Instance {
         found.ok_or(FmuError::Unknown { reference, kind })
     }
 
-    /// Sets real variables, all or none. Parameters count from the next step, reading or state on, together.
+    /// Sets all given real variables or none. New parameters take effect together at the next step,
+    /// read access or state access.
     ///
     /// # Errors
-    /// [`FmuError`] for an unknown variable, one that cannot be set (now), or a value out of its range.
+    /// [`FmuError`] for an unknown variable, one that cannot be set (at present), or a value out of
+    /// its range.
     pub fn set_reals(&mut self, references: &[u32], values: &[f64], kind: &'static str) -> Result<(), FmuError> {
         let pairs = || references.iter().zip(values);
         for (reference, value) in pairs() {
@@ -356,7 +362,7 @@ impl Instance {
         }
     }
 
-    /// Refuses to set whole numbers: nothing of that type can be set.
+    /// Rejects setting integers: no variable of that type can be set.
     ///
     /// # Errors
     /// [`FmuError`] for the first of `references`, if there is one.
@@ -366,19 +372,20 @@ impl Instance {
         Err(FmuError::NotSettable { name, phase: None })
     }
 
-    /// Everything that a later [`Instance::set_state`] brings back.
+    /// A snapshot of everything that [`Instance::set_state`] restores.
     ///
     /// # Errors
-    /// [`FmuError::Parameter`] for parameters set before that do not go together, or [`FmuError::TwoStarts`].
+    /// [`FmuError::Parameter`] if the parameters set before are inconsistent, or
+    /// [`FmuError::TwoStarts`].
     pub fn state(&mut self) -> Result<Snapshot, FmuError> {
         self.settle()?;
         Ok(self.live.clone())
     }
 
-    /// Brings `snapshot` back.
+    /// Restores `snapshot`.
     ///
     /// # Errors
-    /// [`FmuError::StateForeign`] for one of another model, or [`FmuError::Parameter`].
+    /// [`FmuError::StateForeign`] for a state of another model, or [`FmuError::Parameter`].
     pub fn set_state(&mut self, snapshot: &Snapshot) -> Result<(), FmuError> {
         if snapshot.identity != self.identity {
             return Err(FmuError::StateForeign);
@@ -389,7 +396,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Bytes of a serialised state.
+    /// Size of a serialized state in bytes.
     pub fn state_length(&self) -> usize {
         Snapshot::length(self.applied.len())
     }

@@ -1,13 +1,14 @@
 //! Functional mock-up units (FMUs): a trocar model for other simulation programs.
 //!
-//! One library serves every model and both versions of FMI (key FMI in SOURCES.md): it exports the functions of FMI 2.0
-//! and 3.0 for co-simulation and reads the model from the resources of the FMU it lies in. [`package()`] makes the FMU.
-//! What its variables are stands in [`mod@variables`] alone, from which the description is written and by which the library
-//! answers.
+//! One library works for every model and both versions of FMI (key FMI in SOURCES.md). It exports
+//! the functions of FMI 2.0 and 3.0 for co-simulation and reads the model from the resources of its
+//! FMU. [`package()`] creates the FMU. Only [`mod@variables`] defines its variables, both for the
+//! description and for the functions of the library.
 //!
-//! - A step of the FMU is one step of [`trocar_model::Trocar`]: the same numbers as every other program that runs it.
-//! - A refused call changes nothing, returns an error and tells the importer's logger why. No call panics into the
-//!   importer.
+//! - A step of the FMU is one step of [`trocar_model::Trocar`], with the same numbers as in all
+//!   other interfaces.
+//! - A rejected call changes nothing, returns an error and sends the reason to the importer's
+//!   logger. No panic reaches the importer.
 //! - Instances share nothing.
 
 pub mod error;

@@ -10,7 +10,7 @@ use crate::error::FmuError;
 /// File name of the model in the resources.
 pub(crate) const MODEL: &str = "model.f64";
 
-/// A model as it was read.
+/// A model as read from its file.
 #[derive(Debug, Clone)]
 pub(crate) struct Resource {
     pub(crate) row: Vec<f64>,
@@ -76,7 +76,7 @@ pub(crate) fn folder_of_uri(uri: &str) -> Result<PathBuf, FmuError> {
     Ok(PathBuf::from(if drive { &path[1..] } else { &path }))
 }
 
-/// `None` for what is no percent encoding of UTF-8.
+/// `None` if the text is not valid percent-encoded UTF-8.
 fn percent_decoded(text: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();

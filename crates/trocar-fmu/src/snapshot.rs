@@ -1,6 +1,7 @@
-//! Everything that changes in an instance, and its bytes.
+//! The complete variable state of an instance, and its serialized form.
 //!
-//! The bytes, little-endian: `TROCFMU` with the version, the identity of the model (16), the numbers (8 each), FNV-1a of all before (8).
+//! The bytes, little-endian: `TROCFMU` with the version, the identity of the model (16), the
+//! numbers (8 each), FNV-1a of all preceding bytes (8).
 
 use trocar_model::flat::STATE_NUMBERS;
 use trocar_model::{ParamError, Trocar, TrocarState};
@@ -8,14 +9,14 @@ use trocar_model::{ParamError, Trocar, TrocarState};
 use crate::error::{FmuError, Phase};
 use crate::hash::fnv_64;
 
-/// First bytes of every serialised state; the last is the version.
+/// First bytes of every serialized state; the last of them is the version.
 const MAGIC: [u8; 8] = *b"TROCFMU\x01";
 const HEAD: usize = 8 + 16;
 const TAIL: usize = 8;
-/// Numbers besides parameters and state of the model.
+/// Numbers in addition to the parameters and the state of the model.
 const OWN: usize = 8;
 
-/// Everything that changes in an instance.
+/// The complete variable state of an instance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
     pub(crate) identity: u128,
@@ -55,12 +56,12 @@ impl Snapshot {
         }
     }
 
-    /// Bytes for a model of `tunables` parameters.
+    /// Size in bytes for a model with `tunables` parameters.
     pub(crate) fn length(tunables: usize) -> usize {
         HEAD + 8 * (OWN + tunables + STATE_NUMBERS) + TAIL
     }
 
-    /// The bytes.
+    /// The serialized bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         let phase = PHASES.iter().position(|phase| *phase == self.phase).unwrap_or(0);
         let own: [f64; OWN] = [
@@ -80,7 +81,8 @@ impl Snapshot {
         bytes
     }
 
-    /// From bytes, for the model of `identity` with so many `tunables`; `tuned` gives the model for their values.
+    /// Reads the bytes for the model of `identity` with `tunables` parameters; `tuned` returns the
+    /// model for their values.
     pub(crate) fn from_bytes(
         bytes: &[u8],
         identity: u128,

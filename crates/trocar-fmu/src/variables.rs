@@ -1,13 +1,14 @@
-//! The variables of an FMU: one table, from which the description is written and by which the library answers.
+//! The variables of an FMU: one table, used both for the description and by the functions of the
+//! library.
 
 use trocar_model::{Seal, Trocar};
 
 use crate::hash::fnv_128;
 
-/// Version of the table and of serialised states: part of every token.
+/// Version of the table and of serialized states; part of every token.
 const LAYOUT: &[u8] = b"trocar-fmu 1";
 
-/// What drives the model.
+/// Driving input of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input {
     /// Position of the instrument at the end of the step, m.
@@ -21,12 +22,12 @@ impl Input {
     pub const ALL: [Self; 2] = [Self::Position, Self::Velocity];
 }
 
-/// What a variable means.
+/// Meaning of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Simulated time.
     Time,
-    /// What drives the model.
+    /// The driving input.
     Input(Input),
     /// Force of the instrument on the seal.
     Force,
@@ -34,15 +35,15 @@ pub enum Role {
     Deflection,
     /// Whether the seal slides.
     Mode,
-    /// Where the instrument is, if it is driven by velocity.
+    /// Position of the instrument, if it is driven by velocity.
     Position,
-    /// Force that the seal begins with.
+    /// Initial force of the seal.
     InitialForce,
-    /// Deflection that the seal begins with.
+    /// Initial deflection of the seal.
     InitialDeflection,
-    /// Where the instrument begins, if it is driven by velocity.
+    /// Initial position of the instrument, if it is driven by velocity.
     InitialPosition,
-    /// Parameter of the model, by its place in [`Seal::tunables`].
+    /// Parameter of the model, by its index in [`Seal::tunables`].
     Tunable(usize),
 }
 
@@ -70,17 +71,17 @@ impl Role {
 /// A variable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
-    /// What it means.
+    /// Its meaning.
     pub role: Role,
     /// Name with its unit, unique.
     pub name: String,
     /// Unit in SI; empty for the mode, which is an enumeration.
     pub unit: &'static str,
-    /// What it is, for people.
+    /// Readable description.
     pub description: String,
-    /// Value at the beginning; `None` for what the FMU computes.
+    /// Initial value; `None` for outputs.
     pub start: Option<f64>,
-    /// Least value allowed, and whether it is itself left out.
+    /// Minimum, and whether the minimum itself is excluded.
     pub least: Option<(f64, bool)>,
 }
 
@@ -91,9 +92,10 @@ impl Variable {
     }
 }
 
-/// Variables of `trocar` driven by `input`, by rising value reference.
+/// Variables of `trocar` driven by `input`, in increasing order of their value references.
 ///
-/// A parameter that is infinite (a law switched off) is left out: not every importer reads an infinite start value.
+/// An infinite parameter (a disabled law) is omitted, since not every importer can read an infinite
+/// start value.
 pub fn variables<K: AsRef<[f64]>>(trocar: &Trocar<K>, input: Input) -> Vec<Variable> {
     let is_ems = matches!(trocar.seal(), Seal::Ems(_));
     let driven = input == Input::Velocity;
@@ -151,7 +153,7 @@ fn parameters(seal: &Seal) -> impl Iterator<Item = Variable> {
     })
 }
 
-/// What tells an FMU from others: of the model, `row`, what drives it, and this version.
+/// Identity of an FMU: a hash of the model `row`, the driving input and this version.
 pub(crate) fn identity(row: &[f64], input: Input) -> u128 {
     let kind = match input {
         Input::Position => 0,

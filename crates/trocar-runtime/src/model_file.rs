@@ -1,9 +1,9 @@
-//! `model.json`: a seal as a file, with units in its keys and its origin inside.
+//! `model.json`: a seal as a file, with units in its keys and its origin.
 //!
-//! A file holds either `elements`, those of the EMS model, with `position_profile` where their force depends on the position, or
-//! `friction`, one classical model. The form is described by
-//! `schema/model.schema.json` (JSON Schema, draft 2020-12). The schema says which keys and kinds of values a file has;
-//! reading also checks what a schema cannot say, such as continuous branches.
+//! A file contains either `elements`, those of the EMS model, with `position_profile` if their
+//! force depends on the position, or `friction`, one classical model. `schema/model.schema.json`
+//! (JSON Schema, draft 2020-12) describes the format. The schema defines keys and types. Reading
+//! also checks what a schema cannot express, such as continuous branches.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -26,33 +26,34 @@ mod friction;
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Version written. Files of versions 1 to 6 are read, too: they are the same but for the names of three keys.
+/// Version written. Files of versions 1 to 6 are also read: they differ only in the names of three
+/// keys.
 pub const VERSION: u32 = 7;
 
-/// Largest difference between a joint and the ends of its pieces, as a part of the half width.
+/// Largest difference between a joint and the ends of its pieces, as a fraction of the half width.
 const INTERVAL_TOLERANCE: f64 = 1e-9;
 
 /// A trocar with its origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
-    /// The model, as every program runs it; a position profile for EMS elements only.
+    /// The model that all interfaces run; a position profile only with EMS elements.
     pub trocar: Trocar<Vec<f64>>,
-    /// What made the model.
+    /// Origin of the model.
     pub origin: Origin,
-    /// The sensor of the recordings behind the model; not part of the seal's force.
+    /// The sensor of the recordings used for the model; not part of the seal's force.
     pub sensor: Option<SensorInfo>,
     /// Intervals of identified parameters by name with unit, such as `coulomb_force_n`; may be empty.
     pub intervals: BTreeMap<String, Interval>,
-    /// How far off the model's force is.
+    /// Error of the model's force.
     pub force_error: Option<ForceError>,
 }
 
-/// How far off the force of a model is: root mean square of what readings differ from it, by phase. `None` (`null` in the
-/// file) is unknown: no recording showed that phase.
+/// Error of a model's force: root mean square difference from readings, by phase. `None` (`null` in
+/// the file) is unknown, because no recording contains that phase.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForceError {
-    /// What it was found on.
+    /// Source of the values.
     pub source: ErrorSource,
     /// While the seal deforms after a full reversal, N, ≥ 0.
     pub deforming_n: Option<f64>,
@@ -65,30 +66,31 @@ pub struct ForceError {
     pub held_n: Option<f64>,
 }
 
-/// What an error was found on.
+/// Source of a model error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorSource {
-    /// Recordings held out from the identification and those identified from, by phase the worse of the two.
+    /// Recordings held out of the identification and those used for it: for each phase the larger
+    /// of both.
     Validation,
-    /// The recordings identified from alone: too small where they are few.
+    /// Only the recordings used for identification: an underestimate if there are few.
     Identification,
-    /// Stated by hand.
+    /// Stated by the user.
     Stated,
 }
 
 impl ForceError {
-    /// The same standard deviation `std_n`, N, in all phases, as somebody states it.
+    /// The same standard deviation `std_n`, N, in all phases, as stated by the user.
     pub fn everywhere(std_n: f64) -> Self {
         let std = Some(std_n);
         Self { source: ErrorSource::Stated, deforming_n: std, partial_n: std, sliding_n: std, held_n: std }
     }
 
-    /// The larger error of both in every phase, found on what `source` names. A phase that one of them does not know has the
-    /// error of the other.
+    /// For each phase the larger error of both, with the given `source`. A phase unknown to one of
+    /// them has the error of the other.
     #[must_use]
     pub fn worse(&self, other: &Self, source: ErrorSource) -> Self {
-        // None is less than any number.
+        // `None` is less than any number.
         let larger = |a: Option<f64>, b: Option<f64>| if a >= b { a } else { b };
         Self {
             source,
@@ -103,45 +105,45 @@ impl ForceError {
         [self.deforming_n, self.partial_n, self.sliding_n, self.held_n]
     }
 
-    /// The largest error of the phases that are known, N; `None` when none is.
+    /// The largest known error of a phase, N; `None` if none is known.
     pub fn largest(&self) -> Option<f64> {
         self.phases().into_iter().flatten().reduce(f64::max)
     }
 }
 
-/// How a model came about.
+/// How a model was created.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OriginKind {
     /// Estimated from recordings.
     Identified,
-    /// Made up so as to be plausible; describes no particular trocar.
+    /// Plausible values that describe no particular trocar.
     Plausible,
     /// Written or changed by hand.
     HandMade,
 }
 
-/// What made a model.
+/// Origin of a model.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
-    /// How the model came about.
+    /// How the model was created.
     pub kind: OriginKind,
     /// Program and version.
     pub program: String,
-    /// Seed of everything random in the making, if anything was.
+    /// Seed of all random numbers, if any were used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// Remarks for people.
+    /// Remarks for the user.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
-    /// Recordings behind the model.
+    /// Recordings used for the model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub recordings: Vec<RecordingInfo>,
 }
 
 impl Origin {
-    /// Origin with this program's version and nothing else.
+    /// Origin with this program's version only.
     pub fn new(kind: OriginKind) -> Self {
         Self {
             kind,
@@ -152,14 +154,14 @@ impl Origin {
         }
     }
 
-    /// Origin of a model estimated from `recordings` with everything random from `seed`.
+    /// Origin of a model estimated from `recordings`, with all random numbers from `seed`.
     pub fn identified(seed: u64, recordings: impl IntoIterator<Item = impl Into<RecordingInfo>>) -> Self {
         let recordings = recordings.into_iter().map(Into::into).collect();
         Self { seed: Some(seed), recordings, ..Self::new(OriginKind::Identified) }
     }
 }
 
-/// A recording behind a model.
+/// A recording used for a model.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordingInfo {
@@ -169,7 +171,7 @@ pub struct RecordingInfo {
     pub sha256: String,
 }
 
-/// The sensor of the recordings behind a model.
+/// The sensor of the recordings used for a model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorInfo {
@@ -177,7 +179,7 @@ pub struct SensorInfo {
     pub offset_n: f64,
     /// Mass between sensor and seal, kg, ≥ 0.
     pub moving_mass_kg: f64,
-    /// Time by which the positions were read later than the forces, s, ≥ 0.
+    /// Delay of the position readings relative to the forces, s, ≥ 0.
     #[serde(default, skip_serializing_if = "is_zero", alias = "position_lag_s")]
     pub position_delay_s: f64,
 }
@@ -188,7 +190,7 @@ pub struct SensorInfo {
 pub struct Interval {
     /// Estimate.
     pub value: f64,
-    /// Lower and upper end; `None` where the data set no bound.
+    /// Lower and upper end; `None` where the data give no bound.
     pub ci95: [Option<f64>; 2],
 }
 
@@ -206,28 +208,28 @@ pub enum ModelFileError {
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the parser met.
+        /// Error of the parser.
         what: String,
     },
-    /// JSON of another kind.
+    /// JSON of another format.
     #[error("not a model: the key \"format\" must be \"trocar-model\", got {found}")]
     WrongFormat {
         /// What was found.
         found: String,
     },
-    /// A file of a newer program.
+    /// A file of a newer version.
     #[error("written by a newer trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar")]
     Newer {
         /// Version found.
         found: u64,
     },
-    /// A version that never existed.
+    /// A version that does not exist.
     #[error("the key \"version\" must be 1 to {VERSION}, got {found}")]
     WrongVersion {
         /// What was found.
         found: String,
     },
-    /// A key is missing, unknown or holds another kind of value.
+    /// A key is missing, unknown or has a value of another type.
     #[error("line {line} column {column}: {what}")]
     WrongKey {
         /// Line, from 1.
@@ -237,29 +239,29 @@ pub enum ModelFileError {
         /// What is wrong.
         what: String,
     },
-    /// Keys and kinds are right, but a value is not possible.
+    /// Keys and types are correct, but a value is not valid.
     #[error("{place}: {what}")]
     Value {
-        /// Where in the file, such as `elements[0].deformation.rising`.
+        /// Place in the file, such as `elements[0].deformation.rising`.
         place: String,
         /// What is wrong.
         what: String,
     },
-    /// A classical model where only EMS elements will do.
+    /// A classical model where EMS elements are required.
     #[error("holds a {kind} model, expected EMS elements\n\nhint: trocar simulate and trocar validate take any model")]
     NotEms {
         /// Kind of the model.
         kind: &'static str,
     },
-    /// Parameters that make no seal.
+    /// Invalid parameters of a seal.
     #[error("{place}: {source}")]
     Parameter {
-        /// Where in the file.
+        /// Place in the file.
         place: String,
         /// What is wrong.
         source: ParamError,
     },
-    /// An error, with the file it was met in.
+    /// An error with the file in which it occurred.
     #[error("{}: {source}", path.display())]
     InFile {
         /// The file.
@@ -270,7 +272,7 @@ pub enum ModelFileError {
 }
 
 impl ModelFileError {
-    /// The error, with the file it was met in.
+    /// The error with the file in which it occurred.
     pub fn in_file(self, path: &Path) -> Self {
         Self::InFile { path: path.to_owned(), source: Box::new(self) }
     }
@@ -292,12 +294,12 @@ impl ModelFile {
         seal.stages().ok_or_else(|| ModelFileError::NotEms { kind: seal.kind() })
     }
 
-    /// The sensor's reading without any force of the seal, N; 0 where no sensor is known.
+    /// The reading of the sensor without any force of the seal, N; 0 if no sensor is known.
     pub fn offset(&self) -> f64 {
         self.sensor.map_or(0.0, |sensor| sensor.offset_n)
     }
 
-    /// The plausible one-stage 10.5 mm trocar, marked as plausible.
+    /// The plausible one-stage 10.5 mm trocar; its origin is [`OriginKind::Plausible`].
     ///
     /// # Errors
     /// None in practice: the values are constants, and a test builds them.
@@ -311,7 +313,8 @@ impl ModelFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// [`ModelFileError::InFile`] around what [`ModelFile::from_json`] or the operating system says.
+    /// [`ModelFileError::InFile`] with the error of [`ModelFile::from_json`] or of the operating
+    /// system.
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
         let read = || Self::from_json(&fs::read_to_string(path)?);
         read().map_err(|error| error.in_file(path))
@@ -320,7 +323,8 @@ impl ModelFile {
     /// Reads and checks the text of a model file.
     ///
     /// # Errors
-    /// See [`ModelFileError`]: no JSON, another format, a newer version, keys, values, parameters.
+    /// See [`ModelFileError`]: invalid JSON, another format, a newer version, invalid keys, values
+    /// or parameters.
     pub fn from_json(text: &str) -> Result<Self, ModelFileError> {
         let header: Value = serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
             line: error.line(),
@@ -378,13 +382,13 @@ impl ModelFile {
     }
 }
 
-/// Reads a file whose key `friction`, if there is one, holds an `F`.
+/// Reads a file whose key `friction`, if present, has the type `F`.
 fn read<F: FrictionText>(text: &str) -> Result<ModelFile, ModelFileError> {
     let document: Document<F> = serde_json::from_str(text).map_err(wrong_key)?;
     document.into_file()
 }
 
-/// Format and version first: a newer file may differ in any other key.
+/// Format and version are checked first, since a newer file may differ in any other key.
 fn check_header(header: &Value) -> Result<(), ModelFileError> {
     let format = header.get("format");
     if format.and_then(Value::as_str) != Some(FORMAT) {
@@ -406,14 +410,14 @@ fn wrong_key(error: serde_json::Error) -> ModelFileError {
     ModelFileError::WrongKey { line: error.line(), column: error.column(), what: without_place(&error) }
 }
 
-/// The parser's message without its " at line L column C".
+/// The message of the parser without its " at line L column C".
 fn without_place(error: &serde_json::Error) -> String {
     let message = error.to_string();
     let place = format!(" at line {} column {}", error.line(), error.column());
     message.strip_suffix(&place).unwrap_or(&message).to_owned()
 }
 
-/// The file as it is written; `F` is the form of a classical model.
+/// The form of the file; `F` is the form of a classical model.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Document<F> {
@@ -529,7 +533,7 @@ impl<F: FrictionText> Document<F> {
         Ok(ModelFile { trocar: Trocar::new(seal, profile), origin, sensor, intervals, force_error })
     }
 
-    /// What no other type checks.
+    /// Checks of values that no other type makes.
     fn check_values(&self) -> Result<(), ModelFileError> {
         let lag = self.sensor.map_or(0.0, |sensor| sensor.position_delay_s);
         if lag < 0.0 {
@@ -639,7 +643,7 @@ impl ElementText {
     }
 }
 
-/// Puts the place in front of what the model says.
+/// Adds the place to the error of the model.
 fn parameter(place: &str) -> impl Fn(ParamError) -> ModelFileError {
     move |source| ModelFileError::Parameter { place: place.to_owned(), source }
 }

@@ -7,15 +7,16 @@ use thiserror::Error;
 use trocar_model::profile::FADE;
 use trocar_model::{PositionProfile, ProfileError};
 
-/// Largest difference from 1 of the mean gain of a profile that is read: files round.
+/// Largest deviation of the mean gain of a profile from 1 when it is read, since values in files
+/// are rounded.
 pub const MEAN_TOLERANCE: f64 = 1e-3;
-/// Motion outside the range by no more than this fraction of it is no [`Departure`]: identification leaves out as much at the
-/// ends of the strokes.
+/// Motion outside the range by up to this fraction of it is not a [`Departure`]: identification
+/// omits as much at the ends of the strokes.
 pub const LEAST_DEPARTURE: f64 = 0.01;
-/// Most knots of a profile that is read.
+/// Most knots of a profile in a file.
 pub const MOST_KNOTS: usize = 10_000;
 
-/// A profile as it stands in files.
+/// A profile in the form used in files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProfileText {
@@ -30,13 +31,13 @@ pub struct ProfileText {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum BadProfile {
-    /// The values are no profile.
+    /// The values are not a valid profile.
     #[error(transparent)]
     Values(#[from] ProfileError),
     /// Too many knots.
     #[error("{0} knots, expected at most {MOST_KNOTS}")]
     Knots(usize),
-    /// The mean gain is not 1, so that the forces of the seal have another meaning.
+    /// The mean gain is not 1, so the forces of the seal have another meaning.
     #[error(
         "the mean gain over the range is {0}, expected 1 (within {MEAN_TOLERANCE})\n\nhint: divide gain by it and multiply the \
          forces of the element by it"
@@ -76,7 +77,8 @@ pub struct Departure {
 }
 
 impl Departure {
-    /// How far a motion that covers `lowest` to `highest` (m) leaves the range of `profile`; `None` up to [`LEAST_DEPARTURE`] of it.
+    /// Distance by which a motion from `lowest` to `highest` (m) leaves the range of `profile`;
+    /// `None` up to [`LEAST_DEPARTURE`] of it.
     pub fn of<K: AsRef<[f64]>>(profile: &PositionProfile<K>, lowest: f64, highest: f64) -> Option<Self> {
         let (from, to) = (profile.from(), profile.to());
         let outside = (from - lowest).max(highest - to);
@@ -96,7 +98,7 @@ impl fmt::Display for Departure {
     }
 }
 
-/// Mean over the range of what is straight between evenly spaced knots.
+/// Mean over the range of a piecewise linear function with equally spaced knots.
 pub fn mean_between_knots(values: &[f64]) -> f64 {
     values.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum::<f64>() / (values.len() - 1) as f64
 }

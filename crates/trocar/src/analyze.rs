@@ -1,13 +1,14 @@
-//! The paper's propositions III.1 to III.3 for one given seal, and what happens where their assumptions fail.
+//! The paper's propositions III.1 to III.3 for one given seal, and what happens where their
+//! assumptions fail.
 //!
 //! ```text
 //! III.1  dF_e/dz > 0 outside an interval (15)           => the element reaches sliding at constant velocity
 //! III.2  F_ss = g(V)·sgn V + β·V (16)                    F_e(z_ss) = F_ss (17)
 //! III.3  A = -F_e'(z_ss)/(σ + β + g'(V)) (22)            A < 0: the steady state is stable
 //! ```
-//! EMS states III.3 for constant g, with the remark that it holds for a Stribeck curve as well. It does not: where
-//! β + σ + g'(V) <= 0 the steady state is unstable and the seal sticks and slips by itself. Each figure that theory
-//! gives is set against a simulation of the very element.
+//! EMS states III.3 for constant g and remarks that it also holds for a Stribeck curve. It does
+//! not: where β + σ + g'(V) <= 0 the steady state is unstable and the seal shows stick-slip without
+//! external excitation. Each value from theory is compared with a simulation of the same element.
 
 use serde::Serialize;
 use trocar_model::{Branch, Direction, Element, Folding, Mode, SlidingFriction, Stages, State};
@@ -23,7 +24,7 @@ pub use stability::{SpeedRange, Stability, StickSlip};
 /// Speeds of the tables, m/s: the paper's range (EMS section IV) and slower.
 pub const SPEEDS: [f64; 8] = [0.001, 0.005, 0.015, 0.03, 0.05, 0.08, 0.1, 0.2];
 
-/// Points at which a branch is looked at.
+/// Points at which a branch is evaluated.
 const BRANCH_POINTS: u32 = 2000;
 
 /// Step of the simulations, s.
@@ -45,7 +46,7 @@ fn branch(direction: Direction, element: &Element) -> &Branch {
     }
 }
 
-/// Deflections between which something holds.
+/// Range of deflections.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interval {
     /// Lower end, m.
@@ -54,7 +55,7 @@ pub struct Interval {
     pub to_m: f64,
 }
 
-/// How one branch is run through on the way to sliding.
+/// How the deflection follows one branch until sliding.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BranchPassage {
     /// Motion along the branch.
@@ -69,16 +70,17 @@ pub struct BranchPassage {
     pub dip_force_n: Option<f64>,
     /// F_s, N.
     pub static_force_n: f64,
-    /// Whether the seal snaps through before the instrument slides: the hump stays below F_s.
+    /// Whether the seal snaps through before the instrument slides: the hump is below F_s.
     pub snaps_through_first: bool,
-    /// Speed above which the seal snaps through although the hump exceeds F_s: (F_hump - F_c)/β, m/s; infinite without β.
-    /// `None` when it snaps through at any speed.
+    /// Speed above which the seal snaps through although the hump exceeds F_s: (F_hump - F_c)/β,
+    /// m/s; infinite without β. `None` when it snaps through at any speed.
     pub critical_speed_m_s: Option<f64>,
-    /// Speeds at which the deflection has two resting places; which one is taken depends on the past.
+    /// Speeds at which the deflection has two equilibria; the history decides which one it reaches.
     pub bistable: Option<SpeedRange>,
-    /// Longest travel until sliding over all starts and speeds simulated, m; `None` when one never slid.
+    /// Longest travel until sliding over all simulated initial deflections and speeds, m; `None`
+    /// when one never slid.
     pub longest_travel_to_sliding_m: Option<f64>,
-    /// Whether F_e rises outside the softening and sliding is reached.
+    /// Whether F_e rises outside the softening intervals and sliding is reached.
     pub holds: bool,
     /// The same in words.
     pub verdict: String,
@@ -89,26 +91,26 @@ pub struct BranchPassage {
 pub struct ReachesSliding {
     /// Both branches.
     pub branches: Vec<BranchPassage>,
-    /// Interval outside which the law between the branches rises too, whatever the history.
+    /// Interval outside which the law between the branches also rises, whatever the history.
     pub softening_of_partial_reversals: Option<Interval>,
     /// Whether it holds on both branches.
     pub holds: bool,
 }
 
-/// One line of the table of proposition III.2.
+/// One row of the table of proposition III.2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SteadyPoint {
     /// V, m/s.
     pub velocity_m_s: f64,
     /// F_ss of (16), N.
     pub force_n: f64,
-    /// Deflection at which the simulation rests, m; F_e there is F_ss (17).
+    /// Deflection at which the simulation settles, m; F_e there is F_ss (17).
     pub deflection_m: f64,
     /// Simulated minus F_ss, N.
     pub simulated_difference_n: f64,
-    /// A of (22), 1/s; minus infinity where nothing damps.
+    /// A of (22), 1/s; minus infinity without damping.
     pub eigenvalue_1_s: f64,
-    /// -1/A, s; 0 where nothing damps.
+    /// -1/A, s; 0 without damping.
     pub time_constant_s: f64,
     /// Whether A < 0 and β + σ + g'(V) > 0.
     pub stable: bool,
@@ -117,11 +119,11 @@ pub struct SteadyPoint {
 /// Propositions III.2 and III.3.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SteadyState {
-    /// Table over [`SPEEDS`] in both senses.
+    /// Table over [`SPEEDS`] in both directions.
     pub table: Vec<SteadyPoint>,
     /// Largest difference between simulation and (16) where the steady state is stable, N.
     pub largest_difference_n: f64,
-    /// Whether the simulation comes to rest at (16) wherever it is stable.
+    /// Whether the simulation settles at (16) wherever the steady state is stable.
     pub holds: bool,
     /// The same in words.
     pub verdict: String,
@@ -132,7 +134,7 @@ pub struct SteadyState {
 pub struct ElementAnalysis {
     /// Proposition III.1.
     pub reaches_sliding: ReachesSliding,
-    /// Proposition III.2 with the figures of III.3.
+    /// Proposition III.2 with the eigenvalues of III.3.
     pub steady_state: SteadyState,
     /// Proposition III.3 for this sliding law.
     pub stability: Stability,
@@ -145,7 +147,7 @@ pub struct Analysis {
     pub elements: Vec<ElementAnalysis>,
     /// Work dissipated over full cycles.
     pub cycle_work: CycleWork,
-    /// Least work of random closed cycles.
+    /// Least work over random closed cycles.
     pub random_cycles: RandomCycles,
     /// Error of the step.
     pub step_error: StepError,
@@ -153,7 +155,7 @@ pub struct Analysis {
     pub holds: bool,
 }
 
-/// Analyses one seal; `seed` is for the random motions.
+/// Analyses one seal; `seed` determines the random motions.
 pub fn analyze(stages: &Stages, seed: u64) -> Analysis {
     let each: Vec<ElementAnalysis> = stages.elements().iter().map(analyze_element).collect();
     let cycle_work = CycleWork::of(stages);
@@ -333,7 +335,7 @@ impl SteadyPoint {
     }
 }
 
-/// State after so long a slide at `velocity`, m/s, that what settles has settled.
+/// State after sliding at `velocity` (m/s) until all transients have decayed.
 fn settled(element: &Element, velocity: f64) -> State {
     const PARTS: u32 = 400;
     let params = element.params();
@@ -349,8 +351,8 @@ fn settled(element: &Element, velocity: f64) -> State {
     state
 }
 
-/// Whether the step is exact: constant friction, no damping of the seal, neither creep nor relaxation, and branches that
-/// stay within the limits.
+/// Whether the step is exact: constant friction, no damping of the seal, no creep or relaxation,
+/// and branches that stay within the limits.
 fn is_exact(element: &Element) -> bool {
     let params = element.params();
     let unique = element.folded() == (Folding::Unique, Folding::Unique);
@@ -373,7 +375,7 @@ mod tests {
         ElementParams::plausible_10_5_mm().unwrap()
     }
 
-    /// A straight spring of K = 500 N/m that slides with F_c 2, F_s 3 N, v_s 20 mm/s, β = 5 N·s/m.
+    /// A linear spring of K = 500 N/m that slides with F_c 2, F_s 3 N, v_s 20 mm/s, β = 5 N·s/m.
     fn stribeck() -> Element {
         let friction = SlidingFriction {
             coulomb_force: 2.0,
@@ -406,8 +408,8 @@ mod tests {
         assert!((0.016..0.017).contains(&travel), "one full snap-through of 2c = 16 mm, got {travel}");
     }
 
-    /// Worked out elsewhere: at 15 mm/s the force swings between 2.22 and 3.00 N and the steady 2.64 N is never reached;
-    /// at 60 mm/s it is.
+    /// From an independent computation: at 15 mm/s the force oscillates between 2.22 and 3.00 N and
+    /// never reaches the steady 2.64 N; at 60 mm/s it does.
     #[test]
     fn strong_stribeck_friction_sticks_and_slips() {
         let found = analyze(&stribeck().into(), 1);
@@ -423,14 +425,15 @@ mod tests {
         assert!(found.elements[0].steady_state.holds);
     }
 
-    /// A hump above F_s: the seal snaps through above (F_hump - F_c)/β only.
+    /// A hump above F_s: the seal snaps through only above (F_hump - F_c)/β.
     #[test]
     fn a_hump_above_the_static_force_is_passed_at_speed_only() {
         let plausible = plausible();
         let scaled = |branch: &Branch| {
             let ends = [branch.force(-8e-3), branch.force(8e-3)];
             let piece = |p: &Piece| {
-                // 3 N at the ends down to 1 N, the inside as it is: a straight line taken off.
+                // From 3 N at the ends to 1 N with the interior unchanged: a straight line is
+                // subtracted.
                 let mut legendre: Vec<f64> = p.legendre().to_vec();
                 let slope = (ends[1] - 2.0 * 1.0 - ends[0]) / (2.0 * 8e-3);
                 legendre[0] -= slope * 0.5 * (p.from() + p.to());

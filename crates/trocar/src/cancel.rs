@@ -1,8 +1,8 @@
-//! Long work that somebody may call off.
+//! Cancellation of long computations.
 //!
-//! [`Cancel::run`] does work on threads of its own, and those look at the flag wherever a model has been run along some
-//! readings. Work that is called off unwinds from there: what it held is dropped, nothing of it is left behind. Threads
-//! of its own also mean that a process which was split off (`fork`) finds none missing.
+//! [`Cancel::run`] works on its own threads, which check the flag after each simulation of a model
+//! over some readings. Cancelled work unwinds from there: its data are dropped and nothing remains.
+//! With its own threads a process created by `fork` also finds none missing.
 
 use std::any::Any;
 use std::cell::OnceCell;
@@ -11,39 +11,40 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 thread_local! {
-    /// The flag of the work that this thread belongs to.
+    /// The flag of the work of this thread.
     static FLAG: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
 }
 
-/// A flag that calls off the work run under it; clones are the same flag.
+/// A flag that cancels the work run with it; clones share the flag.
 #[derive(Debug, Clone, Default)]
 pub struct Cancel(Arc<AtomicBool>);
 
-/// Why work did not come to its end.
+/// Why work did not finish.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Stopped {
-    /// It was called off.
+    /// It was cancelled.
     #[error("called off")]
     Cancelled,
-    /// There are no threads to do it on.
+    /// No threads can be started.
     #[error("cannot start threads: {0}")]
     NoThreads(#[from] rayon::ThreadPoolBuildError),
 }
 
-/// What unwinds.
+/// Payload of the unwinding.
 struct CalledOff;
 
 impl Cancel {
-    /// Calls off the work; it ends within milliseconds.
+    /// Cancels the work; it ends within milliseconds.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Does `work` on `threads` threads (0: one for each processor; [`most_threads`] at the most) and waits for it.
+    /// Does `work` on `threads` threads (0: one per processor; at most [`most_threads`]) and waits
+    /// for it.
     ///
     /// # Errors
-    /// [`Stopped`] when it was called off, or could not begin.
+    /// [`Stopped`] when the work was cancelled or could not begin.
     ///
     /// # Panics
     /// As `work` does.
@@ -60,27 +61,27 @@ impl Cancel {
     }
 }
 
-/// Threads that work is done on at the most, however many are asked for: four for each processor, or 64 where that is more.
-/// More make nothing faster, and thousands take longer to start than most work.
+/// Maximum number of threads, whatever was requested: four per processor, or 64 if that is more.
+/// More threads are not faster, and thousands take longer to start than most work takes.
 pub fn most_threads() -> usize {
     (4 * processors()).max(64)
 }
 
-/// Processors that this process may use.
+/// Processors available to this process.
 pub(crate) fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Whether what unwinds is work that was called off, and no panic.
+/// Whether the payload is a cancellation and not a panic.
 pub(crate) fn is_called_off(unwinding: &(dyn Any + Send)) -> bool {
     unwinding.is::<CalledOff>()
 }
 
-/// Unwinds where the work that this thread belongs to was called off.
+/// Unwinds if the work of this thread was cancelled.
 pub(crate) fn check() {
     let is_called_off = FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)));
     if is_called_off {
-        // No panic: no message is printed.
+        // Not a panic, so no message is printed.
         resume_unwind(Box::new(CalledOff));
     }
 }

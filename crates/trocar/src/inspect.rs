@@ -1,6 +1,6 @@
-//! What is in a file: its tables and columns, and what would be made of them.
+//! Contents of a file: its tables and columns, and how they would be read as a recording.
 //!
-//! Every table is read once from end to end, in constant memory.
+//! Every table is read once from end to end in constant memory.
 
 use std::path::Path;
 
@@ -13,26 +13,27 @@ use crate::recording::{self, Choice, ReadOptions, Recording};
 use crate::segment::SegmentOptions;
 use crate::survey::Survey;
 
-/// Groups of rows that a sparkline has at most; at least half of them once there are as many rows.
+/// Most groups of rows of a sparkline; it has at least half of them once there are as many rows.
 pub const SPARK: usize = 64;
 
-/// Intervals between rows from which the usual one is taken.
+/// Number of intervals between rows from which the typical interval is determined.
 const INTERVALS: usize = 1 << 16;
 
-/// A gap is this much longer than 95 % of the intervals, as in [`crate::recording::Quality`].
+/// An interval is a gap if it is this much longer than 95 % of the intervals, as in
+/// [`crate::recording::Quality`].
 const GAP_FACTOR: f64 = 3.0;
 
-/// Most samples looked at to tell what can be identified.
+/// Most samples used to determine what can be identified.
 const SURVEYED: usize = 1 << 20;
 
-/// What one column holds.
+/// Contents of one column.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ColumnView {
     /// Name in the file.
     pub name: String,
-    /// Unit as the file declares it, or as the name tells.
+    /// Unit as declared in the file, or as part of the name.
     pub unit: Option<String>,
-    /// Smallest finite number; `None` for a column without any.
+    /// Smallest finite number; `None` for a column without one.
     pub lowest: Option<f64>,
     /// Largest finite number.
     pub highest: Option<f64>,
@@ -40,16 +41,16 @@ pub struct ColumnView {
     pub not_finite: u64,
     /// Means of consecutive groups of rows, at most [`SPARK`]; empty for a column without numbers.
     pub course: Vec<f64>,
-    /// Whether the numbers never fall: a clock, or a counter.
+    /// Whether the numbers never decrease: a clock, or a counter.
     pub rises: bool,
 }
 
-/// What one table holds.
+/// Contents of one table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TableView {
-    /// Topic, group or variable; empty where the file is one table.
+    /// Topic, group or variable; empty if the file is one table.
     pub name: String,
-    /// Type of a topic's messages, or class of a variable.
+    /// Message type of a topic, or class of a variable.
     pub kind: String,
     /// Rows.
     pub rows: u64,
@@ -61,26 +62,27 @@ pub struct TableView {
     pub damage: Option<String>,
 }
 
-/// What a table's clock says. Seconds if the column's unit is known, else in the unit of the file.
+/// Properties of a table's clock. In seconds if the column's unit is known, else in the unit of the
+/// file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Clock {
     /// The column.
     pub column: String,
-    /// How many of its unit make one second; `None` where no unit is declared.
+    /// Number of its units per second; `None` if no unit is declared.
     pub per_s: Option<f64>,
     /// From the first row to the last.
     pub duration: f64,
     /// Median interval between rows.
     pub median_interval: f64,
-    /// Intervals more than three times longer than 95 % of the first ones.
+    /// Intervals more than three times longer than 95 % of the first intervals.
     pub gaps: u64,
     /// The longest interval.
     pub longest_interval: f64,
-    /// Rows whose time is not later than that of the row before.
+    /// Rows whose time is not later than that of the previous row.
     pub not_later: u64,
 }
 
-/// Everything about a file.
+/// Complete description of a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Inspection {
     /// File as the caller named it.
@@ -89,43 +91,43 @@ pub struct Inspection {
     pub format: String,
     /// Its size, bytes.
     pub bytes: u64,
-    /// What it holds.
+    /// Its tables.
     pub tables: Vec<TableView>,
-    /// What would be read from it, or why nothing can be.
+    /// The recording that would be read from it, or why none can be.
     pub recording: Result<Found, String>,
 }
 
 /// A recording as it would be read.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
-    /// What each quantity comes from, in words of `--columns`.
+    /// Source of each quantity, in the syntax of `--columns`.
     pub columns: Vec<String>,
-    /// What was assumed, and how topics were put together.
+    /// Assumptions, and how topics were aligned in time.
     pub notes: Vec<String>,
-    /// Losses and doubts.
+    /// Data losses and doubts.
     pub warnings: Vec<String>,
-    /// Samples looked at.
+    /// Samples examined.
     pub samples: usize,
     /// Their duration, s.
     pub duration_s: f64,
     /// Their range of positions, m.
     pub stroke_m: f64,
-    /// Passes between reversals.
+    /// Strokes between reversals.
     pub passes: usize,
     /// Different speeds of insertion, m/s.
     pub insertion_speeds_m_s: Vec<f64>,
     /// Different speeds of withdrawal, m/s.
     pub withdrawal_speeds_m_s: Vec<f64>,
-    /// What these samples cannot pin.
+    /// Parameters that these samples cannot determine.
     pub limits: Vec<String>,
 }
 
-/// Looks into a file. What is wrong with its recording is part of the result.
+/// Inspects a file. Problems of its recording are part of the result.
 ///
 /// # Errors
-/// [`RecordingError`] when the file cannot be opened or is of no known format.
+/// [`RecordingError`] when the file cannot be opened or its format is unknown.
 pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingError> {
-    // A stream is gone once it has been looked at.
+    // A stream can be read only once.
     let is_there = std::fs::metadata(path).is_ok_and(|data| data.is_file() || data.is_dir());
     if path.as_os_str() == "-" || (path.exists() && !is_there) {
         return Err(RecordingError::IsStream { file: path.display().to_string() });
@@ -198,7 +200,8 @@ fn view(container: &dyn Container, index: usize) -> TableView {
     }
 }
 
-/// The first column that is a time by its name, with its unit, counted among the numeric ones.
+/// The first numeric column whose name is that of a time, with its unit; the index counts numeric
+/// columns only.
 fn clock_of(table: &Table, numeric: &[usize]) -> Option<(usize, Option<f64>)> {
     numeric.iter().enumerate().find_map(|(own, k)| {
         let column = &table.columns[*k];
@@ -207,7 +210,7 @@ fn clock_of(table: &Table, numeric: &[usize]) -> Option<(usize, Option<f64>)> {
     })
 }
 
-/// Running description of a column.
+/// Incremental description of a column.
 #[derive(Debug, Clone)]
 struct Course {
     lowest: f64,
@@ -251,7 +254,7 @@ impl Course {
         }
     }
 
-    /// Joins groups in pairs once there are too many.
+    /// Merges groups in pairs once there are too many.
     fn begin_group(&mut self) {
         if self.groups.len() == SPARK {
             self.groups = self.groups.chunks(2).map(|pair| (pair[0].0 + pair[1].0, pair[0].1 + pair[1].1)).collect();
@@ -276,14 +279,14 @@ impl Course {
     }
 }
 
-/// Running description of a clock.
+/// Incremental description of a clock.
 #[derive(Default)]
 struct Intervals {
     first: Option<f64>,
     last: f64,
-    /// The first ones.
+    /// The first intervals.
     kept: Vec<f64>,
-    /// Three times what 95 % of those do not exceed, once there are enough.
+    /// Three times the 95 % quantile of those, once there are enough.
     limit: Option<f64>,
     gaps: u64,
     longest: f64,

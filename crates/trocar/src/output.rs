@@ -1,8 +1,8 @@
-//! Output that appears whole or not at all.
+//! Atomic output: it appears completely or not at all.
 //!
-//! Results are written beside their destination and renamed into place at the end, so an error on the way, a full
-//! disk or an interruption never leaves a half-written file where a finished one is expected. An interruption that ends
-//! the process runs no destructors; its handler calls [`remove_unfinished`].
+//! Results are written next to their destination and renamed at the end. So an error, a full disk
+//! or an interruption never leaves a half-written file in place of a complete one. An interruption
+//! that ends the process runs no destructors; its handler calls [`remove_unfinished`].
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -13,24 +13,24 @@ use tempfile::{NamedTempFile, TempDir};
 
 pub use crate::error::OutputError;
 
-/// Prefix of everything unfinished; the dot hides it from plain listings.
+/// Prefix of all unfinished files; the dot hides it from plain listings.
 const PREFIX: &str = ".trocar-";
 
-/// Temporary files and folders of this process that are not finished yet.
+/// Unfinished temporary files and folders of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes every temporary file and folder of this process: the last act of a Ctrl-C handler.
+/// Removes every temporary file and folder of this process. A Ctrl-C handler calls it last.
 ///
-/// Writing that still goes on in other threads fails afterwards.
+/// Writes still in progress in other threads fail afterwards.
 pub fn remove_unfinished() {
     let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
     for path in unfinished.drain(..) {
-        // Nobody is left to tell when this fails, and the files are hidden ones.
+        // No error can be reported any more, and the files are hidden.
         let _ = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
     }
 }
 
-/// Keeps a path among the unfinished for as long as it lives.
+/// Lists a path as unfinished during its own lifetime.
 #[derive(Debug)]
 struct Unfinished(PathBuf);
 
@@ -48,9 +48,10 @@ impl Drop for Unfinished {
     }
 }
 
-/// A file that takes its name only when it is complete; dropped before [`AtomicFile::commit`], it leaves nothing.
+/// A file that gets its name only when it is complete; dropped before [`AtomicFile::commit`], it
+/// leaves nothing.
 ///
-/// `-` is standard output, and pipes and devices are written directly: they cannot be replaced.
+/// `-` is standard output. Pipes and devices are written directly, since they cannot be replaced.
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
@@ -75,10 +76,11 @@ impl AtomicFile {
         Ok(Self { path: path.to_owned(), target })
     }
 
-    /// Makes the file appear under its name, in place of an earlier one.
+    /// Gives the file its name and replaces an earlier one.
     ///
     /// # Errors
-    /// [`OutputError::Write`] when the last bytes cannot be stored; an earlier file of that name is then untouched.
+    /// [`OutputError::Write`] when the last bytes cannot be stored; an earlier file of that name
+    /// then stays untouched.
     pub fn commit(mut self) -> Result<(), OutputError> {
         let path = self.path.clone();
         let finish = || {
@@ -94,7 +96,7 @@ impl AtomicFile {
         finish().map_err(|source| OutputError::Write { path, source })
     }
 
-    /// An error of writing to this file with its path.
+    /// A write error of this file with its path.
     #[must_use]
     pub fn write_error(&self, source: io::Error) -> OutputError {
         OutputError::Write { path: self.path.clone(), source }
@@ -111,7 +113,7 @@ impl Target {
             Ok(metadata) if !metadata.is_file() => {
                 return File::options().write(true).open(path).map(Self::Direct);
             }
-            // Follows a link, so that the link stays and its file is replaced.
+            // Follows a link, so that the link stays and its target is replaced.
             Ok(_) => fs::canonicalize(path)?,
             Err(_) => path.to_owned(),
         };
@@ -139,8 +141,8 @@ impl Write for AtomicFile {
     }
 }
 
-/// A temporary name with the permissions that `File::create` and `create_dir` give; temporary files are private
-/// otherwise, and stay so under their final name.
+/// A temporary name with the permissions that `File::create` and `create_dir` give. Otherwise
+/// temporary files are private and stay private under their final name.
 fn hidden(_mode: u32) -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
@@ -149,7 +151,7 @@ fn hidden(_mode: u32) -> tempfile::Builder<'static, 'static> {
     builder
 }
 
-/// The error without the temporary file's name, which says nothing to a user.
+/// The error without the name of the temporary file, which is of no use to the user.
 fn without_name(error: io::Error) -> io::Error {
     let text = error.to_string();
     match text.split_once(" at path ") {
@@ -162,7 +164,8 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Several files that appear in a folder together; dropped before [`StagedFolder::commit`], they leave nothing.
+/// Several files that appear in a folder together; dropped before [`StagedFolder::commit`], they
+/// leave nothing.
 ///
 /// The folder may exist: files of the same names are replaced, others stay.
 #[derive(Debug)]
@@ -176,7 +179,8 @@ impl StagedFolder {
     /// Prepares to fill the folder `target`, which need not exist.
     ///
     /// # Errors
-    /// [`OutputError::Create`] when nothing can be written there: better now than after the work.
+    /// [`OutputError::Create`] when the folder is not writable, so that this is found before the
+    /// computation.
     pub fn create(target: impl AsRef<Path>) -> Result<Self, OutputError> {
         let target = target.as_ref();
         let staging = stage(target).map_err(|source| OutputError::Create { path: target.to_owned(), source })?;
@@ -184,19 +188,19 @@ impl StagedFolder {
         Ok(Self { target: target.to_owned(), staging, _unfinished: unfinished })
     }
 
-    /// The folder as it will be called.
+    /// The final path of the folder.
     #[must_use]
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Where the files lie until then: for what writes or reads them by path.
+    /// The temporary folder of the files, for code that writes or reads them by path.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.staging.path()
     }
 
-    /// Writes one file; `name` may lie in a folder of its own, as in `figures/residuals.svg`.
+    /// Writes one file; `name` may contain a subfolder, as in `figures/residuals.svg`.
     ///
     /// # Errors
     /// [`OutputError::Write`], for example on a full disk.
@@ -211,7 +215,7 @@ impl StagedFolder {
         store().map_err(|source| OutputError::Write { path: self.target.join(&name), source })
     }
 
-    /// Makes all files appear under their names.
+    /// Moves all files to their final names.
     ///
     /// # Errors
     /// [`OutputError::Write`] when they cannot be moved into place.
@@ -227,7 +231,8 @@ impl StagedFolder {
     }
 }
 
-/// A temporary folder on the same file system: inside the target, or beside it while it does not exist.
+/// A temporary folder on the same file system: inside the target, or next to it if it does not
+/// exist.
 fn stage(target: &Path) -> io::Result<TempDir> {
     let existing = target.ancestors().find(|path| path.exists());
     let folder = existing.filter(|path| !path.as_os_str().is_empty()).unwrap_or(Path::new("."));

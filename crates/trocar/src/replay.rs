@@ -1,8 +1,8 @@
-//! Runs a model over a recording, from a start that nobody measured.
+//! Simulates a model over a recording whose initial state is unknown.
 //!
-//! A recording begins with the seal in an unknown state. The replay starts at rest with the first reading, and says
-//! from which sample on the start no longer matters: there several extreme starts give one force (the seal forgets
-//! its past once it has slid).
+//! A recording begins with the seal in an unknown state. The replay starts at rest with the first
+//! reading and reports from which sample on the initial state no longer matters. From there several
+//! extreme initial states give the same force, since the seal forgets its past once it has slid.
 
 use std::ops::Range;
 
@@ -12,15 +12,17 @@ use crate::cancel;
 use crate::many::along;
 use crate::recording::Recording;
 
-/// Unknown starts count as forgotten when their forces agree within this, N.
+/// Initial states count as forgotten when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;
-/// Starts tried, as [`Seal::rest_between`] takes them.
+/// Initial states, as arguments of [`Seal::rest_between`].
 const STARTS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 
-/// First of the steps (displacement in m, duration in s) after which the start no longer matters.
+/// First of the steps (displacement in m, duration in s) after which the initial state no longer
+/// matters.
 ///
-/// Starts of EMS elements that agree once agree for ever. Those of a classical model must agree up to the end of the motion: the
-/// force of a LuGre model does not show its state where σ_1·|v| = g, and the memory of a Leuven model outlives a slide.
+/// For EMS elements, initial states that agree once agree for ever. Those of a classical model must
+/// agree up to the end of the motion: the force of a LuGre model does not show its state where
+/// σ_1·|v| = g, and the memory of a Leuven model persists through sliding.
 pub fn forgotten_after(seal: &Seal, steps: impl Iterator<Item = (f64, f64)>) -> Option<usize> {
     let mut states: Vec<SealState> = STARTS.iter().map(|part| seal.rest_between(*part)).collect();
     let mut since = None;
@@ -39,7 +41,7 @@ pub fn forgotten_after(seal: &Seal, steps: impl Iterator<Item = (f64, f64)>) -> 
     since
 }
 
-/// A model run over a recording, sample by sample.
+/// A model simulated over a recording, sample by sample.
 #[derive(Debug, Clone, Default)]
 pub struct Replay {
     /// Seal force, N, without sensor offset.
@@ -48,16 +50,17 @@ pub struct Replay {
     pub deflection: Vec<f64>,
     /// Whether every element slides; empty for a model without a deflection.
     pub sliding: Vec<bool>,
-    /// Whether the seal deforms after a partial reversal: the deflection has turned since the seal last slid. Empty for a model
-    /// without a deflection.
+    /// Whether the seal deforms after a partial reversal: the deflection has reversed since the
+    /// seal last slid. Empty for a model without a deflection.
     pub turned: Vec<bool>,
-    /// Samples whose force does not depend on the unknown start, as ranges.
+    /// Samples whose force does not depend on the unknown initial state, as ranges.
     pub known: Vec<Range<usize>>,
 }
 
-/// Runs `trocar` over the positions of `recording`, whose readings hold the sensor offset `offset`, N.
+/// Simulates `trocar` over the positions of `recording`, whose readings contain the sensor offset
+/// `offset`, N.
 ///
-/// Gaps and resets start anew.
+/// The simulation restarts after gaps and resets.
 pub fn replay<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Replay {
     let mut out = Replay::default();
     for range in recording.unbroken() {
@@ -78,8 +81,9 @@ pub fn replay<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset
     out
 }
 
-/// Force, N, of `trocar` at every sample of `recording`, without the sensor's offset `offset`, N: at rest with the first reading
-/// at the start and after every gap, then driven by the positions.
+/// Force of `trocar` at every sample of `recording` without the sensor offset `offset`, N. The
+/// model is at rest with the first reading at the start and after every gap, then follows the
+/// positions.
 pub fn forces<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Vec<f64> {
     let mut all = vec![0.0; recording.len()];
     for range in recording.unbroken() {

@@ -1,9 +1,10 @@
 //! Simulates a trocar along a recorded motion, row by row and in constant memory.
 //!
-//! The motion is any file that [`crate::recording`] understands with time and position; of a force column only the
-//! first reading counts. Every row gives one row `time_s,position_m,force_n,deflection_m,mode`, or
-//! `time_s,position_m,force_n` for a model without a deflection. The force is the trocar's, without the sensor's offset,
-//! positive on insertion.
+//! The motion is any file that [`crate::recording`] can read with time and position. Of a force
+//! column only the first reading is used. Every row gives one row
+//! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model
+//! without a deflection. The force is that of the trocar without the sensor offset, positive on
+//! insertion.
 
 use std::io::Read;
 use std::path::Path;
@@ -17,35 +18,36 @@ use crate::recording::rows::Rows;
 use crate::recording::{Choice, LONGEST_STROKE};
 use crate::table::{Cell, Field, Kind, TableWriter};
 
-/// Rows between two reports of progress.
+/// Rows between two progress reports.
 const REPORT_EVERY: u64 = 1 << 16;
 
-/// How a simulation begins, and what goes between the positions and the model.
+/// Initial state of a simulation and filter of its positions.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SimulateOptions {
-    /// Deflection of the seal at rest at the first row, m. `None`: from the first force reading where the motion has one,
-    /// else undeformed.
+    /// Deflection of the seal at rest at the first row, m. `None`: from the first force reading if
+    /// the motion has one, else undeformed.
     pub initial_deflection: Option<f64>,
     /// Sensor offset in that reading, N.
     pub offset: f64,
-    /// Keeps the flicker of a resting encoder out of the force. The positions written stay those of the motion.
+    /// Suppresses the effect of encoder flicker at rest on the force. The positions written stay
+    /// those of the motion.
     pub filter: Option<BacklashFilter>,
 }
 
-/// How a simulation began.
+/// The initial state that was used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beginning {
-    /// The first force reading, N, where the motion has one and the state comes from it.
+    /// The first force reading, N, if the motion has one and the state was computed from it.
     pub reading: Option<f64>,
     /// At rest at the first row.
     pub state: TrocarState,
 }
 
-/// A trocar under way along a motion.
+/// A trocar during a simulation.
 struct Run<'a> {
     trocar: &'a Trocar<&'a [f64]>,
     state: TrocarState,
-    /// With its state and the position from the first row on, m.
+    /// With its state and the position relative to the first row, m.
     filter: Option<(BacklashFilter, BacklashState, f64)>,
 }
 
@@ -83,7 +85,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Why a replay stopped; no output is left then.
+/// Why a simulation stopped; it leaves no output.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulateError {
@@ -93,7 +95,7 @@ pub enum SimulateError {
     /// The result cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// An initial deflection for a model that has none.
+    /// An initial deflection for a model without one.
     #[error("an initial deflection is for EMS elements; a {kind} model has no deflection")]
     NoDeflection {
         /// Kind of the model.
@@ -101,28 +103,30 @@ pub enum SimulateError {
     },
 }
 
-/// What a replay covered.
+/// Extent of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Simulated {
     /// Rows read and written.
     pub rows: u64,
-    /// Lowest position, m; infinite without any row.
+    /// Lowest position, m; infinite without rows.
     pub lowest: f64,
-    /// Highest position, m; negative infinite without any row.
+    /// Highest position, m; negative infinite without rows.
     pub highest: f64,
-    /// How it began; `None` without any row.
+    /// The initial state; `None` without rows.
     pub beginning: Option<Beginning>,
 }
 
 /// Simulates `trocar` along the file `motion` and writes `output`; `-` is standard input or output.
 ///
-/// `choice` says what to take from the motion. The first row is where the instrument stands: it carries the force at rest there.
-/// `progress` gets now and then which part of the motion has been read, 0 to 1 (0 for a stream), and how many rows.
+/// `choice` selects the columns of the motion. The first row is the initial position of the
+/// instrument and gets the force at rest there. `progress` is called from time to time with the
+/// fraction of the motion read so far, 0 to 1 (0 for a stream), and the number of rows.
 ///
 /// # Errors
-/// [`SimulateError::Motion`] names the line of the first row that cannot be replayed: no number, not finite, time going
-/// back, position changing within no time, more than two metres of stroke. [`SimulateError::Output`] when the result
-/// cannot be written. No error leaves an output file.
+/// [`SimulateError::Motion`] names the line of the first row that cannot be simulated: not a
+/// number, not finite, decreasing time, a change of position without a change of time, more than
+/// two metres of stroke. [`SimulateError::Output`] when the result cannot be written. No error
+/// leaves an output file.
 pub fn simulate_file<K: AsRef<[f64]>>(
     motion: &Path,
     choice: &Choice,
@@ -137,7 +141,7 @@ pub fn simulate_file<K: AsRef<[f64]>>(
     Ok(simulated)
 }
 
-/// The columns of a simulation: time, position and force, and the deformation where the model has one.
+/// The columns of a simulation: time, position and force, and the deformation if the model has one.
 pub fn fields(seal: &Seal) -> Vec<Field> {
     let mut fields: Vec<Field> = ["time_s", "position_m", "force_n"].map(Field::number).into();
     if seal.stages().is_some() {
@@ -146,7 +150,7 @@ pub fn fields(seal: &Seal) -> Vec<Field> {
     fields
 }
 
-/// The same into a table of these [`fields`], which stays uncommitted.
+/// The same into a table with these [`fields`], which is not committed.
 ///
 /// # Errors
 /// As for [`simulate_file`].
@@ -192,22 +196,22 @@ fn word(mode: Mode) -> &'static str {
     }
 }
 
-/// One row of a motion and the way to it.
+/// One row of a motion and the step to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
     /// Time, s.
     pub time: f64,
     /// Position, m.
     pub position: f64,
-    /// Displacement since the row above, m; 0 on the first row.
+    /// Displacement since the previous row, m; 0 on the first row.
     pub displacement: f64,
-    /// Time since the row above, s; 0 on the first row and where a row is repeated.
+    /// Time since the previous row, s; 0 on the first row and where a row is repeated.
     pub duration: f64,
-    /// Force reading, N, where the motion has one.
+    /// Force reading, N, if the motion has one.
     pub reading: Option<f64>,
 }
 
-/// Reads a motion row by row and refuses a row that cannot follow the one above.
+/// Reads a motion row by row and rejects a row that cannot follow the previous one.
 pub struct Positions<'a> {
     file: String,
     rows: Rows<'a>,
@@ -218,7 +222,7 @@ pub struct Positions<'a> {
     highest: f64,
 }
 
-/// What a motion has to hold.
+/// Required quantities of a motion.
 const NEEDED: [Quantity; 2] = [Quantity::Time, Quantity::Position];
 
 impl Positions<'static> {
@@ -232,7 +236,7 @@ impl Positions<'static> {
 }
 
 impl<'a> Positions<'a> {
-    /// The same from a stream of text, which `file` names in messages.
+    /// The same from a text stream, which messages call `file`.
     ///
     /// # Errors
     /// As for [`Positions::open`].
@@ -249,7 +253,7 @@ impl<'a> Positions<'a> {
     /// The next row, or `None` at the end.
     ///
     /// # Errors
-    /// [`RecordingError`] with the line of a row that cannot be followed.
+    /// [`RecordingError`] with the line of an invalid row.
     pub fn advance(&mut self) -> Result<Option<Step>, RecordingError> {
         let Some(row) = self.rows.next_row()? else { return Ok(None) };
         let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));

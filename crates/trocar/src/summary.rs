@@ -1,6 +1,7 @@
-//! What an identification leaves behind: `model.json` and `summary.json`.
+//! Results of an identification: `model.json` and `summary.json`.
 //!
-//! Both hold names, hashes and seeds instead of folders and times, so the same recordings give the same bytes.
+//! Both contain names, hashes and seeds but no folders and times, so the same recordings give the
+//! same bytes.
 
 use std::collections::BTreeMap;
 
@@ -20,9 +21,11 @@ use crate::workflow::{MovingMass, Workflow};
 pub(crate) const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
 
 impl MovingMass {
-    /// The sensor of a model whose offset without the declared mass is `offset`, N; `unmodelled` kg were found beside it.
+    /// The sensor of a model. `offset` is its offset without the declared mass, N; `unmodelled` is
+    /// the unmodelled mass, kg.
     ///
-    /// Its offset is the reading at rest without any force of the seal, weight of the declared mass included.
+    /// The offset of the sensor is the reading at rest without any force of the seal, including the
+    /// weight of the declared mass.
     pub(crate) fn sensor(self, offset: f64, unmodelled: f64) -> SensorInfo {
         SensorInfo {
             offset_n: offset + self.mass * self.gravity,
@@ -45,7 +48,7 @@ pub struct RecordingSummary<'a> {
     pub samples: usize,
     /// Time from the first to the last sample, s.
     pub duration_s: f64,
-    /// What was found about the data.
+    /// Properties of the data.
     pub quality: &'a Quality,
 }
 
@@ -65,11 +68,11 @@ pub struct BranchSummary {
 pub struct DeformationSummary<'a> {
     /// c of the two-step result.
     pub half_width_m: &'a Estimate,
-    /// Standard deviation of c over the traverses, m: the error of the rebuilt deflection.
+    /// Standard deviation of c over the full strokes, m: the error of the reconstructed deflection.
     pub half_width_spread_m: f64,
-    /// p value of c changing with speed; `None` with too few speeds.
+    /// p value of a dependence of c on speed; `None` with too few speeds.
     pub speed_dependence_p_value: Option<f64>,
-    /// Full traverses found.
+    /// Number of full strokes that snap the seal through.
     pub traverses: usize,
     /// Branch of the insertion.
     pub rising: BranchSummary,
@@ -82,7 +85,7 @@ pub struct DeformationSummary<'a> {
 pub struct Summary<'a> {
     /// Program and version.
     pub program: &'static str,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Resamples of the bootstrap.
     pub bootstrap: usize,
@@ -90,41 +93,41 @@ pub struct Summary<'a> {
     pub doubtful: bool,
     /// Parameters of the model by name with unit.
     pub parameters: BTreeMap<&'a str, &'a Estimate>,
-    /// The same by the paper's two steps alone.
+    /// The same from the paper's two steps alone.
     pub two_step_parameters: BTreeMap<&'a str, &'a Estimate>,
-    /// Error of the model over the recordings it was identified from, N.
+    /// Error of the model over the recordings used for identification, N.
     pub residual_rms_n: f64,
-    /// The fit of the likelihood with its optional terms; `None` when it was not made.
+    /// The likelihood fit with its optional model terms; `None` if it was not made.
     pub fit: Option<&'a FitSummary>,
-    /// How friction changed from stroke to stroke.
+    /// Change of the friction from stroke to stroke.
     pub friction_scale: &'a FrictionScale,
     /// Error of the model by phase.
     pub phases: &'a [Phase],
-    /// Where the force swings by itself; `None` where it does not.
+    /// Self-excited oscillation of the force; `None` if there is none.
     pub stick_slip: Option<&'a StickSlip>,
-    /// Holds and partial reversals in the recordings.
+    /// Rests and partial reversals in the recordings.
     pub free_motion: FreeMotion,
-    /// The delay of the positions that was taken out; `None` when none shows.
+    /// The compensated position delay; `None` if none is significant.
     pub position_delay: Option<PositionDelay>,
-    /// How the force depends on the position, beside the element; `None` when it does not, or no strokes repeat.
+    /// The position-dependent force; `None` if there is none or no strokes repeat.
     pub position_profile: Option<&'a ProfileFit>,
-    /// Why strokes that repeat gave no `position_profile`.
+    /// Why repeated strokes gave no `position_profile`.
     pub no_position_profile: Option<&'a str>,
-    /// Validation on the recordings held out; `None` without any.
+    /// Validation on the held-out recordings; `None` without any.
     pub validation: Option<&'a Validation>,
     /// Steady-state step with its data.
     pub steady: &'a SteadyFit,
-    /// Dynamic step; `None` when the deformation was not resolved.
+    /// Dynamic step; `None` if the deformation was not resolved.
     pub deformation: Option<DeformationSummary<'a>>,
     /// Why there is no dynamic step.
     pub deformation_missing: Option<&'a str>,
-    /// Test of the influence of the deformation velocity; `None` where it could not be made.
+    /// Test of the influence of the deformation velocity; `None` if it was not possible.
     pub damping_test: Option<&'a DampingTest>,
-    /// What was taken out of the readings.
+    /// Mass that was subtracted from the readings.
     pub moving_mass: MovingMass,
     /// All recordings.
     pub recordings: Vec<RecordingSummary<'a>>,
-    /// What to know about the result, its validation included.
+    /// Warnings about the result, including its validation.
     pub warnings: Vec<Warning>,
 }
 
@@ -160,7 +163,7 @@ impl Workflow {
         }
     }
 
-    /// What limits the validation, as warnings of the result.
+    /// Limits of the validation, as warnings of the result.
     fn validation_warnings(&self) -> impl Iterator<Item = Warning> + '_ {
         let recordings = self.validation.iter().flat_map(|validation| &validation.recordings);
         recordings.flat_map(|r| {
@@ -194,7 +197,8 @@ impl Workflow {
         model
     }
 
-    /// On the recordings held out and on those identified from, by phase the worse of the two.
+    /// Error on the held-out recordings and on those used for identification: for each phase the
+    /// larger of both.
     fn force_error(&self) -> ForceError {
         let found = &self.identification;
         let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0).ok();
@@ -223,7 +227,8 @@ impl Workflow {
 }
 
 impl Summary<'_> {
-    /// The text of `summary.json`: equal results give equal text. A number without bound is `null`.
+    /// The text of `summary.json`: equal results give equal text. An infinite or undefined number
+    /// is `null`.
     pub fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).expect("every key is a string");
         text.push('\n');
@@ -251,7 +256,7 @@ fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
     }
 }
 
-/// Estimates as they stand in a model file.
+/// Estimates in the form used in a model file.
 pub(crate) fn intervals(parameters: &[Parameter]) -> BTreeMap<String, Interval> {
     let bound = |bound: f64| bound.is_finite().then_some(bound);
     let interval = |parameter: &Parameter| {

@@ -1,4 +1,4 @@
-//! From recordings to a folder of results: what `trocar identify` does, for every interface.
+//! From recordings to a folder of results: what `trocar identify` does, for all interfaces.
 //!
 //! ```text
 //! recordings ─▶ without the moving mass ─▶ identify ─▶ without the delay ─▶ validate ─▶ model.json, summary.json, report.html, figures
@@ -23,7 +23,8 @@ pub struct MovingMass {
 }
 
 impl MovingMass {
-    /// `recording` without this mass and without `unmodelled` kg beside it, whose weight is part of the offset.
+    /// `recording` without the inertia and weight of this mass and without the inertia of
+    /// `unmodelled` kg, whose weight is part of the offset.
     ///
     /// # Errors
     /// As for [`Recording::without_moving_mass`].
@@ -38,26 +39,27 @@ impl MovingMass {
     /// The same for several recordings.
     ///
     /// # Errors
-    /// That of the first recording that has one.
+    /// The first error of a recording.
     pub fn subtracted_from_all(self, all: Vec<Recording>, unmodelled: f64) -> Result<Vec<Recording>, RecordingError> {
         all.into_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
     }
 }
 
-/// Everything that a finished identification started from and came to.
+/// The inputs and results of a finished identification.
 #[derive(Debug, Clone)]
 pub struct Workflow {
     /// The result.
     pub identification: Identification,
-    /// How it was asked for.
+    /// Options of the identification.
     pub options: IdentifyOptions,
-    /// The recordings it was identified from, without the moving mass and the delay of the positions.
+    /// The recordings used for identification, without the moving mass and the position delay.
     pub recordings: Vec<Recording>,
-    /// The recordings it was validated on, without the moving mass, the unmodelled mass and the delay.
+    /// The validation recordings, without the moving mass, the unmodelled mass and the position
+    /// delay.
     pub held_out: Vec<Recording>,
     /// The validation on them; `None` without any.
     pub validation: Option<Validation>,
-    /// What was subtracted.
+    /// Mass that was subtracted.
     pub moving_mass: MovingMass,
 }
 
@@ -77,7 +79,7 @@ impl Workflow {
     /// Identifies from `recordings` and validates on `held_out`, both as read.
     ///
     /// # Errors
-    /// [`WorkflowError`]; a result that is merely doubtful is none.
+    /// [`WorkflowError`]; a doubtful result is not an error.
     pub fn run(
         recordings: Vec<Recording>,
         held_out: Vec<Recording>,
@@ -94,7 +96,7 @@ impl Workflow {
         Ok(Self::of(identification, options, recordings, held_out, moving_mass))
     }
 
-    /// The same with an identification at hand and corrected recordings: validates.
+    /// The same for an existing identification and corrected recordings: only validates.
     pub fn of(
         identification: Identification,
         options: IdentifyOptions,

@@ -1,4 +1,5 @@
-//! One recording in every format that other people's libraries write, and one robot log in every kind of bag.
+//! One recording in every format, written by third-party libraries, and one robot log in every kind
+//! of bag.
 //!
 //! The files are those of `formats/make.py` and `bags/make.py`.
 
@@ -80,7 +81,7 @@ fn crop_and_sign_work_in_every_format() {
     assert_eq!(found.quality.notes, ["sign of the force reversed"]);
 }
 
-/// A name that separates nothing, and a topic where there are none.
+/// A column that does not separate recordings, and a topic in a file without topics.
 #[test]
 fn text_is_chosen_from_as_any_table() {
     let folder = tempfile::tempdir().unwrap();
@@ -96,7 +97,7 @@ fn text_is_chosen_from_as_any_table() {
     assert!(refused.contains("named '/load'") && refused.contains("one table without a name"), "{refused}");
 }
 
-/// What `inspect` says can be said: names with commas, quotes, blanks and a minus.
+/// The columns printed by `inspect` are accepted: names with commas, quotes, blanks and a minus.
 #[test]
 fn odd_names_are_said_and_understood() {
     let folder = tempfile::tempdir().unwrap();
@@ -123,7 +124,7 @@ fn odd_names_are_said_and_understood() {
 
 #[test]
 fn places_in_tables_are_rows() {
-    // Position is missing in the rows of `gappy`.
+    // The position is missing in the rows of `gappy`.
     let found = read_with("formats/pyarrow_none.parquet", choice("position_mm=gappy", &[])).unwrap();
     assert_eq!(found.quality.non_finite_rows.lines[..3], [3, 8, 13]);
     assert!(found.quality.warnings.iter().any(|warning| warning.message.contains("rows 3, 8, 13")));
@@ -158,10 +159,11 @@ fn position(t: f64) -> f64 {
     0.12 + 0.05 * (PI * t).sin()
 }
 
-/// Straight lines between samples 5 ms apart are off by at most h²/8 of the second derivative.
+/// Linear interpolation between samples 5 ms apart has an error of at most h²/8 of the second
+/// derivative.
 const STRAIGHT: f64 = 20.0 * 0.05 * PI * PI * 0.005 * 0.005 / 8.0;
 
-/// Names and units of CRTK are enough; the effort of the motor gives way to the wrench.
+/// Names and units of CRTK are sufficient; the wrench takes precedence over the motor effort.
 #[test]
 fn a_robot_log_is_a_recording_in_every_kind_of_bag() {
     for name in [
@@ -180,7 +182,7 @@ fn a_robot_log_is_a_recording_in_every_kind_of_bag() {
         let columns = "force_n=/psm1/measured_cf.wrench.force.z,velocity_m_s=/psm1/measured_js.velocity[insertion]";
         let columns = format!("position_m=/psm1/measured_js.position[insertion],{columns}");
         let log = "time_s=/psm1/measured_js.log_time_s";
-        // The times are those of the stamps unless somebody asks for others.
+        // The times are those of the stamps unless others are requested.
         for columns in [columns.clone(), format!("{columns},{log}")] {
             let found = read_with(name, choice(&columns, &[])).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert!(found.len() > 20, "{name}: {} rows", found.len());
@@ -203,7 +205,7 @@ fn names_alone_choose_the_insertion_joint_and_the_wrench() {
     ] {
         assert!(notes.contains(essential), "'{essential}' not in {notes}");
     }
-    // Times count from the log's first, which lies LATENCY after the first stamp.
+    // Times are relative to the first of the log, which is LATENCY after the first stamp.
     for k in 0..found.len() {
         assert!((found.position[k] - position(found.time[k] + 3e-4)).abs() < 1e-12, "row {k}");
         assert!((found.force[k] - (20.0 * found.position[k] - 2.0)).abs() < STRAIGHT, "row {k}: {}", found.force[k]);

@@ -1,4 +1,5 @@
-//! Recordings of any length: read in parallel, in excerpts and in pieces, and what does not depend on it.
+//! Recordings of any length: read in parallel, in excerpts and in pieces, and results that do not
+//! depend on the length.
 
 use std::fmt::Write as _;
 use std::io::Read;
@@ -9,7 +10,7 @@ use trocar::simulate::Positions;
 use trocar::validate::{Validation, validate, validate_one};
 use trocar_model::{Classical, SlidingFriction, StaticFriction, Trocar};
 
-/// Rows that make several of the reader's chunks.
+/// Enough rows for several chunks of the reader.
 const MANY: usize = 400_000;
 
 struct Scratch(tempfile::TempDir);
@@ -41,7 +42,7 @@ fn plain(rows: usize) -> String {
     text
 }
 
-/// The same with comments, blank lines, quotes and carriage returns strewn in.
+/// The same with additional comments, blank lines, quotes and carriage returns.
 fn ruffled(rows: usize) -> String {
     let mut text = String::new();
     for (k, line) in plain(rows).lines().enumerate() {
@@ -55,7 +56,7 @@ fn ruffled(rows: usize) -> String {
     text
 }
 
-/// Hands on a few bytes at a time, as a pipe may.
+/// Returns a few bytes at a time, as a pipe may.
 struct Drip<'a> {
     bytes: &'a [u8],
     next: usize,
@@ -115,7 +116,7 @@ fn an_error_deep_in_a_file_names_its_line() {
         lines[line - 1] = "1.0,two,3.0".into();
         let message = read(&scratch.file("wrong.csv", &lines.join("\n")), &options(None)).unwrap_err().to_string();
         assert!(message.contains(&format!("wrong.csv line {line}: found 'two'")), "{message}");
-        // All rows before it are handed on first.
+        // All rows before the wrong one are returned first.
         let mut positions = Positions::open(&scratch.0.path().join("wrong.csv"), &Choice::default()).unwrap();
         let before = (0..).take_while(|_| matches!(positions.advance(), Ok(Some(_)))).count();
         assert_eq!(before, line - 2);
@@ -157,7 +158,8 @@ fn the_beginning_of_a_longer_recording_is_thinned_alike() {
         let found = read(&scratch.file("long.csv", &plain(rows)), &options(Some(150_000))).unwrap();
         found.time.iter().map(|t| (t * 1e3).round() as usize).collect::<std::collections::BTreeSet<_>>()
     };
-    // Both are thinned three times, so the longer one's choice begins with the shorter one's.
+    // Both are decimated three times, so the selection of the longer one begins with that of the
+    // shorter one.
     let (shorter, longer) = (kept(700_000), kept(760_000));
     assert!(shorter.iter().filter(|row| !longer.contains(row)).count() == 0, "{} {}", shorter.len(), longer.len());
 }
@@ -179,7 +181,7 @@ fn by_pieces(path: &std::path::Path, samples: usize) -> Validation {
     Validation::of(all.into_iter().collect())
 }
 
-/// Strokes, then a rest that fills a piece of its own.
+/// Strokes, then a rest that fills a whole piece.
 #[test]
 fn a_pause_longer_than_a_piece_is_not_scored() {
     const ROWS: usize = 20_000;

@@ -1,4 +1,4 @@
-//! The invariants of ARCHITECTURE.md that the sources themselves show.
+//! The invariants of ARCHITECTURE.md that can be checked in the sources.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -25,13 +25,13 @@ fn sources() -> Vec<(String, String)> {
     found
 }
 
-/// Without comments and unit tests.
+/// The text without comments and unit tests.
 fn code(text: &str) -> String {
     let own = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
     own.lines().filter(|line| !line.trim_start().starts_with("//")).map(|line| format!("{line}\n")).collect()
 }
 
-/// Files outside `allowed` (beginnings of names) that hold one of `patterns`.
+/// Files that contain one of `patterns` and whose names do not begin with an entry of `allowed`.
 fn elsewhere(patterns: &[&str], allowed: &[&str]) -> BTreeSet<String> {
     let holds = |(name, text): (String, String)| {
         let is_allowed = allowed.iter().any(|start| name.starts_with(start));
@@ -61,11 +61,12 @@ fn only_the_command_line_and_python_draw() {
 
 #[test]
 fn only_the_reader_knows_formats() {
-    // A data set whose recordings are rows of Parquet files selects them there.
+    // A data set whose recordings are rows of Parquet files selects these rows in the files.
     only_in(&["formats::"], &["trocar/src/recording/", "trocar/src/fleet/parts"]);
 }
 
-/// Whatever runs an identified model runs `Trocar`; these step its parts, each for a reason of its own.
+/// All code that simulates an identified model uses `Trocar`; the exceptions here step its parts
+/// for specific reasons.
 #[test]
 fn models_are_stepped_in_known_places() {
     let parts =

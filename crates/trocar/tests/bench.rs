@@ -1,4 +1,4 @@
-//! The virtual bench behaves like a rig: physics, instruments, reproducibility, configuration.
+//! The virtual bench behaves like a rig: physics, sensors, reproducibility, configuration.
 
 use trocar::bench::config::SpeedOrder;
 use trocar::bench::{
@@ -27,7 +27,7 @@ fn linear_seal(coulomb_force: f64, viscous_damping: f64) -> Element {
     .unwrap()
 }
 
-/// Without noise, rounding, fluctuation and rod weight: the reading is the physics.
+/// Without noise, rounding, fluctuation and rod weight: the reading follows from the physics alone.
 fn ideal() -> BenchConfig {
     let mut config = BenchConfig::default();
     config.force_sensor.noise_n = 0.0;
@@ -95,7 +95,7 @@ fn speeds_are_those_of_the_paper() {
     assert!((speeds[0] - 0.015).abs() < 1e-12 && (speeds[17] - 0.1).abs() < 1e-12);
 }
 
-/// Speed asked for in each pass, negative on withdrawal.
+/// Reference speed of each stroke, negative on withdrawal.
 fn speeds_asked_for(reference: &[f64]) -> Vec<f64> {
     let strongest = |most: f64, v: &f64| if v.abs() > most.abs() { *v } else { most };
     passes(reference).into_iter().map(|pass| reference[pass].iter().fold(0.0, strongest)).collect()
@@ -127,7 +127,7 @@ fn orders_of_speed_hold_the_same_cycles() {
 
 #[test]
 fn drift_looks_like_viscous_friction_only_in_ascending_order() {
-    // Slope of the sliding force over the speed, N s/m: the viscous damping that a straight line finds.
+    // Slope of the sliding force over the speed, N s/m: the viscous damping of a linear fit.
     let slope = |order: SpeedOrder, drift_fraction: f64| {
         let mut config = ideal();
         config.protocol.steady.order = order;
@@ -167,7 +167,7 @@ fn force_drifts_by_the_declared_fraction_and_then_stays() {
     (config.fluctuation.drift_fraction, config.fluctuation.drift_time_s) = (-0.2, 20.0);
     let drifting = go(&config, Protocol::Validation, &[plausible()], 1).truth;
     for pass in passes(&steady.reference_velocity) {
-        // Late in the stroke, before the carriage slows down.
+        // Near the end of the stroke, before the carriage slows down.
         let late = pass.end - 250..pass.end - 80;
         let ratio = mean(&drifting.seal_force[late.clone()]) / mean(&steady.seal_force[late.clone()]);
         let seconds = 1e-3 * 0.5 * (late.start + late.end) as f64;
@@ -191,14 +191,14 @@ fn reversals_scatter_as_declared() {
         let ends = passes(&record.truth.reference_velocity).into_iter().map(|pass| position[pass.end - 1]);
         ends.collect::<Vec<f64>>()
     };
-    // The rig follows its reference within a tenth of a millimetre or so.
+    // The rig follows its reference within about a tenth of a millimetre.
     let nominal = turning_points(0.0, 1);
     let scattered = turning_points(0.005, 1);
     assert_eq!((nominal.len(), scattered.len()), (80, 80));
     for side in 0..2 {
         let moved: Vec<f64> = (side..80).step_by(2).map(|i| scattered[i] - nominal[i]).collect();
         assert!(moved.iter().all(|m| m.abs() < 0.0055), "{moved:?}");
-        // Uniform over ±5 mm has 2.9 mm rms; 40 reversals give it within 20 %.
+        // A uniform distribution over ±5 mm has 2.9 mm rms; 40 reversals determine it within 20 %.
         assert!((rms_about_mean(&moved) / 0.0029 - 1.0).abs() < 0.25, "{}", rms_about_mean(&moved));
     }
     assert_ne!(scattered, turning_points(0.005, 2));
@@ -207,7 +207,7 @@ fn reversals_scatter_as_declared() {
 #[test]
 fn work_of_the_motor_is_accounted_for() {
     let mut config = ideal();
-    // Sampled at every step, so that the sums over samples are the integrals.
+    // Sampled at every step, so that the sums over samples equal the integrals.
     config.rig.sample_rate_hz = 10_000.0;
     config.rig.substeps = 1;
     config.rod.gravity_m_s2 = 9.81;
@@ -234,7 +234,7 @@ fn work_of_the_motor_is_accounted_for() {
         let supplied = work(&truth.motor_force) + gained;
         let spent = work(&truth.seal_force) + work(&drag) + kinetic + stored;
         assert!(spent > 0.1, "{protocol}: only {spent} J");
-        // First-order integration at 10 kHz.
+        // Error of the first-order integration at 10 kHz.
         assert!((supplied / spent - 1.0).abs() < 0.005, "{protocol}: {supplied} J, {spent} J");
     }
 }
@@ -245,7 +245,8 @@ fn a_closed_cycle_costs_work() {
     let truth = &record.truth;
     let steps = 1..truth.position.len();
     let work: f64 = steps.map(|i| truth.seal_force[i] * (truth.position[i] - truth.position[i - 1])).sum();
-    // 18 cycles of twice 120 mm against 3 N and 5 N s/m on 57.5 mm/s on average, less what deformation saves.
+    // 18 cycles of twice 120 mm against 3 N and 5 N s/m at 57.5 mm/s on average, minus the savings
+    // due to deformation.
     let sliding = 18.0 * 0.24 * (3.0 + 5.0 * 0.0575);
     assert!(work > 0.8 * sliding && work < sliding, "{work} J of {sliding} J");
 }
@@ -258,7 +259,8 @@ fn reading_is_seal_and_inertia_and_weight() {
     config.force_sensor.tare_n = 0.7;
     let record = go(&config, Protocol::Dynamic, &[plausible()], 1);
     let truth = &record.truth;
-    // Newton's law of the motor side gives the same load as the rod side that the bench reports.
+    // Newton's law for the motor side gives the same load as for the rod side that the bench
+    // reports.
     for i in 0..record.force.len() {
         let motor_side = record.force[i] - 0.7 + 0.2 * 9.81 - 0.2 * truth.acceleration[i];
         assert!((motor_side - truth.seal_force[i]).abs() < 1e-9);
@@ -280,12 +282,12 @@ fn a_record_with_its_rod_taken_out_is_the_seal() {
     };
     let raw = record.to_recording("dynamic").unwrap();
     assert_eq!(raw.len(), record.time.len());
-    // Gravity pulls towards insertion, so against the force that the rod has to be pushed with.
+    // Gravity acts in the direction of insertion, against the force that pushes the rod.
     let seal_alone = raw.clone().without_moving_mass(0.1, -9.81).unwrap();
     let (bias, spread) = error(&seal_alone.force);
     let (raw_bias, raw_spread) = error(&raw.force);
     assert!(raw_bias > 0.9 && raw_spread > 0.1, "{raw_bias} N, {raw_spread} N");
-    // 25 mN of sensor noise, and the acceleration seen through 4 µm counts.
+    // 25 mN of sensor noise, and the acceleration from positions with 4 µm counts.
     assert!(bias < 0.01 && spread < 0.06, "{bias} N, {spread} N");
 }
 
@@ -350,7 +352,7 @@ fn standstill_reads_tare_and_weight() {
     (surgeon.hold_probability, surgeon.reversal_probability) = (0.9, 0.1);
     (surgeon.hold_shortest_s, surgeon.hold_longest_s) = (20.0, 20.0);
     (surgeon.tremor_rms_m, surgeon.duration_s) = (0.0, 10.0);
-    // The first action is a hold under nine seeds of ten; this one is.
+    // The first action is a hold for nine seeds of ten, including this one.
     let record = go(&config, Protocol::Surgeon, &[plausible()], 1);
     assert!(record.truth.velocity.iter().all(|v| v.abs() < 1e-6));
     let expected = 0.3 - 0.04 * 9.81;
@@ -469,7 +471,8 @@ fn tremor_rms(position: &[f64], low: f64, high: f64) -> f64 {
     let count = blocks.len();
     let mut power = 0.0;
     for block in blocks {
-        // Differences flatten the steep spectrum of the large movements, which would leak into the band.
+        // Differences flatten the steep spectrum of the large movements, which would otherwise leak
+        // into the band.
         let window = |i: usize| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / size as f64).cos();
         for line in 0..size / 2 {
             let frequency = line as f64 * 1000.0 / size as f64;
@@ -537,7 +540,7 @@ fn every_protocol_is_finite_and_within_the_stops() {
 #[test]
 fn stops_hold_a_rig_without_control() {
     let mut config = BenchConfig::default();
-    // Nothing brakes this carriage in time.
+    // The carriage cannot stop in time.
     config.protocol.dynamic.stroke_m = 0.140;
     config.protocol.dynamic.sliding_speed_m_s = 0.9;
     config.motor.drag_n_s_m = 5.0;
@@ -552,7 +555,8 @@ fn several_elements_add_up() {
     let two = go(&config, Protocol::Step, &[linear_seal(1.0, 2.0), linear_seal(2.0, 3.0)], 1);
     let one = go(&config, Protocol::Step, &[linear_seal(3.0, 5.0)], 1);
     assert_eq!(two.truth.deflections.len(), 2);
-    // Equal half widths and proportional stiffness, but not viscous damping: equal once all slide.
+    // Equal half widths and proportional stiffness, but not viscous damping: equal once all
+    // elements slide.
     let settled = 900;
     let difference = two.truth.seal_force[settled] - one.truth.seal_force[settled];
     assert!(difference.abs() < 1e-3, "{difference} N");
@@ -635,7 +639,7 @@ fn wrong_documents_are_explained() {
         ("[rig]\nsubsteps = -3", "line 2: rig.substeps must be between 0"),
         ("[protocol.steady]\nstroke_m = 0.2", "line 2: protocol.steady.stroke_m must be between"),
         ("[protocol.step]\nstroke_m = 0.001", "protocol.step.stroke_m must be between 0.00125"),
-        // Metres given in millimetres.
+        // Metres expected, but given in millimetres.
         ("[protocol.dynamic]\nstroke_m = 60", "line 2: protocol.dynamic.stroke_m must be between"),
     ];
     for (text, message) in cases {

@@ -1,4 +1,5 @@
-//! Work that is called off ends, leaves nothing behind, and work that is not comes to the same as ever.
+//! Cancelled work ends and leaves nothing; work that is not cancelled gives the same result as
+//! without the flag.
 
 use std::time::{Duration, Instant};
 
@@ -8,7 +9,7 @@ use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::Recording;
 
-/// Time, s, in which called-off work must have ended on a busy machine.
+/// Time, s, in which cancelled work must end on a busy machine.
 const ENDS: Duration = Duration::from_secs(5);
 
 fn recordings() -> Vec<Recording> {
@@ -24,7 +25,7 @@ fn recordings() -> Vec<Recording> {
 fn called_off_work_ends_where_it_is() {
     let recordings = recordings();
     let cancel = Cancel::default();
-    // Far more resamples than anybody would wait for.
+    // So many resamples that the work takes far longer than the test.
     let options = IdentifyOptions { bootstrap: 3_000_000, ..IdentifyOptions::default() };
     let flag = cancel.clone();
     let work = move || flag.run(0, || identify(&recordings, &options, &|_, _| ()).is_ok());

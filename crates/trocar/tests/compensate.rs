@@ -1,4 +1,5 @@
-//! The observer of the tissue force: what it must find, what it must never learn, and faults of sensors.
+//! The observer of the tissue force: accuracy, conditions under which it must not adapt, and sensor
+//! faults.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -31,7 +32,8 @@ fn surgeon(duration_s: f64, change: impl FnOnce(&mut BenchConfig)) -> BenchConfi
     config
 }
 
-/// Identified on the bench from steady and dynamic, validated on validation and surgeon: what a user has.
+/// Identified on the bench from steady and dynamic, validated on validation and surgeon: the
+/// typical model of a user.
 static MODEL: LazyLock<ModelFile> = LazyLock::new(|| {
     let config = BenchConfig::default();
     let record = |protocol| {
@@ -63,10 +65,12 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
     (squares / f64::max(count, 1.0)).sqrt()
 }
 
-/// Within this of the truth the tissue force counts as found: about twice the noise of the bench's sensor, N.
+/// The tissue force counts as correct within this of the true value: about twice the noise of the
+/// bench's sensor, N.
 const FOUND: f64 = 0.06;
 
-/// In tissue of either law the error stays that of the model, though the tissue takes many times the friction.
+/// In tissue of either law the error stays that of the model, although the tissue force is many
+/// times the friction.
 #[test]
 fn the_tissue_force_is_found() {
     for kind in [TissueKind::HuntCrossley, TissueKind::KelvinVoigt] {
@@ -89,7 +93,8 @@ fn the_tissue_force_is_found() {
     }
 }
 
-/// A random seal with a random law between its branches, identified from full strokes alone and validated on full strokes.
+/// A random seal with a random law between its branches, identified from and validated on full
+/// strokes only.
 fn stranger(seed: u64) -> ([Element; 1], ModelFile) {
     let mut params = random_plausible_seal(1000 + seed);
     let force = params.deformation;
@@ -109,8 +114,8 @@ fn stranger(seed: u64) -> ([Element; 1], ModelFile) {
     (seal, Workflow::of(found, options, recordings.to_vec(), held_out.to_vec(), moving_mass).model_file())
 }
 
-/// On seals of other seeds, dry and wetted on the way, full strokes and a hand's motion that nothing was validated on: the band
-/// of 95 % holds the truth in 90 to 98 % of the samples.
+/// Seals of other seeds, dry and wetted during the run, in full strokes and in hand-like motion
+/// without validation: the 95 % band contains the true force in 90 to 98 % of the samples.
 #[test]
 fn the_band_holds_on_independent_seals() {
     let strangers: Vec<_> = (1..=6).map(stranger).collect();
@@ -138,8 +143,8 @@ fn the_band_holds_on_independent_seals() {
     }
 }
 
-/// In a phase that no recording showed the band is wider than in any other, and between the branches it reaches from one law
-/// to the other.
+/// In a phase that no recording contains, the band is wider than in any other, and between the
+/// branches it reaches from one law to the other.
 #[test]
 fn what_was_never_validated_has_a_wider_band() {
     let mut file = MODEL.clone();
@@ -149,7 +154,7 @@ fn what_was_never_validated_has_a_wider_band() {
     let options = CompensateOptions { adaptation: false, ..CompensateOptions::default() };
     let (mut informed, mut ignorant) =
         (Compensator::new(&MODEL, &options).unwrap(), Compensator::new(&file, &options).unwrap());
-    // Past the deformation, half of it back, a little forth again, and a rest there.
+    // Beyond the deformation, back by half of it, forward a little, and a rest there.
     let mut path = vec![];
     for (speed, samples) in [(0.03, 1500), (-0.03, 300), (0.03, 60), (0.0, 1000)] {
         path.extend(std::iter::repeat_n(speed, samples));
@@ -172,7 +177,8 @@ fn what_was_never_validated_has_a_wider_band() {
     assert!(rest > 0.2 * gap && rest < 2.0 * gap, "{rest} N beside a half gap of {gap} N");
 }
 
-/// A constant load held for a minute of any motion is tissue: λ and ν stay where they were, and the load stays to be seen.
+/// A constant load held for a minute of any motion is a tissue force: λ and ν stay unchanged, and
+/// the load stays visible.
 #[test]
 fn a_constant_load_for_a_minute_is_never_learnt() {
     for (load, seed) in [(2.0, 31), (-1.0, 32), (0.5, 33), (0.2, 34)] {
@@ -195,7 +201,8 @@ fn a_constant_load_for_a_minute_is_never_learnt() {
     }
 }
 
-/// The same for a load during one long slide, where nothing tells friction from tissue: nothing is learnt at all.
+/// The same for a load during one long slide, in which friction and tissue cannot be distinguished:
+/// no adaptation takes place.
 #[test]
 fn one_way_tells_nothing() {
     let file = &*MODEL;
@@ -214,7 +221,8 @@ fn one_way_tells_nothing() {
     assert!(observer.last().tissue_force > 1.3);
 }
 
-/// A seal that is wetted or oiled is followed within a few strokes, whatever the tissue.
+/// The adaptation follows wetting or oiling of a seal within a few strokes, whatever the tissue
+/// force.
 #[test]
 fn a_change_of_the_friction_is_followed() {
     for (wet, seed) in [(0.85, 41), (0.55, 42), (0.25, 43), (1.4, 44)] {
@@ -237,7 +245,8 @@ fn a_change_of_the_friction_is_followed() {
     }
 }
 
-/// Adds `tissue(t)`, N, to a run of the bench, and gives errors of the observer from 30 s on, its coverage and its drift.
+/// Adds `tissue(t)`, N, to a run of the bench, and returns errors of the observer from 30 s on, its
+/// coverage and its drift.
 fn under_load(seed: u64, tissue: impl Fn(f64, f64) -> f64) -> (f64, f64, Drift) {
     let mut record = run(&surgeon(90.0, |_| {}), Protocol::Surgeon, &seal(), seed).unwrap();
     let truth: Vec<f64> = (0..record.time.len())
@@ -252,7 +261,8 @@ fn under_load(seed: u64, tissue: impl Fn(f64, f64) -> f64) -> (f64, f64, Drift) 
     (error, covered as f64 / late.len() as f64, observer.drift())
 }
 
-/// Whatever tissue does, it is not learnt: constant loads of any size and onset, breathing, loads of one direction only.
+/// The adaptation ignores tissue forces: constant loads of any size and onset, breathing, loads in
+/// one direction only.
 #[test]
 fn no_tissue_is_learnt_as_friction() {
     let turn = core::f64::consts::TAU;
@@ -277,7 +287,7 @@ fn no_tissue_is_learnt_as_friction() {
     }
 }
 
-/// Viscosity that grows is followed, if slowly: the error is less than without.
+/// The adaptation follows increasing viscosity, if slowly: the error is smaller than without it.
 #[test]
 fn viscosity_is_followed() {
     let config = surgeon(120.0, |config| {
@@ -296,7 +306,7 @@ fn viscosity_is_followed() {
     assert!(with < 0.6 * without, "{with} N with, {without} N without");
 }
 
-/// A seal that grips harder on the way in than out is followed like any other.
+/// The adaptation also follows a seal with more friction on insertion than on withdrawal.
 #[test]
 fn an_asymmetric_seal_is_followed() {
     let asymmetric = |level: f64| {
@@ -322,7 +332,7 @@ fn an_asymmetric_seal_is_followed() {
     assert!((observer.drift().level - 0.85).abs() < 0.02, "{:?}", observer.drift());
 }
 
-/// Until the seal has slid nobody knows its force, and the band says so.
+/// Until the seal has slid its force is unknown, and the band is accordingly wide.
 #[test]
 fn the_band_is_wide_until_the_seal_has_slid() {
     let record = run(&surgeon(20.0, |_| {}), Protocol::Surgeon, &seal(), 51).unwrap();
@@ -331,7 +341,7 @@ fn the_band_is_wide_until_the_seal_has_slid() {
     assert!(said.last().unwrap().std < 0.6);
 }
 
-/// Strong samples: any two of position, reading and duration may be wrong at any time.
+/// Sequences of samples in which position, reading and duration may each be wrong at any time.
 fn samples() -> impl Strategy<Value = Vec<(f64, f64, f64)>> {
     let number = |usual: std::ops::Range<f64>| prop_oneof![8 => usual, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(f64::NEG_INFINITY), 1 => Just(0.0), 1 => Just(1e300), 1 => Just(-1e300), 1 => Just(f64::MIN_POSITIVE)];
     prop::collection::vec((number(-0.05..0.05), number(-10.0..10.0), number(0.0..0.01)), 0..200)
@@ -340,7 +350,8 @@ fn samples() -> impl Strategy<Value = Vec<(f64, f64, f64)>> {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
 
-    /// Whatever comes, the observer lives on: afterwards a clean stroke finds the tissue as if nothing had happened.
+    /// The observer recovers from any input: afterwards it finds the tissue force in a clean stroke
+    /// as usual.
     #[test]
     fn no_sample_spoils_the_observer(samples in samples()) {
         let mut observer = observer(true);
@@ -354,7 +365,7 @@ proptest! {
         prop_assert!(drift.level_std.is_finite() && drift.viscosity_std.is_finite());
         let offset = MODEL.sensor.unwrap().offset_n;
         for k in 0..800 {
-            // A reading that never changes would be a fault of its own.
+            // A reading that never changes would be another fault.
             observer.step(1e-4 * f64::from(k), offset + 1e-3 * f64::from(k % 2), 1e-3);
         }
         let last = observer.last();
@@ -362,7 +373,7 @@ proptest! {
     }
 }
 
-/// Plays a clean recording with one thing wrong with it from 20 s on, and gives what was said.
+/// Runs over a clean recording with one fault from 20 s on, and returns the estimates.
 fn with_fault(change: impl Fn(usize, &mut f64, &mut f64, &mut f64)) -> (BenchRun, Vec<Estimate>) {
     let record = run(&surgeon(40.0, |_| {}), Protocol::Surgeon, &seal(), 61).unwrap();
     let options = CompensateOptions { sensor_limit_n: Some(15.0), adaptation: false, ..CompensateOptions::default() };
@@ -421,7 +432,8 @@ fn saturation_tells_no_tissue_force() {
     assert!(clean_error(&said) < FOUND);
 }
 
-/// A new zero of the encoder is no motion of 50 mm, and one wild reading none there and back.
+/// A new zero of the encoder is not a motion of 50 mm, and a single outlier is not a motion there
+/// and back.
 #[test]
 fn an_encoder_jump_moves_nothing() {
     let (_, said) = with_fault(|k, x, _, _| {
@@ -437,7 +449,8 @@ fn an_encoder_jump_moves_nothing() {
     assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
 }
 
-/// Positions missing in the midst of the fastest motion: the way is made up with its time, as one motion.
+/// Positions missing during the fastest motion: the displacement is added later over its whole
+/// time, as one motion.
 #[test]
 fn a_dropout_at_full_speed_is_bridged() {
     let record = run(&surgeon(40.0, |_| {}), Protocol::Surgeon, &seal(), 61).unwrap();
@@ -453,7 +466,8 @@ fn a_dropout_at_full_speed_is_bridged() {
     assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
 }
 
-/// Frozen from the first sample on, and frozen behind a sensor that only reads every tenth sample.
+/// Frozen from the first sample on, and frozen with a sensor that is read only at every tenth
+/// sample.
 #[test]
 fn a_frozen_sensor_is_noticed_whatever_its_rate() {
     for (hold, from) in [(1, 0), (10, 20_000)] {
@@ -471,7 +485,8 @@ fn a_frozen_sensor_is_noticed_whatever_its_rate() {
     }
 }
 
-/// A reading at the limit is told even where time stands still, and samples that come in bursts lose no way.
+/// A saturated reading is reported even if time does not advance, and no displacement of samples in
+/// bursts is lost.
 #[test]
 fn one_fault_does_not_hide_another() {
     let (_, said) = with_fault(|k, _, y, duration| {
@@ -489,7 +504,7 @@ fn one_fault_does_not_hide_another() {
     assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
 }
 
-/// A jump of 2.5 mm within a millisecond is no hand's motion, and the band opens after it.
+/// A jump of 2.5 mm within a millisecond is not a hand's motion, and the band widens after it.
 #[test]
 fn a_small_jump_opens_the_band() {
     let (_, said) = with_fault(|k, x, _, _| {
@@ -501,7 +516,7 @@ fn a_small_jump_opens_the_band() {
     assert!(said[20_001].std > 0.5 && said.last().unwrap().std < FOUND);
 }
 
-/// Once the change is learnt the band is as narrow as before it.
+/// After the adaptation to a change the band is as narrow as before it.
 #[test]
 fn the_band_is_narrow_again_after_wetting() {
     let config = surgeon(110.0, |config| {
@@ -513,7 +528,7 @@ fn the_band_is_narrow_again_after_wetting() {
     assert!(late < 0.15 && late < 2.0 * early.max(0.05), "{early} N before, {late} N after");
 }
 
-/// Times that jitter by half an interval cost nothing: the model takes displacements.
+/// Jitter of the times by half an interval has no effect, since the model uses displacements.
 #[test]
 fn clock_jitter_costs_nothing() {
     let (_, said) = with_fault(|k, _, _, duration| {
@@ -538,7 +553,7 @@ fn time_that_stands_still_moves_nothing() {
     assert!(clean_error(&said) < FOUND);
 }
 
-/// After a gap the seal may be anywhere, and the band says so until it has slid.
+/// After a gap the state of the seal is unknown, and the band stays wide until it has slid.
 #[test]
 fn a_gap_opens_the_band() {
     let record = run(&surgeon(40.0, |_| {}), Protocol::Surgeon, &seal(), 62).unwrap();
@@ -586,7 +601,7 @@ fn what_cannot_compensate_is_refused() {
     }
 }
 
-/// After a reset the same samples give the same answers, to the last bit, whatever went before.
+/// After a reset the same samples give exactly the same estimates, whatever preceded it.
 #[test]
 fn a_reset_observer_is_as_new() {
     let record = run(&surgeon(30.0, |_| {}), Protocol::Surgeon, &seal(), 5).unwrap();
@@ -607,7 +622,7 @@ fn a_reset_observer_is_as_new() {
     assert_eq!(used.drift(), learnt);
 }
 
-/// A classical model compensates too, as far as it goes.
+/// A classical model also compensates, within its accuracy.
 #[test]
 fn a_classical_model_runs() {
     let sliding = SlidingFriction::coulomb(3.0, 5.0);
@@ -625,7 +640,8 @@ fn a_classical_model_runs() {
     assert!((observer.drift().level - 2.0).abs() < 0.1, "{:?}", observer.drift());
 }
 
-/// On recordings of a seal that is no EMS element, without tissue: what is left is within the band, and friction stays.
+/// On recordings of a seal that is not an EMS element, without tissue: the residual is within the
+/// band, and the friction estimates stay unchanged.
 #[test]
 fn an_alien_seal_without_tissue() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings/seal_a");
@@ -661,8 +677,8 @@ fn an_alien_seal_without_tissue() {
         let (error, coverage) = (rms(errors.iter().copied()), covered as f64 / errors.len() as f64);
         let drift = observer.drift();
         println!("adaptation {adaptation}: {error:.3} N rms, 95 % band holds {:.1} %, {drift:?}", 100.0 * coverage);
-        // The two steps of the paper leave 0.2 N on this seal in a hand's motion, more in this half than in the other: the
-        // band that the other half gives cannot hold all of it.
+        // The two steps of the paper leave 0.2 N on this seal in hand-like motion, more in this
+        // half than in the other. So the band from the other half cannot contain all errors.
         assert!(error < 0.25, "{error}");
         assert!(coverage > 0.75, "{coverage}");
         assert!((drift.level - 1.0).abs() < 0.1, "{drift:?}");

@@ -1,4 +1,4 @@
-//! No closed cycle of any seal gives work, whatever the seal is made of.
+//! No closed cycle of any seal has negative work, whatever its model terms.
 
 #[path = "../../trocar-model/tests/common/mod.rs"]
 mod common;
@@ -11,7 +11,8 @@ use trocar_model::{DeformationForce, Element, Relaxation, RelaxationArm, Stages}
 /// Cycles tried on each seal.
 const CYCLES: u32 = 20;
 
-/// Any optional term on its own or together: branches, κ, β, σ, Stribeck friction that folds or not, creep, relaxing arms.
+/// Any optional model terms alone or together: branches, κ, β, σ, Stribeck friction with or without
+/// a multivalued law, creep, relaxing arms.
 fn elements() -> impl Strategy<Value = Element> {
     let some = |values: std::ops::Range<f64>| prop_oneof![Just(0.0), values];
     let arm = (some(10.0..2000.0), 0.01..10.0_f64).prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });

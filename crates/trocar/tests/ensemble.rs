@@ -1,4 +1,5 @@
-//! Many trocars along one motion: the bits of each by itself, whatever its kind, its start and the number of threads.
+//! Many trocars over one motion: each gives exactly its separate result, whatever its kind, its
+//! initial state and the number of threads.
 
 use std::path::Path;
 use std::time::Duration;
@@ -8,7 +9,8 @@ use trocar::many::ensemble::{Ensemble, Motion, Refusal, Start, Tuned, forces, sq
 use trocar::model_file::ModelFile;
 use trocar_model::{ParamError, PositionProfile, Trocar};
 
-/// Models of every kind, and the motion with holds, jumps and repeated rows, that all programs are compared on.
+/// Models of every kind, and a motion with rests, jumps and repeated rows, used to compare all
+/// interfaces.
 fn conformance() -> (Vec<ModelFile>, Vec<f64>, Vec<f64>) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance");
     let mut paths: Vec<_> =
@@ -149,6 +151,6 @@ fn work_that_is_called_off_ends() {
         cancel.cancel();
         worker.join().unwrap()
     });
-    // All of it would take a quarter of a minute.
+    // The whole computation would take a quarter of a minute.
     assert!(matches!(outcome, Err(Stopped::Cancelled)));
 }

@@ -1,4 +1,4 @@
-//! The C that models are written as, compiled and run beside the library. Needs gcc.
+//! The exported C code of models, compiled and compared with the library. Requires gcc.
 
 #[path = "../../trocar-model/tests/common/mod.rs"]
 mod common;
@@ -19,11 +19,11 @@ use trocar_model::{
     Relaxation, RelaxationArm, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve,
 };
 
-/// Largest difference from the library, as a part of the force or of 1 N, whichever is greater: the last digit that counts.
-/// Rounding of a double is 1.1e-16; `log1p` of two C libraries may differ by that.
+/// Largest difference from the library, relative to the force or to 1 N, whichever is greater.
+/// Rounding of a double is 1.1e-16, and `log1p` of two C libraries may differ by that.
 const TOLERANCE: f64 = 1e-12;
 
-/// As strict as gcc checks C99.
+/// The strictest C99 checks of gcc.
 const FLAGS: [&str; 8] = [
     "-std=c99",
     "-Wall",
@@ -41,7 +41,7 @@ const RANDOM_MODELS: usize = 12;
 /// Steps of the adversarial motion.
 const STEPS: usize = 20_000;
 
-/// One call of the model: `step_to` or `step`, where to, and how long.
+/// One call of the model: `step_to` or `step`, its target, and its duration.
 #[derive(Clone, Copy)]
 struct Call {
     to: bool,
@@ -49,7 +49,7 @@ struct Call {
     duration: f64,
 }
 
-/// What came of it: force, position, and whether a byte of the state changed.
+/// Its result: force, position, and whether any byte of the state changed.
 #[derive(Clone, Copy)]
 struct Outcome {
     force: f64,
@@ -61,11 +61,11 @@ fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// Whether gcc is there; without it the test is skipped, in CI it fails.
+/// Whether gcc is available; without it the test is skipped, but fails in CI.
 fn has_gcc() -> bool {
     let found = Command::new("gcc").arg("--version").output().is_ok_and(|output| output.status.success());
     if !found {
-        // Standard error itself: what a passing test prints is not shown.
+        // Directly to standard error, since the output of a passing test is not shown.
         let _ = writeln!(std::io::stderr(), "skipped: no gcc");
         assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs gcc");
     }
@@ -98,7 +98,7 @@ fn conformance_motion() -> (f64, Vec<Call>) {
     (rows[0].1, rows.windows(2).map(call).collect())
 }
 
-/// Any optional term on its own or together.
+/// Any optional model terms alone or together.
 fn elements() -> impl Strategy<Value = Element> {
     let some = |values: std::ops::Range<f64>| prop_oneof![Just(0.0), values];
     let arm = (some(10.0..2000.0), 0.01..10.0_f64).prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });
@@ -124,8 +124,8 @@ fn elements() -> impl Strategy<Value = Element> {
     prop_oneof![1 => common::seals().prop_map(|seal| seal.element()), 3 => general]
 }
 
-/// One to four random elements each, every third with a position profile; and a hump above the sliding force, with
-/// and without anything that decides the slip speed.
+/// One to four random elements each, every third model with a position profile; and a hump above
+/// the sliding force, with and without a term that determines the slip speed.
 fn random_models() -> Vec<(String, ModelFile)> {
     let mut runner = TestRunner::deterministic();
     let mut draw = || prop::collection::vec(elements(), 1..=4).new_tree(&mut runner).unwrap().current();
@@ -146,7 +146,7 @@ fn random_models() -> Vec<(String, ModelFile)> {
     random.chain(humped).collect()
 }
 
-/// The shapes of the classical models that the conformance models leave out.
+/// The forms of the classical models that are not among the conformance models.
 fn classical_models() -> Vec<(String, ModelFile)> {
     let curve = |stribeck_exponent| SlidingFriction {
         coulomb_force: 2.0,
@@ -201,7 +201,7 @@ fn classical_models() -> Vec<(String, ModelFile)> {
     models.into_iter().enumerate().map(file).collect()
 }
 
-/// Reversals, creeping, jumps, holds, durations from 1 ns to 1 s, and what is no motion at all.
+/// Reversals, creep, jumps, rests, durations from 1 ns to 1 s, and invalid inputs.
 fn adversarial_motion() -> Vec<Call> {
     let mut state = 0x2545_f491_4f6c_dd1d_u64;
     let mut uniform = || {
@@ -233,14 +233,14 @@ fn adversarial_motion() -> Vec<Call> {
     (0..STEPS).map(&mut call).collect()
 }
 
-/// Whether the rules of a step leave the state untouched.
+/// Whether a step must leave the state unchanged.
 fn is_refused(call: Call, position: f64) -> bool {
     let displacement = if call.to { call.way - position } else { call.way };
     let velocity = displacement / call.duration;
     !(call.duration > 0.0 && call.duration.is_finite() && velocity.is_finite() && (position + displacement).is_finite())
 }
 
-/// A program that runs every model of `names` through the calls on its standard input.
+/// A program that runs every model of `names` through the calls in the file of its first argument.
 fn driver(names: &[String]) -> String {
     let mut text = String::from("#include <stdio.h>\n#include <string.h>\n");
     for name in names {
@@ -271,7 +271,8 @@ fn driver(names: &[String]) -> String {
     text
 }
 
-/// Runs `program` over `calls`; one row of outcomes for each of `models` models, the first that of the rest.
+/// Runs `program` over `calls`; returns one row of results for each of `models` models, beginning
+/// with the initial state.
 fn run_c(program: &Path, start: f64, calls: &[Call], models: usize) -> Vec<Vec<Outcome>> {
     let path = program.with_extension("calls");
     let mut file = fs::File::create(&path).unwrap();
@@ -293,8 +294,8 @@ fn run_c(program: &Path, start: f64, calls: &[Call], models: usize) -> Vec<Vec<O
     rows
 }
 
-/// Compares one model with the library; returns the largest difference as in [`TOLERANCE`] and the steps that are not
-/// the same to the last bit.
+/// Compares one model with the library; returns the largest difference as in [`TOLERANCE`] and the
+/// number of steps with different bits.
 fn compare(name: &str, model: &ModelFile, start: f64, calls: &[Call], outcomes: &[Outcome]) -> (f64, usize) {
     let trocar = model.trocar.borrowed();
     let mut state = trocar.rest(start);
@@ -350,7 +351,7 @@ fn c_gives_the_forces_of_the_library() {
     }
 }
 
-/// Also as a header of its own, for a start that is not a number, which counts as 0.
+/// Also with a separate header, and for an initial value that is not a number, which counts as 0.
 #[test]
 fn each_file_stands_alone_without_a_hosted_compiler() {
     if !has_gcc() {
@@ -368,7 +369,8 @@ fn each_file_stands_alone_without_a_hosted_compiler() {
     assert!(Command::new(folder.path().join("user")).status().unwrap().success());
 }
 
-/// Arithmetic without IEEE rules gives wrong forces without a word; the declarations alone may be read under it.
+/// Arithmetic without IEEE rules would silently give wrong forces; only the declarations may be
+/// included with it.
 #[test]
 fn fast_math_does_not_compile() {
     if !has_gcc() {
@@ -419,7 +421,7 @@ fn what_makes_no_names_is_refused() {
     assert!(missing.starts_with("missing.json: cannot read the model"), "{missing}");
 }
 
-/// Names and notes of a model stand in a comment, whatever they hold.
+/// Any names and notes of a model are safe inside a comment.
 #[test]
 fn a_note_cannot_become_code() {
     let mut model = ModelFile::plausible_10_5_mm().unwrap();
@@ -465,7 +467,7 @@ fn sizes_and_speed() {
     }
 }
 
-/// Nanoseconds of one step of the library, the least of a hundred runs.
+/// Nanoseconds of one step of the library, the minimum of a hundred runs.
 fn library_speed(model: &ModelFile, start: f64, calls: &[Call]) -> f64 {
     let trocar = model.trocar.borrowed();
     let run = || {
@@ -479,7 +481,7 @@ fn library_speed(model: &ModelFile, start: f64, calls: &[Call]) -> f64 {
     1e9 * (0..100).map(|_| run()).fold(f64::INFINITY, f64::min) / calls.len() as f64
 }
 
-/// Prints the size of the state and the nanoseconds of one step, the least of a hundred runs.
+/// Prints the size of the state and the nanoseconds of one step, the minimum of a hundred runs.
 const SPEED: &str = r#"
 #include <stdio.h>
 #include <time.h>

@@ -1,14 +1,15 @@
-//! Mixed effects against another program and against known truth.
+//! Mixed effects compared with another program and with known true values.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Deserialize;
 use trocar::fleet::mixed::{MixedEffects, Observation, fit};
 
-/// Agreement with statsmodels, relative: its optimiser stops where the likelihood is flat to about 1e-8.
+/// Relative agreement with statsmodels, whose optimiser stops where the likelihood is flat to about
+/// 1e-8.
 const SAME: f64 = 2e-3;
 
-/// What `reference/mixed_effects.py` has from statsmodels.
+/// Results of `reference/mixed_effects.py` with statsmodels.
 #[derive(Deserialize)]
 struct Case {
     observations: Vec<(usize, usize, f64)>,
@@ -39,7 +40,7 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
     (0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0
 }
 
-/// Two types, eight specimens each, five recordings a specimen with errors of their own.
+/// Two types, eight specimens each, five recordings per specimen with their own errors.
 fn drawn(seed: u64, between: f64, within: f64) -> Result<MixedEffects, String> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut all = Vec::new();
@@ -57,7 +58,8 @@ fn drawn(seed: u64, between: f64, within: f64) -> Result<MixedEffects, String> {
 
 const TRUTH: [f64; 2] = [3.0, 2.0];
 
-/// The intervals of the means hold the truth about as often as they say, and the components are those drawn with.
+/// The intervals of the means contain the true values about as often as stated, and the components
+/// agree with those of the simulation.
 #[test]
 fn intervals_hold_the_truth_in_simulated_fleets() {
     const FLEETS: u64 = 400;
@@ -74,10 +76,11 @@ fn intervals_hold_the_truth_in_simulated_fleets() {
         }
         let part = held / FLEETS as f64;
         println!("τ = {between}, σ = {within}: {part} held, τ² = {}, σ² = {}", squares[0], squares[1]);
-        // 95 % of 800 means: standard deviation 0.8 %. Where little varies between specimens, Student's t by their number
-        // is too wide: 98.6 % held without any.
+        // 95 % of 800 means: standard deviation 0.8 %. With little variance between specimens, the
+        // Student's t distribution with their number is too wide: 98.6 % were covered without any
+        // variance.
         assert!((0.93..0.995).contains(&part), "{part}");
-        // An estimate held at zero or above is too large in the mean where the truth is zero.
+        // An estimate constrained to be ≥ 0 has a positive bias where the true value is zero.
         assert!((squares[0] - between * between).abs() < 0.08 * between * between + 0.003, "{squares:?}");
         assert!((squares[1] - within * within).abs() < 0.1 * within * within, "{squares:?}");
     }

@@ -1,6 +1,7 @@
-//! Data sets as data engines write them: one recording in one file, in several, in folders of its own; the same row each time.
+//! Data sets as data engines write them: one recording in one file, in several files, or in its own
+//! folders; the resulting row is always the same.
 //!
-//! The files of other people's libraries are those of `partitioned/make.py`.
+//! The files of third-party libraries are those of `partitioned/make.py`.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,15 +13,15 @@ use trocar::fleet::{self, Collector, Config, Dataset, Fleet, FleetError, Input, 
 use trocar::recording::{Choice, ReadOptions};
 use trocar::table::{self, Column, Field, Kind, Table, TableWriter};
 
-/// What is known of how a recording was stored, and may differ.
+/// Columns that describe the storage of a recording and may differ.
 const OF_STORAGE: [&str; 2] = ["path", "recording"];
 
-/// Memory of one byte: every recording is a row with its name, and none is identified.
+/// A memory limit of one byte: every recording is a row with its name, and none is identified.
 fn names_alone() -> Config {
     Config { reading: ReadOptions { memory_limit: Some(1), ..ReadOptions::default() }, ..Config::default() }
 }
 
-/// Coulomb forces of `partitioned/make.py`, N, and how near the paper's two steps come to them at 100 Hz.
+/// Coulomb forces of `partitioned/make.py`, N, and the accuracy of the paper's two steps at 100 Hz.
 const TRUTH: [f64; 3] = [2.0, 2.5, 3.0];
 const NEAR: f64 = 0.2;
 
@@ -49,7 +50,8 @@ fn numbers(table: &Table, name: &str) -> Vec<f64> {
     }
 }
 
-/// What the rows say beside where they come from, in their order; `also` may differ, too.
+/// Contents of the rows in order, without their storage; `also` names further columns that may
+/// differ.
 fn said(table: &Table, also: &[&str]) -> BTreeMap<String, String> {
     let named = table.fields.iter().zip(&table.columns);
     let kept = named.filter(|(name, _)| !OF_STORAGE.contains(&name.as_str()) && !also.contains(&name.as_str()));
@@ -78,7 +80,7 @@ fn write(path: &Path, from: &Table, range: std::ops::Range<usize>, names: &[&str
 
 const ALL: [&str; 5] = ["recording", "lubricant", "time_s", "position_m", "force_n"];
 
-/// Five files that cut recordings, named `part-0` to `part-4` in the order of `order`.
+/// Five files that divide recordings, named `part-0` to `part-4` in the order of `order`.
 fn shards(folder: &Path, table: &Table, order: [usize; 5], names: impl Fn(usize) -> Vec<&'static str>) {
     let size = table.rows().div_ceil(5);
     for (k, file) in order.into_iter().enumerate() {
@@ -87,7 +89,8 @@ fn shards(folder: &Path, table: &Table, order: [usize; 5], names: impl Fn(usize)
     }
 }
 
-/// One file, files that cut recordings, and folders of several files, by pyarrow and polars: the same rows.
+/// One file, files that divide recordings, and folders of several files, by pyarrow and polars: the
+/// same rows.
 #[test]
 fn every_layout_gives_the_same_rows() {
     let (_, one) = fleet_of(&fixture("one"), &Config::default());
@@ -101,13 +104,13 @@ fn every_layout_gives_the_same_rows() {
     for (layout, names) in [("blocks", begins), ("hive", folders), ("polars", folders), ("moments", begins)] {
         let (fleet, table) = fleet_of(&fixture(layout), &Config::default());
         assert_eq!(texts(&table, "path"), names, "{layout}");
-        // Also the hash: it is that of the columns.
+        // This includes the hash, which is that of the columns.
         assert_eq!(said(&table, &[]), said(&one, &[]), "{layout}");
         assert_eq!((fleet.tally.total, fleet.tally.done, fleet.tally.failed), (3, 3, 0), "{layout}");
     }
 }
 
-/// A unit of work is a file with the recordings that begin in it, and the files in which they go on.
+/// A unit of work is a file with the recordings that begin in it, and the files that continue them.
 #[test]
 fn a_recording_belongs_to_the_first_file_with_rows_of_it() {
     let dataset = Dataset::open(&fixture("blocks"), None, &[]).unwrap();
@@ -127,7 +130,8 @@ fn a_recording_belongs_to_the_first_file_with_rows_of_it() {
     assert!(alone.sources.iter().all(|source| source.parts.is_empty() && source.elsewhere.is_empty()));
 }
 
-/// Files in the order of their times, columns by their names, whatever the order of either.
+/// Files are sorted by their times and columns are identified by their names, whatever the order of
+/// either.
 #[test]
 fn neither_names_of_files_nor_places_of_columns_matter() {
     let place = TempDir::new().unwrap();
@@ -139,7 +143,7 @@ fn neither_names_of_files_nor_places_of_columns_matter() {
     };
     shards(&place.path().join("a"), &rows(), [4, 3, 1, 2, 0], turned);
     let (_, table) = fleet_of(&place.path().join("a"), &Config::default());
-    // The first by name is the last in time.
+    // The first file by name is the last in time.
     assert_eq!(texts(&table, "path"), ["part-0.parquet#18", "part-1.parquet#17", "part-3.parquet#16"]);
     assert_eq!(numbers(&table, "dataset_recording"), [18.0, 17.0, 16.0]);
     let turned_back: Vec<f64> = numbers(&table, "coulomb_force_n").into_iter().rev().collect();
@@ -147,7 +151,8 @@ fn neither_names_of_files_nor_places_of_columns_matter() {
     let mut hashes = texts(&table, "sha256");
     hashes.reverse();
     assert_eq!(hashes, texts(&one, "sha256"));
-    // Without a column that says something of the recording: nothing is said of those with rows in that file.
+    // Without a metadata column in one file: that column is empty for the recordings with rows in
+    // this file.
     shards(&place.path().join("b"), &rows(), [0, 1, 2, 3, 4], |k| match k {
         4 => vec!["force_n", "position_m", "time_s", "recording"],
         _ => ALL.to_vec(),
@@ -157,7 +162,8 @@ fn neither_names_of_files_nor_places_of_columns_matter() {
     assert_eq!(said(&table, &["lubricant"]), said(&one, &["lubricant"]));
 }
 
-/// A broken file is a row of its own, or fails the recording whose folder it is in; text among numbers is told.
+/// A damaged file is a row of its own, or fails the recording of its folder; text in a number
+/// column is reported.
 #[test]
 fn faults_are_rows() {
     let place = TempDir::new().unwrap();
@@ -185,7 +191,7 @@ fn faults_are_rows() {
     assert_eq!(texts(&table, "path"), ["recording=16", "recording=17"]);
     assert_eq!(texts(&table, "reason_kind"), ["cannot_read", ""]);
     assert!(texts(&table, "reason")[0].starts_with("recording=16/part-1.parquet: "), "{:?}", texts(&table, "reason"));
-    // Forces as text in the file that recordings 16 and 17 share.
+    // Forces as text in the file shared by recordings 16 and 17.
     let mut words = rows();
     let force = words.fields.iter().position(|name| name == "force_n").unwrap();
     words.columns[force] = Column::Text(vec![Some("3 N".into()); words.rows()]);
@@ -198,7 +204,8 @@ fn faults_are_rows() {
     assert!(reason.contains("'force_n' holds numbers in part-0.parquet and text in part-1.parquet"), "{reason}");
 }
 
-/// Folders below a recording may differ: what they say is not known of it. Folders beside it make another one.
+/// Subfolders of a recording may differ: their keys are then not metadata of it. A parallel folder
+/// is another recording.
 #[test]
 fn recordings_that_cross_folders() {
     let place = TempDir::new().unwrap();
@@ -212,21 +219,21 @@ fn recordings_that_cross_folders() {
     assert!(table.column("day").is_none_or(|_| texts(&table, "day") == [""]));
     let (_, one) = fleet_of(&fixture("one"), &Config::default());
     assert_eq!(texts(&table, "sha256")[0], texts(&one, "sha256")[0]);
-    // Both sites count from 1.
+    // The recordings of both sites are numbered from 1.
     for site in ["a", "b"] {
         write(&place.path().join(format!("b/site={site}/part.parquet")), &all, 0..1029, &ALL);
     }
     let (fleet, table) = fleet_of(&place.path().join("b"), &Config::default());
     assert_eq!((texts(&table, "site"), fleet.tally.failed), (vec!["a".to_owned(), "b".to_owned()], 0));
     assert_eq!(texts(&table, "sha256"), [texts(&one, "sha256")[0].clone(), texts(&one, "sha256")[0].clone()]);
-    // Twice in one place: two recordings of one name are noticed.
+    // Twice in one place: two recordings of the same name are detected.
     for part in 0..2 {
         write(&place.path().join(format!("d/part-{part}.parquet")), &all, 0..1029, &ALL);
     }
     let (_, table) = fleet_of(&place.path().join("d"), &Config::default());
     let reason = &texts(&table, "reason")[0];
     assert!(reason.contains("rows in part-1.parquet begin at 0 s, before those in part-0.parquet end"), "{reason}");
-    // A key above the recording's is part of its name.
+    // A key above that of the recording is part of its name.
     for site in ["a", "b"] {
         for (part, range) in [(0, 0..500), (1, 500..1029)] {
             let path = format!("c/site={site}/recording=1/part-{part}.parquet");
@@ -239,7 +246,8 @@ fn recordings_that_cross_folders() {
     assert_eq!(texts(&table, "sha256")[0], texts(&one, "sha256")[0]);
 }
 
-/// Rows without a recording are not those of another file; a file alone in its folder keeps its name.
+/// Rows without a recording do not belong to those of another file; a single file in its folder
+/// keeps its name.
 #[test]
 fn what_has_no_name_is_not_joined() {
     let place = TempDir::new().unwrap();
@@ -253,7 +261,7 @@ fn what_has_no_name_is_not_joined() {
     assert_eq!(texts(&table, "path"), ["recording=7/z.parquet", "x.parquet#", "y.parquet#"]);
 }
 
-/// Columns, crop and sign are as for the recording in a file of its own.
+/// Columns, crop and sign act as for a recording in its own file.
 #[test]
 fn options_mean_what_they_mean_for_files() {
     let place = TempDir::new().unwrap();
@@ -278,12 +286,12 @@ fn options_mean_what_they_mean_for_files() {
             assert_eq!(texts(&table, "reason_kind")[0], alone.text("reason_kind").unwrap_or_default());
         }
     }
-    // A table of rows has no topics, as a file of one recording has none.
+    // A table of rows has no topics, and neither has a file with one recording.
     let choice = Choice { topics: vec!["/force".to_owned()], ..Choice::default() };
     let config = Config { reading: ReadOptions { choice, ..ReadOptions::default() }, ..Config::default() };
     let (_, table) = fleet_of(&fixture("blocks"), &config);
     assert!(texts(&table, "reason").iter().all(|reason| reason.contains("one table without a name")));
-    // In order, without the column that tells recordings apart.
+    // In order, without the column that distinguishes recordings.
     let columns = Some("-,time_s,position_m,force_n".to_owned());
     let choice = Choice { columns, ..Choice::default() };
     let config = Config { reading: ReadOptions { choice, ..ReadOptions::default() }, ..Config::default() };
@@ -294,8 +302,8 @@ fn options_mean_what_they_mean_for_files() {
     }
 }
 
-/// A long recording, here one at rest, is thinned to the same excerpts as in a file of its own, and the memory limit counts what is
-/// held.
+/// A long recording, here one at rest, is reduced to the same excerpts as in its own file, and the
+/// memory limit applies to the data in memory.
 #[test]
 fn long_recordings_are_thinned_and_bounded() {
     const ROWS: usize = 150_000;
@@ -306,7 +314,7 @@ fn long_recordings_are_thinned_and_bounded() {
         columns: vec![
             column(&|k| k as f64 * 1e-3),
             column(&|k| (k % 2) as f64 * 1e-6),
-            // No two pieces are alike.
+            // All pieces differ.
             column(&|k| (k as f64 * 1e-4).sin()),
             Column::Text(vec![Some("long".into()); ROWS]),
         ],
@@ -323,7 +331,7 @@ fn long_recordings_are_thinned_and_bounded() {
     for name in ["samples", "force_rms_n", "duration_s", "force_noise_n"] {
         assert_eq!(numbers(&table, name)[0], alone.number(name).unwrap(), "{name}");
     }
-    // 1 MB for columns of 3.6 MB, or of 3.1 MB once thinned.
+    // 1 MB for columns of 3.6 MB, or of 3.1 MB after decimation.
     for most_samples in [None, Some(1)] {
         let reading = ReadOptions { most_samples, memory_limit: Some(6_000_000), ..ReadOptions::default() };
         let (_, table) = fleet_of(&place.path().join("set"), &Config { reading, ..Config::default() });
@@ -334,7 +342,8 @@ fn long_recordings_are_thinned_and_bounded() {
     assert_eq!(fleet.tally.failed, 0);
 }
 
-/// Runs that are called off after each recording, until nothing is left; how many, and what the last took over.
+/// Runs that are cancelled after each recording until none remains; returns their number, and how
+/// many rows the last run reused.
 fn stopped_again_and_again(dataset: &Dataset, table: &Path) -> (usize, usize) {
     let mut stopped = 0;
     loop {
@@ -352,7 +361,8 @@ fn stopped_again_and_again(dataset: &Dataset, table: &Path) -> (usize, usize) {
     }
 }
 
-/// Called off after each recording, and done elsewhere: the same bytes, and nothing twice.
+/// Cancelled after each recording and continued elsewhere: the same bytes, and no recording is
+/// processed twice.
 #[test]
 fn interrupted_and_elsewhere_the_table_is_the_same() {
     let place = TempDir::new().unwrap();
@@ -367,7 +377,7 @@ fn interrupted_and_elsewhere_the_table_is_the_same() {
             assert!(times > 0 && taken_over > 0, "stopped {times} times, {taken_over} taken over");
             assert_eq!(fs::read(path("again")).unwrap(), whole);
         }
-        // Elsewhere, with what the first of two had done.
+        // Elsewhere, with the results of the first of two.
         let first = Collector::open(dataset.clone(), &config, &path("elsewhere")).unwrap();
         let orders = first.orders().unwrap();
         let mut first = first;
@@ -383,7 +393,7 @@ fn interrupted_and_elsewhere_the_table_is_the_same() {
     }
 }
 
-/// Every kind of column may tell recordings apart.
+/// Any type of column may distinguish recordings.
 #[test]
 fn numbers_and_words_tell_recordings_apart() {
     let place = TempDir::new().unwrap();

@@ -1,4 +1,5 @@
-//! Files that other people's libraries wrote (`formats/make.py`), read and compared with the signal they hold.
+//! Files written by third-party libraries (`formats/make.py`), compared with the signal they
+//! contain.
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -8,7 +9,7 @@ use trocar::recording::{Table, read_columns, tables};
 /// Rows of every file.
 const ROWS: usize = 240;
 
-/// How far NumPy's sine and Rust's may lie apart, in the unit of the column.
+/// Largest difference between the sines of NumPy and Rust, in the unit of the column.
 const SINES: f64 = 1e-12;
 
 fn fixture(name: &str) -> PathBuf {
@@ -71,7 +72,7 @@ fn gappy(k: usize) -> f64 {
     if k % 5 == 2 { f64::NAN } else { k as f64 }
 }
 
-/// All kinds of columns that Parquet and Arrow share.
+/// All column types that Parquet and Arrow share.
 fn every_kind(file: &str) {
     signal(file, "");
     compare(file, "", "force_f32", ROWS, 0.0, |k| f64::from(force(k) as f32));
@@ -81,7 +82,7 @@ fn every_kind(file: &str) {
     compare(file, "", "is_in", ROWS, 0.0, |k| f64::from(u8::from(k % 3 == 0)));
     compare(file, "", "gappy", ROWS, 0.0, gappy);
     compare(file, "", "elapsed", ROWS, 0.0, time);
-    // A nanosecond of 1970 is lost in an f64; since the first row it is not.
+    // An f64 cannot resolve a nanosecond since 1970, but it can since the first row.
     compare(file, "", "stamp", ROWS, 0.0, |k| (k * 10_000_001) as f64 / 1e9);
     compare(file, "", "last", ROWS, 2.0 * SINES, |k| 2.0 * force(k));
     assert_eq!(unit(file, "", "position").as_deref(), Some("mm"));
@@ -107,7 +108,7 @@ fn parquet_of_pyarrow_pandas_and_polars() {
     }
     signal("pyarrow_split.parquet", "");
     compare("pyarrow_delta.parquet", "", "count", ROWS, 0.0, |k| (k * k) as f64 - 50.0);
-    // INT96 loses nothing of the nanoseconds.
+    // INT96 keeps all nanoseconds.
     compare("pyarrow_int96.parquet", "", "stamp", ROWS, 0.0, |k| (k * 10_000_001) as f64 / 1e9);
     compare("pyarrow_nested.parquet", "", "pose.x", ROWS, 0.0, |k| k as f64);
     signal("pandas_index.parquet", "");
@@ -185,7 +186,7 @@ fn hdf5_of_h5py() {
 fn the_newest_layout_of_hdf5_has_a_way_out() {
     let said = read_columns(fixture("h5py_latest.h5"), "", &["time_s"]).unwrap_err().to_string();
     assert!(said.contains("h5repack --high=V110") && said.contains("libver='v110'"), "{said}");
-    // What was stored the old way can be read.
+    // Data stored in the old format can be read.
     compare("h5py_latest.h5", "", "force_n", ROWS, SINES, force);
 }
 
@@ -212,7 +213,7 @@ fn the_bytes_decide_and_never_the_ending() {
     assert_eq!(read_columns(folder.path().join("recording.csv"), "", &["time_s"]).unwrap()[0][7], 0.07);
 }
 
-/// A generator of our own, so that the same bytes are damaged everywhere (xorshift).
+/// A custom generator (xorshift), so that the same bytes are damaged on every platform.
 struct Random(u64);
 
 impl Random {
@@ -224,7 +225,7 @@ impl Random {
     }
 }
 
-/// Everything a damaged file still gives, or its faults in words.
+/// All data that can be read from a damaged file, or its errors as text.
 fn read_all(path: &Path) -> Vec<String> {
     let mut faults = Vec::new();
     match tables(path) {
@@ -258,7 +259,7 @@ fn damaged_files_are_errors_and_never_end_the_program() {
             if variant % 4 == 0 {
                 bytes.truncate(random.below(whole.len()));
             } else {
-                // Headers stand at the ends: every other variant is damaged there.
+                // Headers are at the ends of files: every other variant is damaged there.
                 for _ in 0..1 + random.below(4) {
                     let near = random.below(whole.len().min(600));
                     let at = [near, whole.len() - 1 - near, random.below(whole.len())][variant % 3];

@@ -1,5 +1,5 @@
-//! Known truth in motion of any kind: what the fit finds of seals that creep, relax, stick and slip, differ between the
-//! directions or have two stages, and what it leaves out where there is nothing.
+//! Known true parameters in motion of any kind: the fit identifies seals with creep, relaxation,
+//! stick-slip, differences between the directions or two stages, and omits terms that are absent.
 
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Term, identify};
@@ -10,7 +10,7 @@ use trocar_model::{DeformationForce, Element, ElementParams, Relaxation, SealDam
 /// Noise of the bench's force sensor, N rms.
 const NOISE: f64 = 0.025;
 
-/// Seals without fluctuation, so that what is left is the sensor's noise.
+/// Seals without fluctuation, so that the residual is the sensor noise.
 fn config(seconds: f64) -> BenchConfig {
     let mut config = BenchConfig::default();
     config.protocol.surgeon.duration_s = seconds;
@@ -30,7 +30,7 @@ fn found(recordings: &[Recording]) -> Identification {
     identify(recordings, &options, &|_, _| {}).expect("free motion is enough")
 }
 
-/// Error, N, on motion that the fit has not seen.
+/// Error on motion not used for the fit, N.
 fn error_elsewhere(found: &Identification, seal: &[ElementParams]) -> f64 {
     validate(&Trocar::of_seal(found.stages), &[surgeon(seal, 30.0, 99)], found.model.offset).rms_n
 }
@@ -45,7 +45,7 @@ fn seals(half_width: f64) -> PlausibleSeals {
     PlausibleSeals { half_width: (half_width, half_width), ..friction }
 }
 
-/// Within `part` of the truth, and determined.
+/// Determined, and within the relative error `part` of the true value.
 fn assert_near(found: &Identification, name: &str, truth: f64, part: f64) {
     let estimate = found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter"));
     assert!(estimate.determined, "{name}: {estimate:?}");
@@ -130,7 +130,8 @@ fn motion_that_takes_work_from_the_seal_is_refused() {
     assert!(matches!(outcome, Err(IdentifyError::ForceSign { .. })), "{:?}", outcome.err());
 }
 
-/// Least and greatest force, N, and cycles a second in the last 3 s of 6 s at `velocity`, m/s, from rest.
+/// Minimum and maximum force, N, and cycles per second in the last 3 s of 6 s at `velocity`, m/s,
+/// from rest.
 fn swing(element: &Element, velocity: f64) -> ([f64; 2], f64) {
     const PERIOD: f64 = 1e-3;
     let mut state = element.rest_state(0.0);

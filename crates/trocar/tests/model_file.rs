@@ -1,4 +1,5 @@
-//! `model.json`: what is written is read back to the bit, conforms to the schema, and what is broken is refused.
+//! `model.json`: a written file is read back exactly and conforms to the schema, and invalid files
+//! are rejected.
 
 use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
@@ -28,7 +29,7 @@ fn stages<const N: usize>(elements: [ElementParams; N]) -> Stages {
     Stages::new(&elements.map(|params| Element::new(params).unwrap())).unwrap()
 }
 
-/// A model with everything a file can hold.
+/// A model with everything a file can contain.
 fn complete() -> ModelFile {
     let mut damped = random_plausible_seal(3);
     damped.damping = SealDamping { coefficients: [0.4, -0.1, 1.5] };
@@ -58,7 +59,7 @@ fn slow() -> ModelFile {
     ModelFile { trocar: Trocar::new(stages([both, one, plausible]), None), ..complete() }
 }
 
-/// A model whose force depends on the position, of a bench whose positions come late.
+/// A model with position-dependent force, from a bench with a position delay.
 fn along() -> ModelFile {
     let mut file = complete();
     let profile = PositionProfile::new(-0.01, 0.1, vec![0.1, -0.1 / 3.0, 0.1], vec![0.8, 1.2, 0.8]).unwrap();
@@ -89,7 +90,7 @@ fn profiles_that_make_no_seal_are_refused() {
     assert!(error.starts_with("position_profile: is for elements"), "{error}");
 }
 
-/// A model that says how far off its force is.
+/// A model that states the error of its force.
 fn with_error() -> ModelFile {
     let mut file = along();
     let source = ErrorSource::Validation;
@@ -118,7 +119,7 @@ fn errors_that_are_none_are_refused() {
     assert_eq!(ModelFile::from_json(&with_error().to_json()).unwrap(), with_error());
 }
 
-/// Numbers that are not short in decimals.
+/// Numbers without a short decimal representation.
 fn stribeck() -> SlidingFriction {
     SlidingFriction {
         coulomb_force: 2.0 + 1.0 / 3.0,
@@ -129,7 +130,8 @@ fn stribeck() -> SlidingFriction {
     }
 }
 
-/// Every classical model, each choice in it, the banks with 1 and with all elements.
+/// Every classical model in all its variants, the banks with 1 and with the largest number of
+/// elements.
 fn classical_models() -> Vec<Classical> {
     let sliding = stribeck();
     let mut models = vec![
@@ -174,7 +176,7 @@ fn every_kind_is_among_the_classical_models_tried() {
     assert!(models.iter().all(|model| Classical::KINDS.contains(&model.kind())));
 }
 
-/// Versions 1 to 6 differ from the present one by the names of three keys.
+/// Versions 1 to 6 differ from the present one in the names of three keys.
 #[test]
 fn files_of_older_versions_are_read() {
     for version in 1..=6 {
@@ -269,7 +271,7 @@ fn every_number_says_its_unit() {
     classical_files().iter().for_each(|file| walk("", &value(&file.to_json())));
 }
 
-/// Changes one place of a good file, or removes it.
+/// Changes or removes one value of a valid file.
 fn broken(good: &ModelFile, pointer: &str, replacement: Option<Value>) -> Value {
     let mut document = value(&good.to_json());
     let (parent, key) = pointer.rsplit_once('/').unwrap();
@@ -337,7 +339,7 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     }
 }
 
-/// The last file of a kind: that of most elements.
+/// The last file of a kind: that with the most elements.
 fn file_of(kind: &str) -> ModelFile {
     let of_kind = |file: &ModelFile| file.trocar.seal().kind() == kind;
     classical_files().into_iter().rfind(of_kind).unwrap()

@@ -1,4 +1,5 @@
-//! the position-dependent force: what is found of a known profile, what is refused, and that no motion yields work.
+//! Position-dependent force: estimates for a known profile, rejected profiles, and passivity in all
+//! motions.
 
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -10,26 +11,26 @@ use trocar::segment::{passes, reversal_threshold};
 use trocar::validate::{Validation, validate, validate_one};
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, PositionProfile, ProfileError, Trocar};
 
-/// Half width of the uniform noise of the made readings, N: standard deviation 0.058 N.
+/// Half width of the uniform noise of the simulated readings, N: standard deviation 0.058 N.
 const NOISE: f64 = 0.1;
-/// Ends of the made strokes, m.
+/// Ends of the simulated strokes, m.
 const ENDS: [f64; 2] = [0.01, 0.09];
 /// Strokes, steps each way and their duration, s.
 const STROKES: usize = 8;
 const STEPS: usize = 1500;
 const STEP: f64 = 2e-3;
-/// Error allowed of the found level and of the found offset (N) on the way that both directions slide: a third of the
-/// noise of one reading, relative to 4 N of force for the level.
+/// Allowed error of the estimated gain and offset (N) where the seal slides in both directions: a
+/// third of the noise of one reading, relative to 4 N of force for the gain.
 const LEVEL_TOLERANCE: f64 = 0.015;
 const OFFSET_TOLERANCE: f64 = 0.04;
-/// Energy by which a step's trapezoid may be off, J: 1e-9 of what the seal stores.
+/// Error of the trapezoidal rule in one step, J: 1e-9 of the energy stored in the seal.
 const ENERGY_TOLERANCE: f64 = 1e-12;
 
 fn element() -> Element {
     Element::new(ElementParams::plausible_10_5_mm().expect("plausible")).expect("plausible")
 }
 
-/// Readings of strokes over a way with this offset (N) and level, and what the element alone gives.
+/// Readings of strokes with this offset (N) and gain, and the force of the element alone.
 fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -> Vec<ProfileSample> {
     let (element, mut rng) = (element(), ChaCha8Rng::seed_from_u64(seed));
     let mut state = element.rest_state(0.0);
@@ -53,7 +54,7 @@ fn wave(x: f64) -> f64 {
     (x * std::f64::consts::TAU / 0.02).sin()
 }
 
-/// Positions at which both directions slide: off the ends by the deformation.
+/// Positions at which the seal slides in both directions: away from the ends by the deformation.
 fn inside() -> impl Iterator<Item = f64> {
     (0..=100).map(|k| ENDS[0] + 0.018 + 0.44e-3 * f64::from(k))
 }
@@ -70,7 +71,8 @@ fn a_known_profile_is_found() {
         let offset = found.offset_n + found.profile.offset(x) - (0.7 + 0.2 * wave(x + 0.004));
         assert!(offset.abs() < OFFSET_TOLERANCE, "offset at {x} m off by {offset} N");
     }
-    // Uniform noise of ±a has the standard deviation a/√3; what is learnt from seven strokes adds little.
+    // Uniform noise of ±a has the standard deviation a/√3; the error of an estimate from seven
+    // strokes adds little.
     let floor = NOISE / 3f64.sqrt();
     assert!(found.held_out_rms_n < 1.05 * floor, "{} N over a floor of {floor} N", found.held_out_rms_n);
     assert!(found.constant_held_out_rms_n > 3.0 * floor);
@@ -88,7 +90,7 @@ fn no_profile_is_seen_where_there_is_none() {
 
 #[test]
 fn a_profile_of_one_stroke_is_not_believed() {
-    // Each stroke has bumps of its own: they fit, but do not repeat.
+    // Each stroke has its own bumps: they can be fitted but do not repeat.
     let mut samples = samples(|_| 0.7, |_| 1.0, 1);
     for s in &mut samples {
         s.reading += 0.3 * wave(s.position + 0.0025 * s.stroke as f64);
@@ -114,7 +116,7 @@ fn the_gauge_is_kept() {
 #[test]
 fn a_level_too_steep_for_the_seal_is_refused() {
     let samples = samples(|_| 0.7, |x| 1.0 + 0.2 * wave(x), 3);
-    // 0.2·2π/0.02 = 63 a metre at its steepest, over a level of 0.8.
+    // 0.2·2π/0.02 = 63 per metre at its steepest, divided by a gain of 0.8.
     assert!(fit(&samples, 0.01).is_ok());
     let refused = fit(&samples, 1.0);
     assert!(!matches!(&refused, Ok(found) if !is_passive(&found.profile, 1.0)));
@@ -135,8 +137,8 @@ fn values_are_checked() {
     assert!(matches!(nan, Some(Value { name: "offset", knot: 1, .. })), "{nan:?}");
 }
 
-/// Least work, J, that a driver has done at any time of a motion of `moves` (end position in m, speed in m/s) from rest;
-/// the offset is left out, whose work is that of a potential.
+/// Smallest work of a driver at any time of a motion of `moves` (end position in m, speed in m/s)
+/// from rest, J. The offset is omitted, since its work is that of a potential.
 fn least_work(profile: &PositionProfile<Vec<f64>>, element: &Element, moves: &[(f64, f64)]) -> f64 {
     const FINE: f64 = 2e-5;
     let mut state = element.rest_at_force(0.0);
@@ -156,7 +158,7 @@ fn least_work(profile: &PositionProfile<Vec<f64>>, element: &Element, moves: &[(
     least
 }
 
-/// Levels as steep as the bound allows.
+/// Gains with the steepest slope that the bound allows.
 fn steepest(seed: u64, storage_length: f64) -> PositionProfile<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let raw: Vec<f64> = (0..21).map(|_| rng.random::<f64>() - 0.5).collect();
@@ -227,7 +229,8 @@ fn a_curve_that_rises_takes_any_level() {
     let deformation = DeformationForce::linear(plausible.insertion.static_force / c, c).expect("a spring");
     let element = Element::new(ElementParams { deformation, ..plausible }).expect("a spring");
     assert_eq!(storage_length(&element), 0.0);
-    // Bend where the level is low, slide a tenth of c to where it is a hundred times higher, let go.
+    // Deform where the gain is low, slide by a tenth of c to where it is a hundred times higher,
+    // then release.
     let profile = PositionProfile::new(0.0, 0.1 * c, vec![0.0; 2], vec![0.02, 1.98]).expect("positive");
     assert!(is_passive(&profile, 0.0));
     let least = least_work(&profile, &element, &[(0.0, 0.01), (1.2 * c, 0.01), (0.2 * c, 0.01)]);
@@ -237,7 +240,7 @@ fn a_curve_that_rises_takes_any_level() {
 #[test]
 fn the_fade_outside_the_range_counts_for_passivity() {
     let profile = PositionProfile::new(0.0, 0.1, vec![0.0; 3], vec![1.1, 0.95, 1.0]).expect("mean 1");
-    // Inside 0.15 over 50 mm, outside 0.1 over 25 mm, over the least level of 0.95.
+    // Inside 0.15 over 50 mm, outside 0.1 over 25 mm, divided by the smallest gain of 0.95.
     assert!((profile.steepness() - 0.1 / 0.025 / 0.95).abs() < 1e-12);
     assert!(is_passive(&profile, 0.2) && !is_passive(&profile, 0.25));
 }
@@ -252,7 +255,8 @@ fn motion_outside_the_range_is_reported_once() {
         "the motion goes up to 35.3 mm outside the range from 20 mm to 100 mm in which the position profile was measured; \
          there the profile fades to none within 20 mm"
     );
-    // Two pieces of one recording, one further outside: one warning, the larger distance.
+    // Two pieces of one recording, one of them further outside: one warning with the larger
+    // distance.
     let element = element();
     let piece = |to: f64| {
         let time: Vec<f64> = (0..4000).map(|k| 1e-3 * f64::from(k)).collect();
@@ -268,10 +272,10 @@ fn motion_outside_the_range_is_reported_once() {
     assert!(both.is_doubtful());
 }
 
-/// Largest error on strokes left out of the identification, in units of their scatter.
+/// Largest error on strokes not used for identification, in units of their scatter.
 const MOST: f64 = 1.5;
 
-/// The strokes of `recording` with these numbers, as a recording of their own.
+/// The strokes of `recording` with these numbers, as a separate recording.
 fn part(recording: &Recording, chosen: impl Fn(usize) -> bool) -> Recording {
     let stroke = strokes(recording, &passes(recording, reversal_threshold(recording)));
     let kept = (0..recording.len()).filter(|i| chosen(stroke[*i]));
@@ -300,7 +304,7 @@ fn held_out_strokes_of_real_seals_come_near_their_scatter() {
         let strokes = scores.recordings[0].strokes.expect("five strokes that repeat");
         println!("{name}: {}", strokes.words());
         assert!(strokes.rms_over_scatter < MOST, "{name}: {}", strokes.words());
-        // Sampled too coarsely to tell a delay from the rubber's own rate dependence.
+        // Sampled too coarsely to distinguish a delay from the rate dependence of the rubber.
         assert_eq!(found.position_delay, None);
     }
 }

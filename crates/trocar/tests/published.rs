@@ -1,5 +1,5 @@
-//! Numbers that the docs print of recordings that are not part of this repository: published values, and what this
-//! program found. A change that moves one of them fails here.
+//! Numbers in the documentation for recordings that are not part of this repository: published
+//! values, and estimates of this program. A change of one of them fails here.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::validate::validate;
 
-/// The folder of the recordings beside the project; `None`, with a message, where there is none.
+/// The folder of the recordings next to the project; `None` and a message if there is none.
 fn shared(name: &str) -> Option<PathBuf> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings").join(name);
     if folder.is_dir() {
@@ -39,7 +39,7 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
     let Some(folder) = shared("emps") else { return };
     let axis = [recording(&folder, "identification.csv", MASS)];
     let found = found(&axis, IdentifyOptions { paper: true, inertia_removed: true, ..IdentifyOptions::default() });
-    // Value and interval as docs/validation.md prints them.
+    // Value and interval as printed in docs/validation.md.
     for (name, [value, low, high], digit) in [
         ("coulomb_force_n", [20.49, 20.01, 20.97], 0.01),
         ("viscous_damping_n_s_m", [202.7, 197.3, 208.1], 0.1),
@@ -59,7 +59,7 @@ fn emps_without_options_agrees_with_the_published_values() {
     let Some(folder) = shared("emps") else { return };
     let axis = [recording(&folder, "identification.csv", MASS)];
     let found = found(&axis, IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() });
-    // Published: 20.39 N and 203.5 N s/m in common.
+    // Published: 20.39 N and 203.5 N s/m common to both directions.
     assert!(parameter(&found, "coulomb_force_n").covers(20.39), "{:?}", parameter(&found, "coulomb_force_n"));
     assert!(
         parameter(&found, "viscous_damping_n_s_m").covers(203.5),
@@ -73,7 +73,7 @@ fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
     let Some(folder) = shared("seal_a") else { return };
     let training = ["steady.csv", "dynamic.csv"].map(|name| recording(&folder, name, 0.04));
     let found = found(&training, IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() });
-    // As docs/validation.md prints them.
+    // As printed in docs/validation.md.
     for (name, printed) in [("validation.csv", 0.039), ("surgeon.csv", 0.100)] {
         let held_out = found.without_delay(vec![recording(&folder, name, 0.04)]).expect("the same delay");
         let score = validate(&found.trocar(), &held_out, found.model.offset);

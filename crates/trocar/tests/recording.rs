@@ -1,4 +1,4 @@
-//! Reading, judging and writing recordings.
+//! Reading, checking and writing recordings.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -149,7 +149,7 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
     assert_eq!(found.time, plain.time);
     assert!(found.position.iter().zip(&plain.position).all(|(a, b)| (a - 1e-3 * b).abs() < 1e-15));
     assert!(found.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
-    // What is not named is found by itself, and a declared unit need not be repeated.
+    // Columns that are not named are found automatically, and a declared unit need not be repeated.
     let flipped = read(&scratch.file(text(HEADER, &rows(100))), &columns("force=-force_n")).unwrap();
     assert!(flipped.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
     assert_eq!(flipped.position, plain.position);
@@ -443,7 +443,8 @@ fn a_sine_gives_its_acceleration_within_the_bandwidth() {
 
 #[test]
 fn a_moving_mass_leaves_the_friction_behind() {
-    // 4 um encoder, 0.5 kg, shaken at 3 Hz over 20 mm: 3.6 N of inertia peak to peak over 1 N of friction.
+    // 4 µm encoder, 0.5 kg, oscillating at 3 Hz over 20 mm: 3.6 N of inertia peak to peak and 1 N
+    // of friction.
     let omega = std::f64::consts::TAU * 3.0;
     let time: Vec<f64> = (0..8000).map(|k| f64::from(k) * 1e-3).collect();
     let position: Vec<f64> = time.iter().map(|t| (0.01 * (omega * t).sin() / 4e-6).round() * 4e-6).collect();
@@ -456,7 +457,7 @@ fn a_moving_mass_leaves_the_friction_behind() {
     let corrected = recording.without_moving_mass(0.5, 9.81).unwrap();
     let squares: f64 = corrected.force.iter().zip(&time).map(|(f, &t)| (f - friction(t)).powi(2)).sum();
     let rms = (squares / time.len() as f64).sqrt();
-    // The force noise alone has 0.01 N; the ends of the recording have the rest.
+    // The force noise alone has 0.01 N; the remainder is at the ends of the recording.
     assert!(rms < 0.03, "{rms}");
     assert!(moving(uneven(100), |t| t - 1000.0).without_moving_mass(-1.0, 0.0).is_err());
 }
@@ -470,7 +471,7 @@ fn windows_do_not_reach_across_a_reset() {
     assert!(velocity.iter().all(|v| (v - 0.1).abs() < 1e-9));
 }
 
-/// Folder of real recordings beside the workspace, if this machine has it.
+/// Folder of real recordings next to the workspace, if it exists.
 fn shared() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings");
     if folder.is_dir() {
@@ -504,7 +505,7 @@ fn real_recordings_read_with_a_quality_that_makes_sense() {
         assert!(!recording.quality.force_opposes_motion);
     }
     assert!(gaps >= 4, "{gaps}");
-    // The logger of this arm stalls for 40 ms now and then.
+    // The logger of this arm stalls for 40 ms occasionally.
     let faults = |name: &str| {
         let recording = read(name);
         println!("{name}: {}", serde_json::to_string(&recording.quality).unwrap());

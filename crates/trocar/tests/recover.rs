@@ -1,5 +1,5 @@
-//! Known truth: over many seeded benches with random plausible seals, what identify finds and how often its 95 %
-//! intervals hold the truth; and what it says when the recordings cannot tell.
+//! Known true parameters: accuracy and interval coverage of identify over many seeded benches with
+//! random plausible seals, and its messages when the recordings do not determine a parameter.
 
 use rayon::prelude::*;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
@@ -7,15 +7,16 @@ use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
 use trocar::recording::Recording;
 use trocar_model::{Element, ElementParams};
 
-/// Benches, and where a coverage of 0.95 falls in 95 of 100 tests over so many; `./test --statistics` takes the larger number.
+/// Number of benches, and the range that contains a coverage of 0.95 in 95 of 100 tests of that
+/// size; `./test --statistics` uses the larger number.
 fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
     if std::env::var_os("TROCAR_STATISTICS").is_some() { (200, 0.92..=0.98) } else { (40, 0.87..=1.0) }
 }
 
-/// Name, truth and estimate of the parameters that a bench knows.
+/// Name, true value and estimate of the parameters known to a bench.
 type Known = [(&'static str, f64, Estimate); 3];
 
-/// Seals whose directions share one friction, so that F_c and β each have one truth.
+/// Seals with equal friction in both directions, so that F_c and β each have one true value.
 fn seal(seed: u64) -> ElementParams {
     random_seal(&PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() }, seed)
 }
@@ -80,7 +81,7 @@ fn the_branches_are_recovered_between_their_ends() {
             ("rising", want.rising().force(z), got.rising().force(z)),
             ("falling", want.falling().force(z), got.falling().force(z)),
         ] {
-            // The bench's seal varies by 1 % of its force from pass to pass.
+            // The force of the bench's seal varies by 1 % from stroke to stroke.
             let tolerance = 0.03 * truth.insertion.coulomb_force;
             assert!((want - got).abs() < tolerance, "{name} at {:.2} mm: {want:.3} against {got:.3} N", 1e3 * z);
         }
@@ -133,7 +134,7 @@ fn uneven_sampling_changes_little() {
     let thinned: Vec<Recording> = full
         .iter()
         .map(|r| {
-            // Every third sample lost, and every seventh: intervals of 1 to 3 ms.
+            // Every third and every seventh sample removed: intervals of 1 to 3 ms.
             let keep = |i: &usize| !(i.is_multiple_of(3) || i.is_multiple_of(7));
             let part = |column: &[f64]| (0..column.len()).filter(keep).map(|i| column[i]).collect::<Vec<f64>>();
             Recording::from_columns(r.name.clone(), part(&r.time), part(&r.position), part(&r.force)).unwrap()

@@ -1,5 +1,5 @@
-//! Simulate, fit, recover: what a comparison finds of every classical model when the recordings come from that model,
-//! and how often its 95 % intervals hold the truth.
+//! Simulate, fit, recover: accuracy and coverage of the 95 % intervals of every classical model in
+//! a comparison when the recordings come from that model.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,22 +15,24 @@ use trocar_model::{
     SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
-/// Benches of each model, and coverage demanded over all its parameters together: with one to ten parameters that share
-/// their noise, 0.95 comes out within this band in nearly all tests. `./test --statistics` takes the larger number.
+/// Number of benches of each model, and required coverage over all its parameters together. With
+/// one to ten parameters that share their noise, a coverage of 0.95 is within this range in nearly
+/// all tests. `./test --statistics` uses the larger number.
 fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
     if std::env::var_os("TROCAR_STATISTICS").is_some() { (24, 0.90..=1.0) } else { (8, 0.85..=1.0) }
 }
-/// Part of the numbers that must be determined, and the largest median error: intervals without end cover everything.
+/// Fraction of the parameters that must be determined, and the largest median error: infinite
+/// intervals cover everything.
 const LEAST_DETERMINED: f64 = 0.9;
 const WORST_MEDIAN: f64 = 0.15;
-/// Standard deviation of a reading, N, and of the friction's level from pass to pass.
+/// Standard deviation of a reading, N, and of the friction scale from stroke to stroke.
 const NOISE: f64 = 0.015;
 const LEVEL: f64 = 0.01;
 /// Step of the encoder, m, and sampling interval, s.
 const ENCODER: f64 = 4e-6;
 const INTERVAL: f64 = 2e-3;
 
-/// A model with the numbers that a fit should find.
+/// A model with the values that a fit should find.
 struct Truth {
     model: Classical,
     numbers: Vec<(String, f64)>,
@@ -47,7 +49,7 @@ impl Draw {
         low + (high - low) * self.0.random::<f64>()
     }
 
-    /// Sum of twelve uniform numbers: normal enough.
+    /// Sum of twelve uniform numbers, approximately normal.
     fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.0.random::<f64>()).sum::<f64>() - 6.0
     }
@@ -76,7 +78,7 @@ fn of_sliding(sliding: &SlidingFriction) -> Vec<(String, f64)> {
     numbers
 }
 
-/// Elements of well separated limits that add up to 2 N.
+/// Elements with well separated limits that add up to 2 N.
 fn bank(draw: &mut Draw, shares: &[f64], widths: &[f64]) -> Vec<SlipElement> {
     let element = |(share, width): (&f64, &f64)| {
         let limit_force = 2.0 * share;
@@ -179,10 +181,11 @@ fn truth(kind: Kind, draw: &mut Draw) -> Truth {
     }
 }
 
-/// Positions at constant speeds there and back, with partial reversals on the way, pass by pass.
+/// Positions at constant speeds in both directions, with partial reversals in between, stroke by
+/// stroke.
 ///
-/// With `swings` strokes of changing speed besides. Not for the static models: near their turns the encoder stands still
-/// or flickers by a step, which shows no direction.
+/// `swings` adds strokes of changing speed. They are not for the static models: near their
+/// reversals the encoder stands still or flickers by one step, which indicates no direction.
 fn passes(repetitions: usize, swings: bool) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for _ in 0..repetitions {
@@ -203,7 +206,8 @@ fn passes(repetitions: usize, swings: bool) -> Vec<Vec<f64>> {
     all
 }
 
-/// Half a cosine of 30 mm at up to 40 mm/s: what seeks its force over time shows where the speed changes.
+/// Half a cosine of 30 mm at up to 40 mm/s: the force dynamics over time appear where the speed
+/// changes.
 fn swing(back: bool) -> Vec<f64> {
     let (half, fastest) = (15e-3, 40e-3);
     let steps = (std::f64::consts::PI * half / fastest / INTERVAL) as usize;
@@ -211,7 +215,8 @@ fn swing(back: bool) -> Vec<f64> {
     (1..=steps).map(|k| half * (1.0 - phase(k).cos())).collect()
 }
 
-/// A recording of the model, with noise, an encoder and a friction whose level changes from pass to pass.
+/// A recording of the model with noise, an encoder and a friction scale that changes from stroke to
+/// stroke.
 fn record(model: &Classical, draw: &mut Draw, repetitions: usize) -> Recording {
     let mut state = model.rest_at_force(0.0);
     let (mut at, mut position, mut force) = (0.0, vec![0.0], vec![0.1]);
@@ -240,12 +245,12 @@ fn fitted(kind: Kind, truth: &Truth, draw: &mut Draw) -> Entry {
     compare(&training, &validation, &options, &|_, _| {}).expect("there is steady sliding").entries.remove(0)
 }
 
-/// Covered, determined, and relative error of each number.
+/// For each parameter: covered, determined, and relative error.
 fn outcome(kind: Kind, seed: u64) -> (Vec<(String, bool, bool, f64)>, f64) {
     let mut draw = Draw::new(seed);
     let truth = truth(kind, &mut draw);
     let entry = fitted(kind, &truth, &mut draw);
-    // Elements come back in the order of their limits, as they were made.
+    // Elements are returned in the order of their limits, as they were created.
     let numbers = truth.numbers.iter().map(|(name, value)| {
         let parameter = entry.estimates.iter().find(|p| p.name == *name);
         let estimate = &parameter.unwrap_or_else(|| panic!("{kind}: {name} is a parameter")).estimate;
@@ -271,7 +276,7 @@ fn recovered(kind: Kind) {
             1e2 * median
         );
         assert!(median < WORST_MEDIAN, "{kind}: {} is off by {median} in the median", own[0].0);
-        // What is not determined covers by definition: it does not count.
+        // Undetermined parameters are always covered, so they do not count.
         covered += own.iter().filter(|n| n.1 && n.2).count();
         all += determined;
     }
@@ -332,7 +337,8 @@ fn gms_is_recovered() {
     recovered(Kind::Gms(2));
 }
 
-/// A model that can do what another does fits the training no worse; the fit sees samples taken together, hence 0.1 %.
+/// A more general model fits the training data at least as well; the fit uses averaged samples,
+/// hence 0.1 %.
 #[test]
 fn larger_models_fit_no_worse() {
     const TOGETHER: f64 = 1e-3;

@@ -1,4 +1,5 @@
-//! Classical models run over recordings: from where on the unknown start no longer matters, and what is scored.
+//! Classical models simulated over recordings: when the unknown initial state is forgotten, and
+//! which samples are scored.
 
 use trocar::recording::Recording;
 use trocar::replay::{forgotten_after, replay};
@@ -9,7 +10,8 @@ use trocar_model::{
     MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve, Trocar,
 };
 
-/// Forces of starts that no longer matter, N: twice what the replay asks for, since it tries some starts of all.
+/// Tolerance for forces from forgotten initial states, N: twice that of the replay, since it tests
+/// only some initial states.
 const FORGOTTEN: f64 = 2e-3;
 
 const SLIDING: SlidingFriction = SlidingFriction {
@@ -38,13 +40,14 @@ fn bank() -> [SlipElement; 3] {
     [1e-3, 2e-3, 4e-3].map(|travel| SlipElement { stiffness: 0.9 / travel, limit_force: 0.9 })
 }
 
-/// Its bank decides what a Leuven model remembers.
+/// The bank of a Leuven model determines its memory.
 fn leuven(bank: &[SlipElement]) -> Classical {
     let params = LeuvenParams { sliding: SLIDING, exponent: 1.2, micro_damping: 1.0 };
     Classical::Leuven(Leuven::new(bank, params).unwrap())
 }
 
-/// Two elements that yield early, and one that bears the rest of the sliding force and never yields.
+/// Two elements that yield early, and one that carries the remaining sliding force and never
+/// yields.
 fn forgetful_bank() -> [SlipElement; 3] {
     let early = |travel: f64| SlipElement { stiffness: 0.3 / travel, limit_force: 0.3 };
     [early(2e-4), early(5e-4), SlipElement { stiffness: 800.0, limit_force: 2.4 }]
@@ -63,7 +66,7 @@ fn models() -> Vec<Classical> {
     ]
 }
 
-/// Strokes of 40 mm as the sine goes, 1 kHz for 8 s, with a force that starts at `first`, N.
+/// Sinusoidal strokes of 40 mm, 1 kHz for 8 s, with a force that starts at `first`, N.
 fn strokes(first: f64) -> Recording {
     let time: Vec<f64> = (0..8000).map(|k| 1e-3 * f64::from(k)).collect();
     let position = time.iter().map(|t| 0.02 * (3.0 * t).sin()).collect();
@@ -104,7 +107,8 @@ fn static_friction_forgets_with_the_first_motion() {
     assert_eq!(forgotten_after(&model.into(), steps.into_iter()), Some(2));
 }
 
-/// At σ_1·|v| = g the force of a LuGre model is g + σ_2·v whatever its state: agreement there tells nothing.
+/// At σ_1·|v| = g the force of a LuGre model is g + σ_2·v whatever its state: agreement there does
+/// not show convergence.
 #[test]
 fn a_force_that_hides_the_state_does_not_count_as_forgotten() {
     let model = lugre(40.0);
@@ -144,8 +148,8 @@ fn classical_models_are_scored_by_motion_and_hold_only() {
     assert_eq!(phases.keys().collect::<Vec<_>>(), ["deformation", "hold", "sliding"], "as ever");
 }
 
-/// A spring that the strokes never stretch to its limit; a Leuven bank of which g < F_s makes some elements yield, and
-/// which ones is a matter of the start.
+/// A spring that the strokes never stretch to its limit. In a Leuven bank with g < F_s only some
+/// elements yield, and the initial state determines which.
 #[test]
 fn models_that_never_forget_are_scored_throughout_and_say_so() {
     let long = SlipElement { stiffness: 10.0, limit_force: 1.0 };

@@ -1,4 +1,4 @@
-//! A report with everything in it, from made-up recordings that look like a seal's.
+//! A report with all its parts, from artificial recordings that resemble those of a seal.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,10 +13,11 @@ use trocar::report::{
 
 const HOSTILE: &str = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)>&$a$\u{7}.csv";
 
-/// Half the way the seal deforms, in millimetres.
+/// Half the travel over which the seal deforms, in millimetres.
 const HALF_WIDTH: f64 = 8.0;
 
-/// A made-up seal: it deforms with the rod up to `HALF_WIDTH` and then lets it slide. Millimetres, seconds, newtons.
+/// An artificial seal: it deforms with the rod up to `HALF_WIDTH` and then slides. Millimetres,
+/// seconds, newtons.
 struct Demo {
     time: Vec<f64>,
     force: Vec<f64>,
@@ -35,7 +36,7 @@ fn noise(random: &mut ChaCha8Rng) -> f64 {
     (0..6).map(|_| random.random_range(-1.0..1.0)).sum::<f64>() * 0.707
 }
 
-/// Strokes of 40 mm to and fro at `speed` mm/s, sampled at 1 kHz.
+/// Strokes of 40 mm back and forth at `speed` mm/s, sampled at 1 kHz.
 fn demo(speed: f64, cycles: usize, seed: u64) -> Demo {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let half_period = 40.0 / speed;
@@ -284,7 +285,7 @@ impl IntoCell for f64 {
     }
 }
 
-/// Writes the report into a fresh folder, or below `TROCAR_REPORT_DIR` to look at it.
+/// Writes the report into a new folder, or below `TROCAR_REPORT_DIR` for inspection.
 fn written(name: &str) -> (PathBuf, Option<tempfile::TempDir>) {
     let (folder, guard) = match std::env::var_os("TROCAR_REPORT_DIR") {
         Some(parent) => (PathBuf::from(parent).join(name), None),
@@ -309,7 +310,7 @@ fn page(folder: &Path) -> String {
     std::fs::read_to_string(folder.join("report.html")).expect("the page")
 }
 
-/// What stands between `open` and `close`, for every occurrence.
+/// All texts between `open` and `close`.
 fn between<'t>(text: &'t str, open: &'t str, close: &'t str) -> impl Iterator<Item = &'t str> {
     text.split(open).skip(1).filter_map(move |rest| rest.split_once(close).map(|(inner, _)| inner))
 }
@@ -327,7 +328,7 @@ fn equal_documents_give_equal_bytes() {
 fn the_page_asks_nobody_for_anything() {
     let (folder, _guard) = written("offline");
     let page = page(&folder);
-    // The licence text of the inlined library and the name spaces of SVG are text, not requests.
+    // The licence text of the embedded library and the namespaces of SVG are text, not requests.
     let markup = between(&page, "<body>", "<!-- uPlot").next().expect("a body");
     let text_free: String = markup.split('<').filter_map(|part| part.split_once('>')).map(|(tag, _)| tag).collect();
     for attribute in [" src=", " srcset=", " data=", "url(", "http:", "https:", "iframe", " on"] {
@@ -393,7 +394,7 @@ fn pictures_are_well_formed_and_of_the_declared_size() {
     }
 }
 
-/// Every element is closed in order, attributes are quoted, and no bare ampersand occurs.
+/// Elements are closed in order, attributes are quoted, and every ampersand is escaped.
 fn assert_well_formed(path: &Path, svg: &str) {
     let mut open = Vec::new();
     let mut rest = svg;
@@ -506,7 +507,7 @@ fn ten_figures_take_less_than_half_a_second_and_little_memory() {
     assert!(added.is_none_or(|mebibytes| mebibytes < 100.0));
 }
 
-/// Highest resident memory so far; `None` where the system has no `/proc`.
+/// Peak resident memory so far; `None` if the system has no `/proc`.
 fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let kibibytes: f64 = between(&status, "VmHWM:", "kB").next()?.trim().parse().ok()?;

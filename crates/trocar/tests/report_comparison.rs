@@ -1,4 +1,5 @@
-//! The report of a comparison draws what was compared, on common ground, and says in words what it cannot draw.
+//! The report of a comparison draws the compared models with common samples and offset, and
+//! explains missing figures.
 
 use std::collections::HashSet;
 use std::sync::LazyLock;
@@ -14,7 +15,7 @@ use trocar::report::{Cell, Document, Family, Figure, Panel, Role, Section, Serie
 use trocar::workflow::MovingMass;
 use trocar_model::{Element, ElementParams};
 
-/// A line drawn through thinned points departs from the samples by no more than this, N.
+/// Largest distance between a line of decimated points and the samples, N.
 const THINNING: f64 = 0.02;
 
 static COMPARISON: LazyLock<Comparison> = LazyLock::new(|| {
@@ -147,7 +148,8 @@ fn the_reversal_shows_sliding_before_it_and_the_jump_of_the_static_models() {
         assert!(level(series, -5.0, -1.0) < -2.0, "{} slides out before it turns", series.name);
         assert!(level(series, end - 2.0, end) > 2.0, "{} slides in at the end", series.name);
     }
-    // Two millimetres after the reversal the seal is still deformed the other way; static friction knows no deflection.
+    // Two millimetres after the reversal the seal is still deformed in the other direction; static
+    // friction has no deflection.
     assert!(level(measured, 1.0, 2.5) < 0.0 && level(ems, 1.0, 2.5) < 0.0);
     assert!(level(coulomb, 1.0, 2.5) > 2.0);
 }
@@ -216,7 +218,7 @@ fn parameters_of_small_banks_are_listed_with_symbols() {
 fn held_out_parts_and_a_missing_cycle_are_said_in_words() {
     let (training, mut validation) = split(&[record(Protocol::Steady, 7)]).unwrap();
     let models = vec![Choice::Ems, Choice::Classical(Kind::Coulomb)];
-    // A stroke and nothing else: no cycle to show.
+    // Only a stroke: no complete cycle.
     let stroke = validation[0].part(0..validation[0].len() / 8, "one stroke").unwrap();
     validation = vec![stroke];
     let document = report(&compared(models, &training, &validation), true);

@@ -1,4 +1,4 @@
-//! The report of an identification draws what was identified, and says in words what it cannot draw.
+//! The report of an identification draws its results and explains missing figures.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -62,7 +62,7 @@ fn plain_input<'a>(identification: &'a Identification, training: &'a [Recording]
     }
 }
 
-/// Strokes of a stiff slider: F = 2 N against the motion and 4 N s/m, no deformation to be seen.
+/// Strokes of a stiff slider: F = 2 N against the motion and 4 N s/m, without visible deformation.
 fn stiff_slider(speeds: &[f64], both_ways: bool) -> Recording {
     let (mut time, mut position, mut force) = (vec![0.0], vec![0.0], vec![0.0]);
     let mut noise = 1u32;
@@ -119,7 +119,7 @@ fn number(table: &Table, row: &str, column: &str) -> f64 {
     }
 }
 
-/// Ordinate of a line at `x`, between its points.
+/// Ordinate of a line at `x`, interpolated between its points.
 fn at(series: &Series, x: f64) -> f64 {
     let pairs = series.x.windows(2).zip(series.y.windows(2));
     let around = |(xs, _): &(&[f64], &[f64])| xs[0].min(xs[1]) <= x && x <= xs[0].max(xs[1]);
@@ -189,7 +189,7 @@ fn the_fitted_line_of_static_friction_has_the_coefficients_of_the_table() {
         let (low, high) = (at(series(panel, Role::Lower), speed), at(series(panel, Role::Upper), speed));
         assert!(low < line && line < high, "{low} {line} {high}");
     }
-    // The bench is known, and its offset is gone from the points.
+    // The bench is known, and its offset is subtracted from the points.
     let means = series(panel, Role::Measured);
     let truth = &BENCH.truth[0].params().insertion;
     for (v, force) in means.x.iter().zip(&means.y) {
@@ -214,7 +214,7 @@ fn the_first_transient_ends_before_the_second_begins_and_the_force_dips_in_betwe
         assert!(rises * (first - between) > 0.3, "falls from {first} to {between}");
         assert!(rises * (last - between) > 1.5, "T2 rises from {between} to {last}");
     }
-    // The velocity changes its sign at the origin.
+    // The velocity changes sign at the origin.
     let velocity = &figure(&document, "velocity-step").panels[0].series[0];
     assert!(at(velocity, -0.02) * at(velocity, 0.02) < 0.0);
 }
@@ -234,7 +234,7 @@ fn branches_lie_on_the_truth_of_the_bench_and_joins_on_their_corners() {
         panel.marks.iter().filter_map(|m| if let Mark::X { at, .. } = m { Some(*at) } else { None }).collect();
     assert_eq!(joins.len(), 2);
     assert!((joins[0] + 2.2).abs() < 0.3 && (joins[1] - 2.2).abs() < 0.3, "{joins:?}");
-    // The single polynomial misses the corner: its residual is the larger one.
+    // The single polynomial does not fit the corner: its residual is larger.
     for panel in &figure(&document, "deformation-force").panels[1..] {
         let worst = |role| {
             let inner = series(panel, role);
@@ -283,7 +283,7 @@ fn cross_validation_shows_the_slowest_and_the_fastest_speed_without_offset() {
     }
 }
 
-/// Largest rounding of a reading that was taken between two samples, N.
+/// Largest interpolation error of a reading between two samples, N.
 const BETWEEN_SAMPLES: f64 = 0.2;
 
 #[test]
@@ -299,7 +299,8 @@ fn the_live_model_is_the_identified_one_beside_a_stretch_it_has_not_seen() {
     let reach = stretch.position.iter().fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
     assert!(live.way[0] < reach[0] && reach[1] < live.way[1]);
 
-    // The sensor's offset is out of the readings, and from `known_from` on any start gives the same force.
+    // The sensor offset is subtracted from the readings, and from `known_from` on any initial state
+    // gives the same force.
     let offset = bench.identification.model.offset;
     let recorded: Vec<f64> = bench.validation[0].force.iter().map(|reading| reading - offset).collect();
     let near = |force: &f64| recorded.iter().any(|own| (own - force).abs() < BETWEEN_SAMPLES);
@@ -423,7 +424,7 @@ fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_strok
     let strokes = &identification.friction_scale.strokes;
     assert_eq!(points.len(), strokes.len());
     assert!(strokes.iter().zip(&points).all(|(stroke, (_, scale))| stroke.scale == *scale), "{points:?}");
-    // Those of the second recording follow the first.
+    // The strokes of the second recording follow those of the first.
     assert!(
         points.iter().zip(strokes).all(|((x, _), s)| s.recording == 0 || *x >= training[0].duration()),
         "{points:?}"
@@ -444,11 +445,11 @@ fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
     for role in [Role::Model, Role::Alternative] {
         for time in [0.7, 1.9, 3.1, 4.3] {
             let left = at(series(force, Role::Measured), time) - at(series(force, role), time);
-            // Lines are thinned each on its own: they agree within the noise of the sensor.
+            // Each line is decimated separately: they agree within the noise of the sensor.
             assert!((left - at(series(error, role), time)).abs() < 0.15, "{role:?} at {time} s");
         }
     }
-    // The bench's own recordings of full strokes hold no such stretch.
+    // The bench's own recordings of full strokes contain no such part.
     let words = section(&document_of_strokes(&identification), "Fit to all motion").paragraphs.join(" ");
     assert!(words.contains("no recording holds both"), "{words}");
 }
@@ -481,7 +482,7 @@ fn the_deformation_force_of_a_model_with_two_elements_is_that_of_both() {
     let one = deformed(&identification);
     let element = *identification.element();
     identification.stages = Stages::new(&[element; 2]).unwrap();
-    // Limits from which deflections are counted.
+    // Limits from which deflections are measured.
     let sliding = &mut identification.two_step;
     [&mut sliding.insertion, &mut sliding.withdrawal].into_iter().for_each(|s| s.static_force *= 2.0);
     let both = deformed(&identification);
@@ -545,7 +546,7 @@ fn one_direction_at_one_speed_has_no_confidence_lines_and_a_reason() {
     assert!(fit.x.iter().all(|v| *v > 0.0), "nothing was measured on the other side");
     let words = section(&document, "Cross-validation").paragraphs.join(" ");
     assert!(words.contains("no full cycle"), "{words}");
-    // Everything drawn can be written.
+    // All figures can be written.
     let folder = tempfile::tempdir().unwrap();
     write_document(folder.path(), &document).unwrap();
 }
@@ -553,7 +554,7 @@ fn one_direction_at_one_speed_has_no_confidence_lines_and_a_reason() {
 #[test]
 fn equal_results_give_equal_documents_that_can_be_written() {
     let (first, second) = (full_report(&BENCH), full_report(&BENCH));
-    // Through text, for a gap in a line is not equal to itself.
+    // Compared as text, since a gap (NaN) in a line is not equal to itself.
     assert_eq!(format!("{first:?}"), format!("{second:?}"));
     let folder = tempfile::tempdir().unwrap();
     write_document(folder.path(), &first).unwrap();
@@ -589,7 +590,7 @@ fn real_recordings_give_reports_without_empty_panels() {
     }
 }
 
-/// The deflections of EMS figure 7 and the speeds of its figure 9 can be chosen.
+/// The deflections of EMS figure 7 and the speeds of its figure 9 can be selected.
 #[test]
 fn levels_and_speeds_are_chosen() {
     let bench = &*BENCH;
@@ -606,7 +607,7 @@ fn levels_and_speeds_are_chosen() {
         velocity.panels[0].series.iter().map(|s| s.name.as_str()).filter(|n| !n.is_empty()).collect();
     assert_eq!(names, ["z = \u{2212}6.000 mm", "z = \u{2212}6.000 mm", "z = 5.000 mm", "z = 5.000 mm"]);
     assert!(velocity.caption.contains("at two deflections"), "{}", velocity.caption);
-    // The force at the deflection, of the branch that the traverses follow.
+    // The force at the deflection on the branch of the measured deformations.
     let force = &bench.truth[0].params().deformation;
     for (series, expected) in [(0, force.rising().force(-6e-3)), (4, force.rising().force(5e-3))] {
         let found = &velocity.panels[0].series[series];

@@ -1,4 +1,4 @@
-//! The model that runs in the page: what a document with one turns into, and what is refused.
+//! The model that runs in the page: its data in the document, and rejected models.
 
 use std::io::Read as _;
 use std::path::Path;
@@ -11,7 +11,7 @@ use trocar_model::{Element, ElementParams, Trocar};
 
 const HOSTILE: &str = "</script><script>alert(1)</script>";
 
-/// The plausible seal with a stretch of two samples.
+/// The plausible seal with a recorded motion of two samples.
 fn model() -> LiveModel {
     let trocar = Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap());
     let mut row = vec![0.0; trocar.count_numbers()];

@@ -1,4 +1,4 @@
-//! Scatter between strokes: of made strokes whose scatter is known.
+//! Scatter between strokes, tested with artificial strokes of known scatter.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,13 +7,13 @@ use trocar::scatter::StrokeScatter;
 
 /// Standard deviation of the noise, N: uniform within ±√3 of it.
 const NOISE: f64 = 0.1;
-/// Error allowed of a scatter found from 20 passes of 1000 readings: three standard deviations of an estimate with 20000
-/// readings (0.5 % each), and the interpolation of the others (1/(6·9) of itself).
+/// Allowed error of a scatter from 20 strokes of 1000 readings: three standard deviations of an
+/// estimate from 20000 readings (0.5 % each), and the interpolation of the others (1/(6·9) of it).
 const TOLERANCE: f64 = 0.03;
 const STEPS: usize = 1000;
 
-/// Ten strokes of 40 mm whose ends vary by `ends` (m), with a force that has bumps (N) over the position, snaps through within half
-/// a millimetre of travel, and drifts by `drift` N a stroke.
+/// Ten strokes of 40 mm. Their ends vary by `ends` (m), and the force has bumps (N) over the
+/// position, snaps through within half a millimetre of travel, and drifts by `drift` N per stroke.
 fn recording(ends: f64, bumps: f64, drift: f64, speeds: &[f64]) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let (mut t, mut x, mut f) = (Vec::new(), Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! Replaying a motion as a stream, and output that is whole or absent.
+//! Simulation of a motion as a stream, and output that is complete or absent.
 
 use std::fmt::Write as _;
 use std::io::{Read, Write as _};
@@ -42,14 +42,14 @@ impl Scratch {
         self.path("motion.csv")
     }
 
-    /// Everything in the folder but the motion, hidden files included.
+    /// All files in the folder except the motion, including hidden ones.
     fn leftovers(&self) -> Vec<String> {
         let names = std::fs::read_dir(self.0.path()).unwrap().map(|entry| entry.unwrap().file_name());
         names.map(|name| name.into_string().unwrap()).filter(|name| name != "motion.csv").collect()
     }
 }
 
-/// Replays a text through the spring; the error as text if there is one.
+/// Simulates the spring along a motion given as text; the error as text if there is one.
 fn run(scratch: &Scratch, text: &str, columns: Option<&str>) -> Result<String, String> {
     let output = scratch.path("out.csv");
     let choice = Choice { columns: columns.map(str::to_owned), ..Choice::default() };
@@ -147,7 +147,7 @@ fn a_failed_replay_keeps_the_earlier_result() {
     assert_eq!(scratch.leftovers(), ["out.csv"]);
 }
 
-/// An endless supply of rows, made while they are read.
+/// An endless supply of rows, generated while they are read.
 struct Rows {
     next: u64,
     count: u64,
@@ -191,7 +191,7 @@ fn memory_does_not_grow_with_the_motion() {
     let simulated = simulate(motion, &spring(), &OPTIONS, &mut output, progress).unwrap();
     assert_eq!(simulated.rows, ROWS);
     assert!(simulated.lowest <= simulated.highest);
-    // The text alone has over 30 MB; other tests of this process take their share of the margin.
+    // The text alone has over 30 MB; other tests of this process use part of the margin.
     assert!(reached > ROWS / 2, "{reached}");
     assert!(peak - before < 10_000, "{before} to {peak} kB");
 }
@@ -265,7 +265,7 @@ fn a_folder_appears_with_all_its_files_or_not_at_all() {
     assert_eq!(names, ["figures", "model.json", "notes.txt"]);
 }
 
-/// In a process of its own, for it removes what other tests have under way.
+/// In a separate process, because it removes the unfinished files of other tests.
 #[test]
 fn an_interruption_removes_what_is_unfinished() {
     const IN_CHILD: &str = "TROCAR_TEST_INTERRUPTED_FOLDER";
@@ -276,7 +276,7 @@ fn an_interruption_removes_what_is_unfinished() {
         let staged = StagedFolder::create(folder.join("out")).unwrap();
         staged.write("model.json", b"{").unwrap();
         remove_unfinished();
-        // Leaves without running destructors, as a signal handler does.
+        // Exits without running destructors, as a signal handler does.
         std::process::exit(0);
     }
     let scratch = Scratch::new();

@@ -1,4 +1,4 @@
-//! Sweeps: rows that depend on nothing but the document, and what a run comes to.
+//! Sweeps: rows that depend only on the document, and the results of a run.
 
 use std::path::Path;
 use std::time::Duration;
@@ -35,7 +35,7 @@ fn the_number_of_threads_does_not_show() {
     let document = format!("{HEAD}[seal]\nhalf_width_m = {{ normal = [0.005, 0.0005] }}\n");
     let ((one, _), (three, _)) = (table(&document, 1), table(&document, 3));
     assert_eq!(one.rows(), 150);
-    // As text: a missing number is not equal to itself.
+    // Compared as text: a missing number (NaN) is not equal to itself.
     assert!(format!("{one:?}") == format!("{three:?}"));
     let (again, _) = table(&document.replace("seed = 7", "seed = 8"), 3);
     assert_ne!(numbers(&one, "half_width_m"), numbers(&again, "half_width_m"));
@@ -57,7 +57,7 @@ fn draws_have_the_distribution_asked_for() {
         insertion_viscous_damping_n_s_m = { triangular = [0.0, 2.0, 10.0] }\n\
         withdrawal_viscous_damping_n_s_m = { list = [1.0, 2.0, 6.0] }\n";
     let (table, _) = table(document, 2);
-    /// Standard errors of a mean that no fair draw of 4000 passes.
+    /// Standard errors of a mean that a correct sample of 4000 does not exceed.
     const FAR: f64 = 5.0;
     let about = |name: &str, mean: f64, deviation: f64| {
         let values = numbers(&table, name);
@@ -92,7 +92,7 @@ fn results_follow_the_parameters() {
         insertion_viscous_damping_n_s_m = 0\nwithdrawal_viscous_damping_n_s_m = 0\n\
         withdrawal_coulomb_force_n = 2\n";
     let (table, _) = table(document, 1);
-    // Friction that does not depend on speed: the sliding force is the greatest there is.
+    // Friction independent of speed: the sliding force is the maximum force.
     for (peak, force) in numbers(&table, "peak_force_n").iter().zip([2.0, 3.0, 4.0]) {
         assert!((peak - force).abs() < 1e-9, "{peak} N for {force} N");
     }
@@ -169,7 +169,7 @@ fn a_sweep_that_is_called_off_writes_no_more_traces() {
             (count(), worker.join().unwrap())
         });
         assert!(matches!(outcome, Err(Stopped::Cancelled)));
-        // Those under way, one of each thread, come to their end.
+        // Runs in progress, one per thread, are completed.
         assert!(count() <= written + THREADS, "{} files after {written}", count());
     }
 }

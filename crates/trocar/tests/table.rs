@@ -1,14 +1,14 @@
-//! Tables of results in every format they are written in.
+//! Tables of results in every output format.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use trocar::table::{Column, Field, Kind, TableWriter, read};
 
-/// Three pieces, so that row groups and batches begin and end inside and between them.
+/// Three blocks, so that row groups and batches begin and end inside and between them.
 const PIECES: usize = 3;
 
-/// Rows of a piece: more than half a row group.
+/// Rows of a block: more than half a row group.
 const ROWS: usize = 70_000;
 
 fn fields() -> Vec<Field> {
@@ -136,7 +136,7 @@ fn pyarrow_reads_what_we_write() {
     run(python.to_str().unwrap(), &[script.to_str().unwrap(), folder.path().to_str().unwrap()]).unwrap();
 }
 
-/// A Python with pyarrow, in a folder of its own under `target`.
+/// A Python with pyarrow, in its own folder under `target`.
 fn pyarrow() -> Result<PathBuf, String> {
     let place = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("pyarrow-venv");
     let python = place.join("bin/python");

@@ -1,5 +1,5 @@
-//! What the identification states with confidence is true: a few of the hard benches, with a generous bound. All of them:
-//! `./test --long`.
+//! Statements of the identification without doubt are true: some of the hard benches, with a
+//! generous bound. `./test --long` runs all of them.
 
 #[path = "trust/mod.rs"]
 mod trust;
@@ -20,7 +20,7 @@ fn outcomes(names: &[&str], seeds: u64) -> Vec<Outcome> {
     chosen.flat_map(of_kind).collect()
 }
 
-/// Part of the listed parameters that is confidently wrong.
+/// Fraction of the listed parameters that are confidently wrong.
 fn confidently_wrong(outcomes: &[Outcome]) -> f64 {
     let count = |verdict| outcomes.iter().map(|o| o.count(verdict)).sum::<usize>();
     let listed: usize = Verdict::ALL.into_iter().filter(|v| *v != Verdict::Absent).map(count).sum();
@@ -38,7 +38,7 @@ fn verdicts_follow_from_interval_and_truth() {
     assert_eq!(Verdict::of(&found, [3.1, 3.1], false), Verdict::Right);
     assert_eq!(Verdict::of(&found, [3.2, 3.2], false), Verdict::ConfidentlyWrong);
     assert_eq!(Verdict::of(&found, [3.2, 3.2], true), Verdict::WrongButDoubtful);
-    // A truth that changes on the way: any of its values will do.
+    // A true value that changes during the run: any of its values is accepted.
     assert_eq!(Verdict::of(&found, [2.0, 2.95], false), Verdict::Right);
     let open = Estimate::undetermined(3.0, "N", "one speed");
     assert_eq!(Verdict::of(&open, [9.0, 9.0], false), Verdict::Undetermined);
@@ -61,11 +61,13 @@ fn kinds_have_names_of_their_own_and_make_models() {
 fn easy_benches_are_right() {
     let outcomes = outcomes(&["plain", "mass_0.04_declared", "one_speed", "two_speeds"], 1);
     let share = confidently_wrong(&outcomes);
-    // One parameter in twenty is outside of its 95 % interval; of some thirty, two or three at times.
+    // One parameter in twenty is outside its 95 % interval; of some thirty, occasionally two or
+    // three.
     assert!(share < 0.15, "{share}");
 }
 
-/// A mass enters through accelerations, whose noise made it a fifth too small where the encoder is no finer than here.
+/// A mass is estimated through accelerations; their noise made it a fifth too small with an encoder
+/// as coarse as here.
 #[test]
 fn an_unmodelled_mass_does_not_depend_on_the_noise_of_the_accelerations() {
     let outcomes = outcomes(&["scatter_5", "mass_0.3_unmodelled"], 4);
@@ -125,7 +127,7 @@ fn a_force_without_friction_is_refused() {
         identify(&[changed], &IdentifyOptions::default(), &|_, _| {}).map(|_| ()).expect_err("no friction").to_string()
     };
     assert!(with_force(&|_, _| 1.234).contains("is 1.234 N throughout"));
-    // Squares of whole numbers times the golden ratio scatter evenly.
+    // Squares of integers times the golden ratio are evenly distributed.
     let scatter = |i: usize| 0.01 * ((i * i) as f64 * 0.618_033_988_749_894_9).fract();
     assert!(with_force(&|i, _| scatter(i)).contains("no more than its noise"));
     assert!(with_force(&|_, f| 1e300 * f).contains("which no instrument exerts"));

@@ -1,4 +1,5 @@
-//! What a validation says about a model: its error by phase, and whether it contradicts the identification.
+//! Results of a validation: the error of a model by phase, and whether it contradicts the
+//! identification.
 
 use std::sync::LazyLock;
 
@@ -12,7 +13,8 @@ use trocar_model::{Element, ElementParams};
 fn record(protocol: Protocol, friction: f64, seed: u64) -> Recording {
     let seal = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
     let config = BenchConfig::default();
-    // The branches of the seal end at its sliding force, so a change of the friction is a wetting from the first sample on.
+    // The branches of the seal end at its sliding force, so a change of the friction is modelled as
+    // wetting from the first sample on.
     let mut wetted = config.clone();
     (wetted.lubrication.level, wetted.lubrication.onset_s, wetted.lubrication.spread_s) = (friction, 0.0, 0.0);
     let made = run(&wetted, protocol, &[seal], seed).unwrap().to_recording(format!("{protocol}.csv")).unwrap();
@@ -33,7 +35,7 @@ static FOUND: LazyLock<Found> = LazyLock::new(|| {
     Found { identification, options, recordings }
 });
 
-/// What the identification leaves behind, validated on `held_out`.
+/// The result of the identification, validated on `held_out`.
 fn with_outcome<T>(held_out: &[Recording], of: impl FnOnce(&Workflow) -> T) -> T {
     let Found { identification, options, recordings } = FOUND.clone();
     let moving_mass = MovingMass { mass: BenchConfig::default().rod.mass_kg, gravity: 0.0 };
@@ -44,7 +46,7 @@ fn error(held_out: &[Recording]) -> ForceError {
     with_outcome(held_out, |outcome| outcome.model_file().force_error.unwrap())
 }
 
-/// Full strokes show neither rests nor partial reversals; a hand's motion shows both.
+/// Full strokes contain neither rests nor partial reversals; hand-like motion contains both.
 #[test]
 fn phases_that_no_recording_shows_are_unknown() {
     let own = error(&[]);
@@ -56,8 +58,8 @@ fn phases_that_no_recording_shows_are_unknown() {
     assert!(hand.partial_n.is_some() && hand.held_n.is_some(), "{hand:?}");
 }
 
-/// Validated on strokes alone, or on a quieter recording than those identified from, no phase looks better than the
-/// identification left it.
+/// With a validation on strokes only, or on a recording with less noise than those for
+/// identification, no phase has a smaller error than from the identification.
 #[test]
 fn the_worse_of_identification_and_validation_counts() {
     let own = error(&[]);
@@ -91,7 +93,7 @@ fn by_phase_the_larger_error_is_the_worse() {
     assert_eq!(of(None, None, None, None).largest(), None);
 }
 
-/// The same seal, full strokes or a hand's motion: nothing contradicts.
+/// The same seal in full strokes or hand-like motion: no contradiction.
 #[test]
 fn a_validation_that_agrees_is_not_doubtful() {
     for protocol in [Protocol::Validation, Protocol::Step, Protocol::Surgeon] {
@@ -103,7 +105,8 @@ fn a_validation_that_agrees_is_not_doubtful() {
     }
 }
 
-/// A seal that was wetted meanwhile is another: by how much and what to do is said, in the summary too.
+/// A seal that was wetted in the meantime is different: the amount and a remedy are stated, also in
+/// the summary.
 #[test]
 fn a_validation_that_contradicts_is_doubtful() {
     for friction in [0.8, 0.9] {
@@ -129,7 +132,7 @@ fn a_validation_that_contradicts_is_doubtful() {
     }
 }
 
-/// Another tare is found as such.
+/// A different tare is detected as such.
 #[test]
 fn an_offset_is_named() {
     let mut moved = record(Protocol::Validation, 1.0, 4);
@@ -140,7 +143,8 @@ fn an_offset_is_named() {
         assert!(message.contains("check the sensor offset"), "{message}");
         let named = message.split("is mostly an offset of ").nth(1).and_then(|rest| rest.split(' ').next());
         let named: f64 = named.expect("an offset is named").parse().expect("a number");
-        // The bench's seal varies by 1 % of its 3 N from pass to pass, in both recordings.
+        // The force of 3 N of the bench's seal varies by 1 % from stroke to stroke, in both
+        // recordings.
         assert!((named - 1.0).abs() < 0.04, "{message}");
     });
 }

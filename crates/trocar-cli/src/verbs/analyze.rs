@@ -100,7 +100,7 @@ fn random_cycles_text(text: &mut String, found: &RandomCycles) {
     text.push('\n');
 }
 
-/// A seal that gives work is no seal.
+/// A seal that releases energy in a closed motion violates passivity.
 fn is_doubtful(analysis: &Analysis) -> bool {
     !(analysis.cycle_work.holds && analysis.random_cycles.holds)
 }

@@ -13,7 +13,7 @@ use crate::Done;
 use crate::console::{self, Console};
 use crate::progress::Progress;
 
-/// Rows written at a time.
+/// Rows per write.
 const PIECE: usize = 1 << 16;
 
 /// Record an experiment on the virtual test bench
@@ -91,7 +91,7 @@ pub(crate) fn write_recording(run: &BenchRun, path: &Path) -> anyhow::Result<()>
     write_columns(path, columns.into_iter().map(|(name, column)| (name.to_owned(), column)))
 }
 
-/// Writes the truth; several elements have a deflection each.
+/// Writes the true values; each of several elements has its own deflection.
 fn write_truth(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
     let truth = &run.truth;
     let columns = [
@@ -110,7 +110,7 @@ fn write_truth(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
     write_columns(path, columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections))
 }
 
-/// Writes columns of one length in the format that the extension says.
+/// Writes columns of equal length in the format selected by the extension.
 fn write_columns<'a>(path: &Path, columns: impl Iterator<Item = (String, &'a Vec<f64>)>) -> anyhow::Result<()> {
     let (names, columns): (Vec<String>, Vec<&Vec<f64>>) = columns.unzip();
     let fields: Vec<Field> = names.into_iter().map(Field::number).collect();
@@ -124,7 +124,7 @@ fn write_columns<'a>(path: &Path, columns: impl Iterator<Item = (String, &'a Vec
     Ok(writer.commit()?)
 }
 
-/// Tells an experimenter what went wrong on the rig; true when the recording lost data.
+/// Warns about events on the rig; true if the recording lost data.
 fn warn_of_events(console: &Console, run: &BenchRun) -> bool {
     let events = &run.events;
     if events.saturated_samples > 0 {

@@ -17,7 +17,7 @@ use crate::models::{Models, models};
 use crate::progress::Progress;
 use crate::table::{Table, number};
 
-/// Parameters that the data do not determine are named up to this number.
+/// Most undetermined parameters that are named.
 const MOST_NAMES: usize = 8;
 
 /// Compare friction models: fit them all to the same recordings, score them on the same others
@@ -72,7 +72,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         console.remark("no recordings to score on: the last third of each is held out from the fits and scored on");
         (training, validation) = split(&training)?;
     }
-    // Better to learn now than after the work that nothing can be written there.
+    // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
     let identify = IdentifyOptions {
         bootstrap: 0,
@@ -104,7 +104,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     Ok(Done::doubtful_if(lost || !unknown.is_empty()))
 }
 
-/// A recording counted twice would weigh twice; one in both lists would not be validated on.
+/// A duplicate recording would have double weight; one in both lists would not be an independent
+/// validation.
 fn refuse_twice(recordings: &[Recording]) -> Result<(), BadArgument> {
     for (i, second) in recordings.iter().enumerate() {
         if let Some(first) = recordings[..i].iter().find(|first| first.sha256 == second.sha256) {
@@ -117,7 +118,7 @@ fn refuse_twice(recordings: &[Recording]) -> Result<(), BadArgument> {
     Ok(())
 }
 
-/// The table, the claim of the paper tested, and the warnings.
+/// The table, the test of the paper's claim, and the warnings.
 fn text(comparison: &Comparison) -> String {
     let mut text = table(&comparison.entries).to_text();
     text.push('\n');
@@ -172,7 +173,8 @@ fn table(entries: &[Entry]) -> Table {
     table
 }
 
-/// The warnings of a model, those of parameters that are not determined in one; the reasons of each are in the JSON.
+/// The warnings of a model; those about undetermined parameters are combined, and the JSON contains
+/// the reason of each.
 fn in_brief(entry: &Entry) -> Vec<String> {
     let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
         entry.warnings.iter().partition(|w| w.is_undetermined());

@@ -19,7 +19,7 @@ use crate::table::{Table, interval, number};
 use super::bench::write_recording;
 use super::identify;
 
-/// Experiments that the model is identified from; the others validate it.
+/// Experiments used for identification; the others are used for validation.
 const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
 
@@ -45,7 +45,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let record = |protocol| record(console, staged.path(), &config, &truth, protocol, args.seed);
     let recordings = TRAINING.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
     let held_out = HELD_OUT.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
-    // On a rig the rod has been weighed; its weight may stay in the offset.
+    // As on a rig whose rod was weighed; its weight may stay in the offset.
     let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
     let options = IdentifyOptions { seed: args.seed, ..IdentifyOptions::default() };
     let done = identify::run_workflow(console, recordings, held_out, moving_mass, options)?;
@@ -56,7 +56,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     Ok(Done::doubtful_if(done.is_doubtful()))
 }
 
-/// Runs one experiment and reads its recording back from its file, as a recording of a rig would be read.
+/// Runs one experiment and reads its recording from the file, as for a recording of a rig.
 fn record(
     console: &Console,
     folder: &Path,
@@ -75,7 +75,7 @@ fn record(
     Ok(read(&path, &ReadOptions::default())?)
 }
 
-/// Ten lines: what was found beside what it was made with.
+/// Ten lines: the estimates next to the true values.
 fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> String {
     let mut table = Table::headed(["parameter", "truth", "found", "95 % interval", "unit"]);
     for row in identify::main_parameters(&found.identification) {
@@ -96,7 +96,7 @@ fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> St
     text
 }
 
-/// What the recordings were made with, in the unit of the name.
+/// The true value of the recordings, in the unit of the name.
 fn true_value(name: &str, truth: &ElementParams, config: &BenchConfig) -> Option<f64> {
     let rod = &config.rod;
     let area = std::f64::consts::PI * (0.5 * rod.diameter_m).powi(2);
@@ -107,7 +107,7 @@ fn true_value(name: &str, truth: &ElementParams, config: &BenchConfig) -> Option
         "rising_join_m" => truth.deformation.rising().join(),
         "falling_join_m" => truth.deformation.falling().join(),
         "seal_damping_n_s_m" => truth.damping.coefficient(0.0),
-        // What the sensor shows at rest without the seal: gas, weight of the rod, tare.
+        // Reading at rest without the seal: gas, weight of the rod, tare.
         "offset_n" => config.force_sensor.tare_n + area * rod.gas_pressure_pa - rod.mass_kg * rod.gravity_m_s2,
         _ => return None,
     })

@@ -135,7 +135,7 @@ fn in_words(tally: &Tally, seconds: f64) -> String {
     format!("{} of {} recordings, {rate:.1}/s{failed}", tally.done, tally.total)
 }
 
-/// Times go to standard error alone.
+/// Times are printed only to standard error.
 fn say(console: &Console, fleet: &Fleet, seconds: f64) {
     let Tally { done, taken_over, failed, samples, .. } = fleet.tally;
     let count = |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();

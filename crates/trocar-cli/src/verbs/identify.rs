@@ -117,7 +117,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         paper: args.paper,
         ..IdentifyOptions::default()
     };
-    // Better to learn now than after the work that nothing can be written there.
+    // Fails before the computation if nothing can be written there.
     let staged = StagedFolder::create(&args.out)?;
     let done = run_workflow(console, recordings, held_out, moving_mass, options)?;
     let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
@@ -130,7 +130,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     Ok(Done::doubtful_if(overlaps || done.is_doubtful()))
 }
 
-/// Runs the workflow; prints before what the recordings can give, and after what is doubtful.
+/// Runs the workflow; prints first what the recordings can determine, and finally what is doubtful.
 pub(crate) fn run_workflow(
     console: &Console,
     recordings: Vec<Recording>,
@@ -147,7 +147,7 @@ pub(crate) fn run_workflow(
     Ok(done)
 }
 
-/// What the recordings can and cannot give.
+/// Parameters that the recordings can and cannot determine.
 pub(crate) fn print_survey(console: &Console, survey: &Survey) {
     for r in &survey.recordings {
         console.remark(&format!(
@@ -184,7 +184,8 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     }
 }
 
-/// Warnings about files were printed when they were read; one reason for several parameters is given once.
+/// Warnings about files were printed when they were read; a common reason of several parameters is
+/// printed once.
 fn print_warnings(console: &Console, done: &Workflow) {
     let read = |subject: &str| done.recordings.iter().any(|recording| recording.name == subject);
     let mut left: Vec<&Warning> = done.identification.warnings.iter().filter(|w| !read(&w.subject)).collect();
@@ -208,7 +209,7 @@ fn print_warnings(console: &Console, done: &Workflow) {
     }
 }
 
-/// The main parameters and the errors, for people.
+/// The main parameters and the errors as text.
 fn in_brief(done: &Workflow) -> String {
     let mut table = Table::headed(["parameter", "value", "95 % interval", "unit"]);
     for row in main_parameters(&done.identification) {
@@ -234,7 +235,7 @@ fn in_brief(done: &Workflow) -> String {
     text
 }
 
-/// Delay of the positions and position profile, where strokes repeat.
+/// Position delay and position profile, if strokes repeat.
 fn along_in_words(found: &Identification) -> String {
     let lag = found.position_delay.map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
     let along = match (&found.position_profile, &found.no_position_profile) {
@@ -259,7 +260,7 @@ pub(crate) struct Row<'a> {
     pub(crate) unit: &'static str,
 }
 
-/// The parameters that people ask for first, in units that they think in.
+/// The main parameters, in common units.
 pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
     const MAIN: [(&str, &str, f64, &str); 21] = [
         ("coulomb_force_n", "Coulomb force F_c", 1.0, "N"),

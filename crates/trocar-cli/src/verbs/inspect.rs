@@ -14,7 +14,7 @@ use crate::verbs::identify::speeds;
 /// Characters of a sparkline.
 const WIDTH: usize = 32;
 
-/// Columns shown of a table that has many more.
+/// Most columns shown of a large table.
 const SHOWN: usize = 40;
 
 /// Show what is in a file: tables, topics, columns, units, rates, gaps, and what could be identified from it
@@ -103,7 +103,7 @@ fn column_in_words(column: &ColumnView) -> [String; 6] {
     [column.name.clone(), unit, shown(column.lowest), shown(column.highest), not_finite, course]
 }
 
-/// Heights of eight steps, from the lowest mean to the highest.
+/// Eight bar heights, from the lowest mean to the highest.
 fn sparkline(course: &[f64]) -> String {
     const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let lowest = course.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! One file per verb: its arguments, and what it prints.
+//! One file per verb: its arguments and its output.
 
 pub(crate) mod analyze;
 pub(crate) mod bench;

@@ -86,7 +86,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     Ok(Done::Clean)
 }
 
-/// Where the seal stands at the first row, and why.
+/// Initial state of the seal, and its source.
 fn start_in_words(beginning: &Beginning, offset: f64) -> String {
     let start = match beginning.state.deformation() {
         Some(deformation) => format!("deflection {:.3} mm", 1e3 * deformation.deflection),
@@ -100,7 +100,7 @@ fn start_in_words(beginning: &Beginning, offset: f64) -> String {
     }
 }
 
-/// The backlash filter asked for, if any.
+/// The requested backlash filter, if any.
 fn filter(console: &Console, args: &Args) -> anyhow::Result<Option<BacklashFilter>> {
     match args.backlash_m {
         BacklashWidth::Given(width) => Ok(if width > 0.0 { Some(BacklashFilter::new(width)?) } else { None }),
@@ -108,7 +108,8 @@ fn filter(console: &Console, args: &Args) -> anyhow::Result<Option<BacklashFilte
     }
 }
 
-/// The filter for what the first rows show: so only a file that can be read twice has one.
+/// The filter for the resolution of the first rows: possible only for a file that can be read
+/// twice.
 fn filter_for_resolution(console: &Console, args: &Args) -> anyhow::Result<BacklashFilter> {
     let refuse = |why: &str| {
         let motion = args.motion.display();

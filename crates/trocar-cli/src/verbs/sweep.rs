@@ -76,7 +76,7 @@ fn read(document: &Path) -> anyhow::Result<Sweep> {
     Sweep::new(&text, folder).with_context(name)
 }
 
-/// One line for each parameter.
+/// One line per parameter.
 fn parameters(model: &Path) -> anyhow::Result<String> {
     let file = match model.to_str() {
         Some("plausible") => ModelFile::plausible_10_5_mm()?,

@@ -84,7 +84,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     Ok(Done::doubtful_if(lost || validation.is_doubtful()))
 }
 
-/// One line a recording, and one for all.
+/// One line per recording, and one for all.
 pub(crate) fn table(validation: &Validation) -> String {
     let classical = validation.recordings.iter().any(|r| r.by_phase.moving.is_some());
     let phases = if classical { vec!["moving N", "hold N"] } else { vec!["deforming N", "sliding N", "hold N"] };
@@ -105,7 +105,7 @@ pub(crate) fn table(validation: &Validation) -> String {
     table.to_text()
 }
 
-/// Error of a phase, if there was any of it.
+/// Error in a phase, if the phase occurred.
 fn phase(part: Option<Part>) -> String {
     part.filter(|part| part.samples > 0).map_or_else(|| "-".to_owned(), |part| number(part.rms_n))
 }

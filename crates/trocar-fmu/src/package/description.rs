@@ -4,16 +4,16 @@ use super::Version;
 use crate::ffi::{ERRORS, WARNINGS};
 use crate::variables::{Role, Variable};
 
-/// Step that importers take by default, s: of a usual control loop.
+/// Default step for importers, s: that of a typical control loop.
 const STEP: f64 = 1e-3;
 
-/// What the description says.
+/// Contents of the description.
 pub(super) struct Description<'a> {
     pub(super) name: &'a str,
     pub(super) identifier: &'a str,
     pub(super) token: &'a str,
     pub(super) variables: &'a [Variable],
-    /// Whether the model tells if it deforms or slides.
+    /// Whether the model reports if it deforms or slides.
     pub(super) has_mode: bool,
 }
 
@@ -28,7 +28,7 @@ const UNITS: [(&str, [i32; 3]); 7] = [
     ("N.s/m", [1, 0, -1]),
 ];
 
-/// Lines of XML at a depth.
+/// Lines of XML with indentation.
 #[derive(Default)]
 struct Lines {
     text: String,
@@ -51,7 +51,8 @@ impl Lines {
     }
 }
 
-/// Text for XML and HTML. Characters that XML cannot hold become U+FFFD, line ends blanks.
+/// Escapes text for XML and HTML. Characters not allowed in XML become U+FFFD, line breaks become
+/// blanks.
 pub(super) fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in text.chars() {
@@ -77,7 +78,7 @@ fn attributes(pairs: &[(&str, &str)]) -> String {
     pairs.iter().map(|(name, value)| attribute(name, value)).collect()
 }
 
-/// Shortest text of a number that gives it back.
+/// Shortest text from which the number can be recovered exactly.
 fn number(value: f64) -> String {
     format!("{value:?}")
 }
@@ -143,8 +144,8 @@ impl Description<'_> {
         attributes(&common) + &attributes(own)
     }
 
-    /// Outputs follow from the state alone: between steps no input reaches them. At the beginning they follow from all
-    /// that was set.
+    /// Outputs depend on the state only: between steps no input affects them. Initially they depend
+    /// on all values that were set.
     fn structure(&self, lines: &mut Lines, version: Version) {
         // FMI 2.0 counts variables from 1 in the order of the description, FMI 3.0 names value references.
         let outputs: Vec<String> = self

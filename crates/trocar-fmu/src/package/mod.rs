@@ -1,4 +1,4 @@
-//! Makes the file: description, libraries and model in a ZIP archive.
+//! Creates the FMU file: description, libraries and model in a ZIP archive.
 
 use std::error::Error;
 use std::fmt;
@@ -19,7 +19,7 @@ mod zip;
 /// Base name of the libraries, `modelIdentifier` in the description.
 const IDENTIFIER: &str = "trocar";
 
-/// Licences of the library inside, under the name that FMI 3.0 lays down.
+/// Licences of the embedded library, under the name required by FMI 3.0.
 const LICENCES: &str = concat!(
     "Licensed under either of MIT or Apache-2.0, at your option.\n\n",
     include_str!("../../../../LICENSE-MIT"),
@@ -36,34 +36,34 @@ pub enum Version {
     V3,
 }
 
-/// What an FMU is made of.
+/// Contents of an FMU.
 #[derive(Debug, Clone)]
 pub struct Contents<'a> {
-    /// Name of the model, for people.
+    /// Displayed name of the model.
     pub name: &'a str,
     /// The model.
     pub trocar: Trocar<&'a [f64]>,
-    /// What drives it.
+    /// The driving input.
     pub input: Input,
     /// Version of FMI.
     pub version: Version,
-    /// The model as text, for people; the library does not read it.
+    /// The model as readable text; the library does not read it.
     pub text: &'a str,
-    /// This crate as a library, one a platform.
+    /// This crate as a library, one per platform.
     pub binaries: &'a [Binary],
 }
 
 /// This crate as a shared library.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Binary {
-    /// Where it runs.
+    /// Its platform.
     pub platform: Platform,
     /// The file.
     pub bytes: Vec<u8>,
 }
 
 impl Binary {
-    /// Whether the file begins as a library of its platform does.
+    /// Whether the file begins like a library of its platform.
     pub fn is_plausible(&self) -> bool {
         self.platform.takes(&self.bytes)
     }
@@ -74,7 +74,7 @@ impl Binary {
 pub struct Platform {
     /// Name in FMI 3.0, such as `x86_64-linux`.
     tuple: &'static str,
-    /// Name in FMI 2.0; where that has none, the one of 3.0.
+    /// Name in FMI 2.0, or that of 3.0 if there is none.
     short: &'static str,
 }
 
@@ -90,7 +90,7 @@ const PLATFORMS: [Platform; 8] = [
 ];
 
 impl Platform {
-    /// The platform that this program was built for; `None` where FMI has no name for it.
+    /// The platform of this program; `None` if FMI has no name for it.
     pub fn native() -> Option<Self> {
         let system = if std::env::consts::OS == "macos" { "darwin" } else { std::env::consts::OS };
         format!("{}-{system}", std::env::consts::ARCH).parse().ok()
@@ -108,7 +108,7 @@ impl Platform {
         self.tuple.split_once('-').map_or("", |(_, system)| system)
     }
 
-    /// Whether `bytes` begin as a library of this system does: ELF, PE or Mach-O.
+    /// Whether `bytes` begin like a library of this system: ELF, PE or Mach-O.
     fn takes(self, bytes: &[u8]) -> bool {
         match self.system() {
             "windows" => bytes.starts_with(b"MZ"),
@@ -127,7 +127,7 @@ impl fmt::Display for Platform {
 impl FromStr for Platform {
     type Err = PackageError;
 
-    /// From its name in FMI 3.0 or 2.0.
+    /// Parses its name in FMI 3.0 or 2.0.
     fn from_str(name: &str) -> Result<Self, PackageError> {
         let found = PLATFORMS.into_iter().find(|platform| name == platform.tuple || name == platform.short);
         found.ok_or_else(|| PackageError::Platform { name: name.to_owned() })
@@ -143,19 +143,19 @@ pub enum PackageError {
         /// As given.
         name: String,
     },
-    /// No library at all.
+    /// No library.
     NoBinary,
     /// Two libraries for one platform.
     Twice {
         /// Platform.
         platform: Platform,
     },
-    /// A file that is no library of its platform.
+    /// A file that is not a library of its platform.
     NotBinary {
         /// Platform.
         platform: Platform,
     },
-    /// An archive larger than its format can hold.
+    /// An archive larger than the format allows.
     TooLarge,
 }
 
@@ -179,7 +179,7 @@ impl Error for PackageError {}
 /// The bytes of an FMU: the same contents give the same bytes.
 ///
 /// # Errors
-/// [`PackageError`] without a library, for two of one platform, or for a file that is none.
+/// [`PackageError`] without a library, for two libraries of one platform, or for an invalid one.
 pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
     let Contents { name, trocar, input, version, text, binaries } = *contents;
     let row = to_row(&trocar);

@@ -1,4 +1,4 @@
-//! `documentation/index.html`: the variables, for people.
+//! `documentation/index.html`: readable description of the variables.
 
 use super::description::{causality, escaped, variability};
 use crate::variables::{Input, Variable};

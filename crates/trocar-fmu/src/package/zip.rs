@@ -1,16 +1,18 @@
-//! A ZIP archive (key ZIP in SOURCES.md) of stored files, all from the first moment of 1980: same files, same bytes.
+//! A ZIP archive (key ZIP in SOURCES.md) of uncompressed files, all dated 1980-01-01, so that the
+//! same files give the same bytes.
 
 use super::PackageError;
 
 const VERSION: u16 = 20;
-/// Made on Unix, whose permissions follow.
+/// Created on Unix, so the permissions are Unix permissions.
 const MADE_BY: u16 = 3 << 8 | VERSION;
-/// 1980-01-01 as MS-DOS counts.
+/// 1980-01-01 in MS-DOS format.
 const DATE: u16 = 1 << 5 | 1;
-/// A regular file that everybody may read and run: libraries need it, and it does no harm to others.
+/// A regular file that everybody may read and execute: required for libraries and harmless for
+/// other files.
 const PERMISSIONS: u32 = 0o100_755 << 16;
 
-/// An archive in the making.
+/// An unfinished archive.
 #[derive(Default)]
 pub(super) struct Archive {
     bytes: Vec<u8>,
@@ -50,13 +52,13 @@ impl Archive {
         u32::try_from(self.bytes.len()).map_err(|_| PackageError::TooLarge)
     }
 
-    /// The archive.
+    /// Completes the archive.
     pub(super) fn finish(mut self) -> Result<Vec<u8>, PackageError> {
         let offset = self.length()?;
         let size = self.directory.len() as u32;
         self.bytes.append(&mut self.directory);
         self.bytes.extend(b"PK\x05\x06");
-        // Disks, and files on this one and in all.
+        // Disks, and number of files on this one and in total.
         [0, 0, self.files, self.files].iter().for_each(|field| self.bytes.extend(field.to_le_bytes()));
         [size, offset].iter().for_each(|field| self.bytes.extend(field.to_le_bytes()));
         self.bytes.extend(0u16.to_le_bytes());
@@ -87,7 +89,7 @@ fn crc_32(bytes: &[u8]) -> u32 {
 mod tests {
     use super::*;
 
-    /// The check value that catalogues of CRCs give.
+    /// The check value published in catalogues of CRCs.
     #[test]
     fn check_value() {
         assert_eq!(crc_32(b"123456789"), 0xcbf4_3926);

@@ -1,4 +1,4 @@
-//! The key `friction` of a model file: one classical model, its kind first.
+//! The key `friction` of a model file: one classical model, beginning with its kind.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -9,7 +9,7 @@ use trocar_model::{
 
 use super::SlidingText;
 
-/// A classical model as it is written.
+/// A classical model in the form used in files.
 pub(super) trait FrictionText: Serialize + DeserializeOwned {
     /// The model.
     fn model(&self) -> Result<Classical, ParamError>;
@@ -104,7 +104,7 @@ struct GmsElementText {
     damping_n_s_m: f64,
 }
 
-/// An optional value whose key must be there.
+/// An optional value whose key is required.
 fn number_or_null<'de, D: Deserializer<'de>>(value: D) -> Result<Option<f64>, D::Error> {
     Option::deserialize(value)
 }

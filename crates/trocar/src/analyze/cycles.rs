@@ -1,21 +1,25 @@
-//! The least work that a closed motion takes, sought among random ones.
+//! The least work of a closed motion, searched over random cycles.
 //!
-//! A motion that ends where it began need not leave the seal as it found it, and one pass may give back what the
-//! history before it had stored. So a cycle is repeated until the seal repeats itself, and the work of a cycle is
+//! A motion that ends where it began may leave the seal in another state, and one cycle may release
+//! energy that the history before it stored. So a cycle is repeated until its response repeats, and
+//! its work is
 //!
 //! ```text
 //! W = ∮ F dx over the last repetition, where the seal ends it in the state it began it in
 //! ```
 //!
-//! Why W >= 0: a part of the seal either stores, ∫M dz, q²/(2κ) (`elastic.rs`) and a²/(2E) of a relaxing arm, or takes:
-//! F·v_sl of the contact, whose force has the sign of v_sl, creeping or not (11), σ·ż² (9), a²/(E·τ), and the stop at
-//! ±h, since κ >= |dh/dz|. What is stored is the same at both ends of such a repetition, so that W is what was taken.
+//! Why W >= 0: each part of the seal either stores or dissipates energy. Stored are ∫M dz, q²/(2κ)
+//! (`elastic.rs`) and a²/(2E) of a relaxing arm. Dissipative are F·v_sl of the contact, whose force
+//! has the sign of v_sl with or without creep (11), σ·ż² (9), a²/(E·τ), and the stop at ±h, since κ
+//! >= |dh/dz|. The stored energy is the same at both ends of such a repetition, so W is the
+//! dissipated energy.
 //!
-//! The seal may come to that slowly, and one that sticks and slips by itself may never. So W goes with a bound on the
-//! stored energy that its repetition can have changed. Where that bound stays above a thousandth of W, W is the mean of
-//! many repetitions, which brings the bound down by their number. Only W below minus that bound is work out of nothing.
-//! Nothing here knows what a state is made of: repetitions are compared by their forces, sample by sample, and by the
-//! deflections at their ends.
+//! The seal may converge slowly to that response, and a seal with stick-slip may never converge. So
+//! a bound on the change of stored energy over the repetition accompanies W. Where that bound stays
+//! above a thousandth of W, W is the mean over many repetitions, which divides the bound by their
+//! number. Only W below minus that bound violates passivity. The search needs no knowledge of the
+//! state: it compares repetitions by their forces, sample by sample, and by the deflections at
+//! their ends.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -28,7 +32,7 @@ use super::energy::Run;
 /// Cycles tried by `analyze`.
 pub(super) const CYCLES: u32 = 300;
 
-/// Smallest reach to either side, m, and largest, in half widths.
+/// Smallest excursion to either side, m, and largest, in half widths.
 const SMALLEST: f64 = 20e-6;
 const LARGEST: f64 = 4.0;
 
@@ -40,43 +44,44 @@ const FASTEST: f64 = 0.15;
 const SHORTEST_REST: f64 = 10e-3;
 const LONGEST_REST: f64 = 1.0;
 
-/// Most targets of a cycle on its way back to the start.
+/// Most targets of a cycle before it returns to the start.
 const MOST_TARGETS: u32 = 8;
 
 /// Moves of the history before a cycle.
 const HISTORY: u32 = 6;
 
-/// Steps of a half width; fewest and most steps of an amplitude; steps of a rest.
+/// Steps per half width; fewest and most steps of an amplitude; steps of a rest.
 const STEPS_OF_WIDTH: f64 = 128.0;
 const FEWEST_STEPS: f64 = 32.0;
 const MOST_STEPS: f64 = 512.0;
 const STEPS_OF_REST: u32 = 8;
 
-/// How much finer a cycle that seems to give work is run again, up to twice.
+/// Refinement of the steps for a cycle with negative work, applied up to twice.
 const FINER: u32 = 8;
 
-/// Most steps spent on the repetitions of one cycle, and fewest and most repetitions. The mean is that of their latter
-/// half.
+/// Most steps spent on the repetitions of one cycle, and fewest and most repetitions. The mean is
+/// taken over the second half of them.
 const STEPS: usize = 16_000;
 const FEWEST_REPETITIONS: usize = 8;
 const MOST_REPETITIONS: usize = 512;
 
-/// Stored energy, as a fraction of the work, that two repetitions may differ by and yet count as equal.
+/// Two repetitions count as equal when their stored energies differ by less than this fraction of
+/// the work.
 const EQUAL: f64 = 1e-3;
 
-/// Work that rounding may feign, as a fraction of ∮|F dx|.
+/// Work that rounding can produce, as a fraction of ∮|F dx|.
 const ROUND_OFF: f64 = 1e-9;
 
 /// The cycle of least work among those tried.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WorstCycle {
-    /// W, J; negative would be energy out of nothing.
+    /// W, J; a negative value would violate passivity.
     pub work_j: f64,
-    /// Most by which the energy stored in the seal may have changed over the repetition, J.
+    /// Upper bound of the change of stored energy over the repetition, J.
     pub stored_j: f64,
-    /// Work that rounding may feign, J.
+    /// Work that rounding can produce, J.
     pub round_off_j: f64,
-    /// Half the distance between its furthest positions, m.
+    /// Half the distance between its extreme positions, m.
     pub amplitude_m: f64,
     /// Slowest motion, m/s.
     pub slowest_m_s: f64,
@@ -86,37 +91,37 @@ pub struct WorstCycle {
     pub rest_s: f64,
     /// Reversals in one repetition.
     pub turning_points: usize,
-    /// Repetitions until the seal repeated itself, or the most tried.
+    /// Repetitions until the response repeated, or the most tried.
     pub repetitions: usize,
-    /// Seed of this cycle: as seed of a search it is tried first.
+    /// Seed of this cycle; a search with this seed tries it first.
     pub seed: u64,
 }
 
-/// Work of random closed cycles, each repeated until the seal repeats itself.
+/// Work of random closed cycles, each repeated until the response repeats.
 ///
-/// Reaches from 20 µm to four half widths to either side, speeds from 1 to 150 mm/s, each drawn evenly over its orders
-/// of magnitude; rests, nested loops, and a random history before each.
+/// Excursions from 20 µm to four half widths to either side and speeds from 1 to 150 mm/s, each
+/// log-uniform; rests, nested loops, and a random history before each.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RandomCycles {
     /// Cycles tried.
     pub cycles: u32,
-    /// Seed of the first; the others have the numbers that follow.
+    /// Seed of the first; the others use the consecutive numbers.
     pub seed: u64,
-    /// Cycles that give work, more than rounding and stored energy explain.
+    /// Cycles with negative work beyond rounding and stored energy.
     pub giving_work: u32,
-    /// Cycles under which the seal did not come to repeat itself: up to more than a thousandth of their work may be
+    /// Cycles whose response did not become periodic: more than a thousandth of their work may be
     /// stored energy.
     pub unsettled: u32,
-    /// The one of least work and stored energy together.
+    /// The cycle with the least sum of work and stored energy.
     pub worst_cycle: WorstCycle,
-    /// Whether none gives work.
+    /// Whether no cycle has negative work.
     pub holds: bool,
     /// The same in words.
     pub verdict: String,
 }
 
 impl RandomCycles {
-    /// Tries `cycles` (at least one) on one seal.
+    /// Tries `cycles` cycles (at least one) on one seal.
     pub fn search(stages: &Stages, cycles: u32, seed: u64) -> Self {
         let static_force = |e: &Element| e.params().insertion.static_force.max(e.params().withdrawal.static_force);
         let scale = Scale { half_width: stages.half_width(), force: stages.elements().iter().map(static_force).sum() };
@@ -137,7 +142,7 @@ impl WorstCycle {
     }
 }
 
-/// What goes through a cycle.
+/// A model that is driven through a cycle.
 trait Driven: Clone {
     /// Advances by `displacement` (m) within `duration` (s); returns the force (N) at the end.
     fn step(&mut self, displacement: f64, duration: f64) -> f64;
@@ -168,7 +173,7 @@ struct Scale {
     force: f64,
 }
 
-/// Cycle `k` is drawn with `seed` + k alone.
+/// Cycle `k` depends on `seed` + k only.
 fn search<S: Driven>(
     start: impl Fn(&mut ChaCha8Rng) -> S + Sync,
     scale: Scale,
@@ -188,7 +193,8 @@ fn search<S: Driven>(
     RandomCycles::told(&tried, seed)
 }
 
-/// The work of one cycle. Where it seems to give work the steps are made finer before that is believed.
+/// The work of one cycle. A negative result is accepted only after it is confirmed with finer
+/// steps.
 fn least_work<S: Driven>(seal: &S, motion: &Motion, scale: Scale, seed: u64) -> WorstCycle {
     let mut found = motion.work(seal.clone(), 1, scale, seed);
     for fineness in [FINER, FINER * FINER] {
@@ -230,17 +236,18 @@ fn wander<S: Driven>(seal: &mut S, scale: Scale, random: &mut ChaCha8Rng) {
     }
 }
 
-/// A number drawn evenly over its orders of magnitude.
+/// A log-uniform random number.
 fn between(low: f64, high: f64, random: &mut ChaCha8Rng) -> f64 {
     low * (high / low).powf(random.random_range(0.0..1.0))
 }
 
-/// The time of a rest, s; three times out of four there is none.
+/// Duration of a rest, s; in three of four cases there is none.
 fn rest(random: &mut ChaCha8Rng) -> Option<f64> {
     (random.random_range(0..4) == 0).then(|| between(SHORTEST_REST, LONGEST_REST, random))
 }
 
-/// A closed motion on a grid, so that it ends exactly where it began and meets the same positions both ways.
+/// A closed motion on a grid, so that it ends exactly where it began and visits the same positions
+/// in both directions.
 #[derive(Debug, Clone, PartialEq)]
 struct Motion {
     /// Grid, m.
@@ -248,7 +255,7 @@ struct Motion {
     legs: Vec<Leg>,
 }
 
-/// A way at constant speed, and the rest after it.
+/// A move at constant speed and the rest after it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Leg {
     /// Steps of the grid, negative on withdrawal.
@@ -259,7 +266,7 @@ struct Leg {
     rest: f64,
 }
 
-/// What one repetition gave.
+/// Result of one repetition.
 #[derive(Clone)]
 struct Repetition {
     work: f64,
@@ -282,7 +289,7 @@ impl Motion {
             let target = if k == targets {
                 0
             } else if nested {
-                // Ever smaller loops inside one another.
+                // Nested loops of decreasing size.
                 reach *= random.random_range(0.5..1.0);
                 side = -side;
                 (side * reach * steps) as i32
@@ -300,7 +307,7 @@ impl Motion {
         Self { step: amplitude / steps, legs }
     }
 
-    /// Displacements, m, and durations, s, on a grid finer by `fineness`.
+    /// Displacements, m, and durations, s, on a grid refined by `fineness`.
     fn moves(&self, fineness: u32) -> Vec<(f64, f64)> {
         let fine = f64::from(fineness);
         let mut moves = Vec::new();
@@ -314,7 +321,8 @@ impl Motion {
         moves
     }
 
-    /// Repeats the motion until `seal` repeats itself, and tells the work of the last repetition.
+    /// Repeats the motion until the response of `seal` repeats, and returns the work of the last
+    /// repetition.
     fn work<S: Driven>(&self, mut seal: S, fineness: u32, scale: Scale, seed: u64) -> WorstCycle {
         let moves = self.moves(fineness);
         let most = (STEPS / moves.len()).clamp(FEWEST_REPETITIONS, MOST_REPETITIONS);
@@ -361,7 +369,7 @@ impl Motion {
     }
 }
 
-/// Runs once through `moves`; the work by the trapezoidal rule.
+/// Runs once through `moves`; the work is integrated by the trapezoidal rule.
 fn repeat<S: Driven>(seal: &mut S, moves: &[(f64, f64)]) -> Repetition {
     let (mut work, mut traffic, mut before) = (0.0, 0.0, seal.force());
     let forces = moves.iter().map(|&(displacement, duration)| {
@@ -386,9 +394,9 @@ impl Repetition {
         (largest(&self.forces, &other.forces), largest(&self.deflections, &other.deflections))
     }
 
-    /// Most energy by which the seal may differ between the ends of two repetitions, J: a spring between two
-    /// deflections takes the highest force times their distance, and one that is hidden, no softer than F_s/c,
-    /// F·ΔF/(F_s/c).
+    /// Upper bound of the difference in stored energy between the ends of two repetitions, J. A
+    /// spring between two deflections stores at most the highest force times their distance. An
+    /// internal one, no softer than F_s/c, stores at most F·ΔF/(F_s/c).
     fn may_have_stored(&self, other: &Self, scale: Scale) -> f64 {
         let highest = self.forces.iter().chain(&other.forces).fold(0.0_f64, |highest, force| highest.max(force.abs()));
         let (force, deflection) = self.differs_from(other);
@@ -403,7 +411,7 @@ mod tests {
 
     const SCALE: Scale = Scale { half_width: 3e-3, force: 3.0 };
 
-    /// A friction model without a deflection of its own.
+    /// A friction model without deflection.
     #[derive(Clone)]
     struct Bare<M: Friction> {
         model: M,
@@ -424,7 +432,7 @@ mod tests {
         }
     }
 
-    /// A spring whose force runs ahead of its position by a lead of 1 ms: a negative damper.
+    /// A spring whose force leads its position by 1 ms: a negative damper.
     #[derive(Clone)]
     struct Ahead {
         position: f64,
@@ -467,8 +475,8 @@ mod tests {
         assert!(found.worst_cycle.work_j < -1e-3, "{found:#?}");
     }
 
-    /// With F_s > F_c an element of the printed law loads from F_c to F_s without moving (GMS in SOURCES.md); with a
-    /// limited rate it does not.
+    /// With F_s > F_c an element of the law as printed loads from F_c to F_s without moving (GMS in
+    /// SOURCES.md); with a limited rate it does not.
     #[test]
     fn a_law_known_to_give_work_is_found_and_its_cure_is_not() {
         let (printed, cured) = (gms(SlipRate::Free), gms(SlipRate::Limited));

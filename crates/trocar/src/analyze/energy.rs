@@ -5,13 +5,13 @@ use trocar_model::{Element, Friction, Stages, StagesState, State};
 
 use super::is_exact;
 
-/// Sampling interval of the motions, s: what a recording or a controller has.
+/// Sampling interval of the motions, s: that of a typical recording or controller.
 const SAMPLE: f64 = 1e-3;
 
 /// Speeds of the full cycles, m/s.
 const CYCLE_SPEEDS: [f64; 4] = [0.001, 0.015, 0.05, 0.1];
 
-/// Parts of a sample that stand for the converged solution.
+/// Substeps per sample of the reference solution.
 const FINE_PARTS: u32 = 64;
 
 /// Largest error allowed where the step is exact, N, and where it is not.
@@ -23,39 +23,41 @@ const GENERAL_BOUND: f64 = 40e-3;
 pub struct Cycle {
     /// Speed, m/s.
     pub speed_m_s: f64,
-    /// Travel of each pass, m.
+    /// Travel of each stroke, m.
     pub stroke_m: f64,
     /// Work dissipated in one cycle, J.
     pub work_j: f64,
-    /// The part of Coulomb and viscous sliding over the whole stroke, (16) times the travel, J.
+    /// The work of steady Coulomb and viscous sliding over the whole stroke, (16) times the travel,
+    /// J.
     pub sliding_work_j: f64,
 }
 
 /// Work dissipated over full cycles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CycleWork {
-    /// One entry a speed.
+    /// One entry per speed.
     pub cycles: Vec<Cycle>,
     /// Whether every cycle dissipates.
     pub holds: bool,
-    /// The same in words.
+    /// The verdict in words.
     pub verdict: String,
 }
 
-/// Error of the step at 1 kHz on a 40 mm stroke at 80 mm/s with 2 m/s² at its ends.
+/// Error of the step at 1 kHz on a 40 mm stroke at 80 mm/s with an acceleration of 2 m/s² at its
+/// ends.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StepError {
     /// Largest difference from steps of 1/64 ms, N.
     pub largest_error_n: f64,
-    /// What is allowed, N.
+    /// Allowed error, N.
     pub bound_n: f64,
-    /// Whether it is kept.
+    /// Whether the error is within the bound.
     pub holds: bool,
-    /// The same in words.
+    /// The verdict in words.
     pub verdict: String,
 }
 
-/// A seal under way.
+/// A seal in motion.
 #[derive(Clone)]
 pub(super) struct Run<'a> {
     stages: &'a Stages,
@@ -67,7 +69,7 @@ impl<'a> Run<'a> {
         Self::at(stages, |_| 0.0)
     }
 
-    /// At rest, every element at a deflection (m) of its own.
+    /// At rest, each element at its own deflection (m).
     pub(super) fn at(stages: &'a Stages, deflection: impl FnMut(&Element) -> f64) -> Self {
         Self { stages, state: stages.rest_at(deflection) }
     }
@@ -142,7 +144,8 @@ impl StepError {
     }
 }
 
-/// Displacements, m, of two cycles of 40 mm strokes at 80 mm/s, 2 m/s² at their ends.
+/// Displacements, m, of two cycles of 40 mm strokes at 80 mm/s with an acceleration of 2 m/s² at
+/// their ends.
 fn trapezoids() -> impl Iterator<Item = f64> {
     const SPEED: f64 = 0.08;
     const ACCELERATION: f64 = 2.0;

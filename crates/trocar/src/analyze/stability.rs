@@ -5,7 +5,7 @@ use trocar_model::{Direction, Element, Folding};
 
 use super::{STEP, SteadyPoint, friction};
 
-/// Speeds, m/s, between which instability is looked for.
+/// Range of speeds searched for instability, m/s.
 const SLOWEST: f64 = 1e-6;
 const FASTEST: f64 = 1.0;
 
@@ -26,34 +26,35 @@ pub struct StickSlip {
     pub direction: Direction,
     /// Speeds at which steady sliding is unstable.
     pub unstable: SpeedRange,
-    /// Speed simulated, m/s.
+    /// Simulated speed, m/s.
     pub speed_m_s: f64,
     /// Lowest force, in the direction of the motion, N.
     pub lowest_force_n: f64,
     /// Highest force, in the direction of the motion, N.
     pub highest_force_n: f64,
-    /// Oscillations per second; 0 when fewer than two were seen.
+    /// Frequency of the oscillation; 0 when fewer than two periods were found.
     pub frequency_hz: f64,
 }
 
 /// Proposition III.3 for the element's own sliding law.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Stability {
-    /// Whether one force belongs to one slip speed at all times, both senses.
+    /// Whether each force determines one slip speed at all times, in both directions.
     pub unique_slip_speed: bool,
-    /// Slip speeds between which the sliding force falls with speed, for insertion and withdrawal.
+    /// Slip speeds between which the sliding force falls with speed (velocity weakening), for
+    /// insertion and withdrawal.
     pub folds: [Option<SpeedRange>; 2],
-    /// Longest time constant among the stable steady states, s.
+    /// Longest time constant of the stable steady states, s.
     pub longest_time_constant_s: f64,
-    /// What happens where steady sliding is unstable.
+    /// Simulated oscillations where steady sliding is unstable.
     pub stick_slip: Vec<StickSlip>,
     /// Whether every steady state from 1 um/s to 1 m/s is stable.
     pub holds: bool,
-    /// The same in words.
+    /// The verdict in words.
     pub verdict: String,
 }
 
-/// Linearised answer of the deflection at a steady state.
+/// Linearised dynamics of the deflection at a steady state.
 pub(super) struct Rate {
     /// A of (22), 1/s.
     pub(super) eigenvalue: f64,

@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// The shipped document with every key, its default and what it means.
+/// The default document with every key, its default and its meaning.
 pub const DEFAULT_TOML: &str = include_str!("../../../../data/bench.toml");
 
-/// Rig and protocols. Field names are the keys of the document, which carry their units and are described in
-/// [`DEFAULT_TOML`].
+/// Rig and protocols. Field names are the keys of the document; they carry their units and are
+/// described in [`DEFAULT_TOML`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BenchConfig {
@@ -25,9 +25,9 @@ pub struct BenchConfig {
     pub rod: Rod,
     /// Slow changes of the seal's force.
     pub fluctuation: Fluctuation,
-    /// Wetting of the seal on the way.
+    /// Wetting of the seal during the run.
     pub lubrication: Lubrication,
-    /// What the tip meets beyond the seal.
+    /// Contact of the tip beyond the seal.
     pub tissue: Tissue,
     /// One section per protocol.
     pub protocol: Protocols,
@@ -43,7 +43,7 @@ pub struct Rig {
     pub stroke_limit_m: f64,
     /// Position at which protocols begin in m, 0 to `stroke_limit_m`.
     pub start_m: f64,
-    /// Length of the withdrawal before the record in m, ≥ 0.
+    /// Length of the withdrawal before the recording in m, ≥ 0.
     pub homing_m: f64,
     /// Speed of that withdrawal in m/s, positive.
     pub homing_speed_m_s: f64,
@@ -63,21 +63,21 @@ pub struct Motor {
     pub slider_mass_kg: f64,
     /// Force limit at standstill in N, positive.
     pub peak_force_n: f64,
-    /// Speed at which no force is left in m/s, positive.
+    /// Speed at which the available force is zero in m/s, positive.
     pub no_load_speed_m_s: f64,
-    /// Lag of the force behind its command in s, positive.
+    /// Time constant from commanded to actual force in s, positive.
     pub force_time_constant_s: f64,
     /// Viscous drag in N s/m, ≥ 0.
     pub drag_n_s_m: f64,
     /// Dry friction of the guide in N, ≥ 0.
     pub guide_friction_n: f64,
-    /// Speed scale of the guide's dry friction around rest in m/s, positive.
+    /// Velocity scale of the guide's dry friction near zero velocity in m/s, positive.
     pub guide_creep_m_s: f64,
     /// Amplitude of the cogging force in N, ≥ 0.
     pub cogging_n: f64,
     /// Period of the cogging force in m, positive.
     pub cogging_pitch_m: f64,
-    /// Part of the moving weight carried by the counterbalance, 0 to 1.
+    /// Fraction of the moving weight carried by the counterbalance, 0 to 1.
     pub balanced_fraction: f64,
 }
 
@@ -91,7 +91,7 @@ pub struct Controller {
     pub integral_n_m: f64,
 }
 
-/// How a position becomes a whole number of encoder counts.
+/// Conversion of a position to a whole number of encoder counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Rounding {
@@ -107,7 +107,7 @@ pub enum Rounding {
 pub struct Encoder {
     /// Length of one count in m, positive.
     pub resolution_m: f64,
-    /// How a position becomes a count.
+    /// Rounding of a position to counts.
     pub rounding: Rounding,
     /// Noise before rounding in m rms, ≥ 0.
     pub noise_m: f64,
@@ -121,7 +121,7 @@ pub struct Encoder {
 pub struct ForceSensor {
     /// Reading at which the sensor saturates in N, positive.
     pub range_n: f64,
-    /// Smallest step of a reading in N, ≥ 0.
+    /// Resolution of a reading in N, ≥ 0.
     pub resolution_n: f64,
     /// Noise in N rms, ≥ 0.
     pub noise_n: f64,
@@ -139,9 +139,9 @@ pub struct Rod {
     pub diameter_m: f64,
     /// Mass between sensor and seal in kg, ≥ 0.
     pub mass_kg: f64,
-    /// Gravity component in the direction of insertion in m/s².
+    /// Component of gravity in the direction of insertion in m/s².
     pub gravity_m_s2: f64,
-    /// Gas pressure on the rod's cross-section in Pa, ≥ 0; pushes the rod out.
+    /// Gas pressure on the rod's cross-section in Pa, ≥ 0; it pushes the rod out.
     pub gas_pressure_pa: f64,
 }
 
@@ -152,71 +152,71 @@ impl Rod {
     }
 }
 
-/// Slow changes of the seal's force, as fractions of it.
+/// Slow changes of the seal's force, relative to that force.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fluctuation {
-    /// Level of a pass, rms, 0 to 0.2.
+    /// Deviation of a stroke, rms, 0 to 0.2.
     pub pass_fraction: f64,
-    /// Travel over which a new level sets in, in m, positive.
+    /// Travel over which the deviation of a new stroke develops, in m, positive.
     pub pass_travel_m: f64,
-    /// Ripple along the path, rms, 0 to 0.2.
+    /// Ripple over the travelled distance, rms, 0 to 0.2.
     pub ripple_fraction: f64,
-    /// Length of the ripple in m, positive.
+    /// Correlation length of the ripple in m, positive.
     pub ripple_length_m: f64,
     /// Change of the force over `drift_time_s`, -0.5 to 0.5; 0 for none.
     pub drift_fraction: f64,
-    /// How long the drift takes in s after the first sample, positive.
+    /// Duration of the drift in s after the first sample, positive.
     pub drift_time_s: f64,
 }
 
-/// Wetting of the seal on the way: its friction falls, the stiffness of its rubber does not.
+/// Wetting of the seal during the run: its friction falls, the stiffness of its rubber does not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lubrication {
-    /// Friction of the wet seal over that of the dry one, 0.05 to 2; 1 for none.
+    /// Friction of the wet seal relative to the dry one, 0.05 to 2; 1 for no change.
     pub level: f64,
-    /// Viscous part of the wet seal over that of the dry one, 0 to 5; 1 for none.
+    /// Viscous part of the wet seal relative to the dry one, 0 to 5; 1 for no change.
     pub viscosity: f64,
-    /// When the change begins in s after the first sample, ≥ 0.
+    /// Start of the change in s after the first sample, ≥ 0.
     pub onset_s: f64,
-    /// How long it takes in s, ≥ 0.
+    /// Duration of the change in s, ≥ 0.
     pub spread_s: f64,
 }
 
-/// Law of the tissue.
+/// Force law of the tissue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TissueKind {
     /// No tissue.
     None,
-    /// Hunt and Crossley: damping grows with the depth.
+    /// Hunt-Crossley: damping grows with the depth.
     HuntCrossley,
-    /// Kelvin and Voigt: spring and damper side by side.
+    /// Kelvin-Voigt: spring and damper in parallel.
     KelvinVoigt,
 }
 
-/// What the tip meets beyond the seal.
+/// Contact of the tip beyond the seal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tissue {
     /// Law of the contact.
     pub kind: TissueKind,
-    /// Position at which the tip touches in m.
+    /// Position at which the tip touches the tissue in m.
     pub surface_m: f64,
-    /// Static force 10 mm deep in N, positive.
+    /// Static force at a depth of 10 mm in N, positive.
     pub force_at_10_mm_n: f64,
-    /// Exponent of the depth for Hunt and Crossley, 1 to 3; Kelvin and Voigt have 1.
+    /// Exponent of the depth for Hunt-Crossley, 1 to 3; Kelvin-Voigt has 1.
     pub exponent: f64,
-    /// Damping over stiffness of Hunt and Crossley in s/m, ≥ 0.
+    /// Damping divided by stiffness for Hunt-Crossley in s/m, ≥ 0.
     pub dissipation_s_m: f64,
-    /// Damping of Kelvin and Voigt in N s/m, ≥ 0.
+    /// Damping for Kelvin-Voigt in N s/m, ≥ 0.
     pub damping_n_s_m: f64,
     /// Constant load on the tip in N, positive against the insertion.
     pub load_n: f64,
-    /// When that load begins in s after the first sample.
+    /// Start of that load in s after the first sample.
     pub load_from_s: f64,
-    /// When it ends in s.
+    /// End of that load in s.
     pub load_until_s: f64,
 }
 
@@ -240,9 +240,9 @@ pub struct Protocols {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SpeedOrder {
-    /// From the slowest to the fastest: what drifts with time looks like viscous friction.
+    /// From the slowest to the fastest: a drift over time looks like viscous friction.
     Ascending,
-    /// The cycles in random order.
+    /// Random order of the cycles.
     Shuffled,
     /// From the slowest to the fastest and back, so twice as many cycles: a linear drift cancels.
     UpAndDown,
@@ -256,17 +256,17 @@ pub struct SpeedCycles {
     pub slowest_m_s: f64,
     /// Highest speed in m/s, at least `slowest_m_s`.
     pub fastest_m_s: f64,
-    /// Difference of neighbouring speeds in m/s, positive.
+    /// Difference between adjacent speeds in m/s, positive.
     pub increment_m_s: f64,
     /// Cycles at each speed, at least 1.
     pub cycles_per_speed: u32,
     /// Order of the speeds.
     pub order: SpeedOrder,
-    /// Length of a pass in m; long enough to reach `fastest_m_s`.
+    /// Length of a stroke in m; long enough to reach `fastest_m_s`.
     pub stroke_m: f64,
     /// Acceleration limit in m/s², positive.
     pub acceleration_m_s2: f64,
-    /// Largest distance in m, ≥ 0, of a reversal from its nominal position.
+    /// Largest distance of a reversal from its nominal position in m, ≥ 0.
     pub turning_scatter_m: f64,
     /// Rest at each reversal in s, ≥ 0.
     pub dwell_s: f64,
@@ -275,7 +275,8 @@ pub struct SpeedCycles {
 impl SpeedCycles {
     /// The speeds in m/s, each once, from the slowest to the fastest.
     pub fn speeds(&self) -> Vec<f64> {
-        // A thousandth of an increment keeps the last speed when the division falls just short of a whole number.
+        // A thousandth of an increment keeps the last speed when the quotient is just below a whole
+        // number.
         let increments = (self.fastest_m_s - self.slowest_m_s) / self.increment_m_s + 1e-3;
         (0..=increments as u32).map(|i| self.slowest_m_s + f64::from(i) * self.increment_m_s).collect()
     }
@@ -287,11 +288,11 @@ impl SpeedCycles {
 pub struct PushCycles {
     /// Cycles of insertion and withdrawal, at least 1.
     pub cycles: u32,
-    /// Length at which the push is reversed in m, positive.
+    /// Stroke after which the force is reversed in m, positive.
     pub stroke_m: f64,
-    /// Speed at which the push keeps the seal sliding in m/s, positive.
+    /// Speed at which the constant force keeps the seal sliding in m/s, positive.
     pub sliding_speed_m_s: f64,
-    /// Duration of a pass that counts as stalled in s, positive.
+    /// Duration after which a stroke counts as stalled in s, positive.
     pub pass_timeout_s: f64,
 }
 
@@ -303,7 +304,7 @@ pub struct VelocityStep {
     pub insertion_speed_m_s: f64,
     /// Speed after the step in m/s, positive.
     pub withdrawal_speed_m_s: f64,
-    /// Length of each pass in m; long enough to reach the speeds.
+    /// Length of each stroke in m; long enough to reach the speeds.
     pub stroke_m: f64,
     /// Acceleration limit in m/s², positive.
     pub acceleration_m_s2: f64,
@@ -313,7 +314,7 @@ pub struct VelocityStep {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Surgeon {
-    /// Length of the record in s, positive.
+    /// Length of the recording in s, positive.
     pub duration_s: f64,
     /// Range of the motion in m, positive.
     pub range_m: f64,
@@ -327,34 +328,34 @@ pub struct Surgeon {
     pub fastest_m_s: f64,
     /// Shortest duration of a sub-movement in s, positive.
     pub quickest_s: f64,
-    /// Share of holds, 0 to 1.
+    /// Fraction of holds, 0 to 1.
     pub hold_probability: f64,
     /// Shortest hold in s, ≥ 0.
     pub hold_shortest_s: f64,
     /// Longest hold in s, at least `hold_shortest_s`.
     pub hold_longest_s: f64,
-    /// Share of small reversals, 0 to 1; with the holds less than 1.
+    /// Fraction of small reversals, 0 to 1; with the holds less than 1.
     pub reversal_probability: f64,
     /// Shortest small reversal in m, positive.
     pub reversal_shortest_m: f64,
     /// Longest small reversal in m, at most half the range.
     pub reversal_longest_m: f64,
-    /// Tremor in m rms, ≥ 0.
+    /// Tremor amplitude in m rms, ≥ 0.
     pub tremor_rms_m: f64,
-    /// Lower end of the tremor's band in Hz, positive.
+    /// Lower end of the tremor band in Hz, positive.
     pub tremor_low_hz: f64,
-    /// Upper end of the tremor's band in Hz, at least `tremor_low_hz`.
+    /// Upper end of the tremor band in Hz, at least `tremor_low_hz`.
     pub tremor_high_hz: f64,
 }
 
-/// Why a document is not a bench.
+/// Why a document is not a valid bench.
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ConfigError {
     /// The text is not TOML; the message shows the line.
     #[error("not a TOML document: {0}")]
     Syntax(String),
-    /// A key that no bench has.
+    /// An unknown key.
     #[error("line {line}: unknown key {key}, expected one of {expected}")]
     UnknownKey {
         /// Line in the document, from 1.
@@ -376,7 +377,7 @@ pub enum ConfigError {
         /// Type found.
         found: &'static str,
     },
-    /// A value that the text of its key does not allow; the message names the allowed ones.
+    /// A string that is not allowed for its key; the message lists the allowed ones.
     #[error("line {line}: {message}")]
     Word {
         /// Line in the document, from 1.
@@ -384,10 +385,11 @@ pub enum ConfigError {
         /// What was expected.
         message: String,
     },
-    /// A number out of range, or at odds with another one.
+    /// A number out of range, or inconsistent with another one.
     #[error("{}{key} must be {allowed}, got {found}", line_prefix(*line))]
     OutOfRange {
-        /// Line in the document, from 1; none if the key is left at its default or the values did not come from one.
+        /// Line in the document, from 1; `None` if the key has its default or the values did not
+        /// come from a document.
         line: Option<usize>,
         /// Key with its sections.
         key: String,
@@ -398,10 +400,10 @@ pub enum ConfigError {
     },
 }
 
-/// Refuses `word` unless it is one of its key's.
+/// Rejects `word` unless it is allowed for its key.
 type CheckWord = fn(toml::Value) -> Result<(), toml::de::Error>;
 
-/// Keys whose values are words out of a fixed set.
+/// Keys whose values are strings from a fixed set.
 const WORDS: [(&str, CheckWord); 4] = [
     ("encoder.rounding", |word| word.try_into::<Rounding>().map(drop)),
     ("tissue.kind", |word| word.try_into::<TissueKind>().map(drop)),
@@ -421,17 +423,18 @@ fn line_prefix(line: Option<usize>) -> String {
 }
 
 impl Default for BenchConfig {
-    /// The shipped document.
+    /// The default document.
     fn default() -> Self {
         toml::from_str(DEFAULT_TOML).expect("the shipped document holds every key")
     }
 }
 
 impl BenchConfig {
-    /// Reads a document; keys it leaves out keep their defaults.
+    /// Reads a document; omitted keys keep their defaults.
     ///
     /// # Errors
-    /// [`ConfigError`] with the line: no TOML, an unknown key, another type than the default's, a number out of range.
+    /// [`ConfigError`] with the line: invalid TOML, an unknown key, another type than that of the
+    /// default, a number out of range.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
         let syntax = |error: toml::de::Error| ConfigError::Syntax(error.to_string());
         let spans = toml::de::DeTable::parse(text).map_err(syntax)?;
@@ -445,7 +448,8 @@ impl BenchConfig {
                 message: format!("{key}: {}", error.message()),
             })?;
         }
-        // Keys and types are those of the shipped document, and the words are checked: nothing is left to go wrong.
+        // Keys and types are those of the default document and the strings are checked, so this
+        // cannot fail.
         let config: Self = merged.try_into().map_err(syntax)?;
         config.validate().map_err(|error| match error {
             ConfigError::OutOfRange { key, allowed, found, .. } => {
@@ -523,7 +527,8 @@ impl BenchConfig {
         finite("rod.gravity_m_s2", rod.gravity_m_s2)?;
         not_negative("rod.gas_pressure_pa", rod.gas_pressure_pa)?;
         let slow = &self.fluctuation;
-        // Above a fifth a rare draw could turn the sign of the force, and the seal would push.
+        // Above 0.2 a rare draw could reverse the sign of the force, and the seal would drive the
+        // motion.
         within("fluctuation.pass_fraction", slow.pass_fraction, 0.0, 0.2)?;
         positive("fluctuation.pass_travel_m", slow.pass_travel_m)?;
         within("fluctuation.ripple_fraction", slow.ripple_fraction, 0.0, 0.2)?;
@@ -560,7 +565,8 @@ impl BenchConfig {
         within(&key("acceleration_m_s2"), cycles.acceleration_m_s2, 1e-3, 1e3)?;
         not_negative(&key("dwell_s"), cycles.dwell_s)?;
         self.stroke(&key("stroke_m"), cycles.stroke_m, fastest, cycles.acceleration_m_s2)?;
-        // Reversals stay between the safety stops, and the shortest stroke still reaches the fastest speed.
+        // Reversals stay between the safety stops, and the shortest stroke still reaches the
+        // highest speed.
         let behind = self.rig.stroke_limit_m - self.rig.start_m - cycles.stroke_m;
         let spare = 0.5 * (cycles.stroke_m - fastest * fastest / cycles.acceleration_m_s2);
         let most = self.rig.start_m.min(behind).min(spare);
@@ -601,7 +607,7 @@ impl BenchConfig {
         not_negative(&key("hold_shortest_s"), hand.hold_shortest_s)?;
         let longest_hold = hand.hold_longest_s;
         within(&key("hold_longest_s"), longest_hold, hand.hold_shortest_s, 1e6)?;
-        // Rounded, so that 0.9 and 0.1 go together.
+        // Rounded, so that 0.9 and 0.1 add up to 1.
         let left = ((1.0 - hand.hold_probability) * 1e9).round() * 1e-9;
         within(&key("reversal_probability"), hand.reversal_probability, 0.0, left)?;
         positive(&key("reversal_shortest_m"), hand.reversal_shortest_m)?;
@@ -613,7 +619,7 @@ impl BenchConfig {
         within(&key("tremor_high_hz"), hand.tremor_high_hz, hand.tremor_low_hz, nyquist)
     }
 
-    /// A pass must reach its speed and end before the safety stop.
+    /// A stroke must reach its speed and end before the safety stop.
     fn stroke(&self, key: &str, stroke: f64, fastest: f64, acceleration: f64) -> Result<(), ConfigError> {
         let room = self.rig.stroke_limit_m - self.rig.start_m;
         within(key, stroke, fastest * fastest / acceleration, room)
@@ -656,7 +662,7 @@ fn at_least_one(key: &str, value: u32) -> Result<(), ConfigError> {
     within(key, f64::from(value), 1.0, 1e6)
 }
 
-/// Finds the line of a key in the document it came from.
+/// Finds the line of a key in the source document.
 struct Lines<'t> {
     text: &'t str,
     root: &'t toml::de::DeTable<'t>,
@@ -677,7 +683,7 @@ impl Lines<'_> {
     }
 }
 
-/// Replaces defaults by what was given; `path` holds the sections above.
+/// Replaces defaults by the given values; `path` holds the enclosing sections.
 fn overlay(
     defaults: &mut toml::Table,
     given: toml::Table,
@@ -701,7 +707,7 @@ fn overlay(
             (default @ toml::Value::Float(_), toml::Value::Integer(value)) => {
                 *default = toml::Value::Float(value as f64);
             }
-            // Every whole number of a bench is a count.
+            // All integers of a bench are counts.
             (toml::Value::Integer(_), toml::Value::Integer(value)) if u32::try_from(value).is_err() => {
                 return Err(ConfigError::OutOfRange {
                     line: Some(line),

@@ -1,24 +1,26 @@
-//! Slow changes of a seal's force, which make repeated passes differ as they do on a real rig.
+//! Slow changes of a seal's force, which make repeated strokes differ as on a real rig.
 
 use super::config::Fluctuation;
 use super::noise::{Noise, Source};
 
-/// A reversal counts as a new pass after this much travel back, m: tremor starts no new pass.
+/// A reversal begins a new stroke after this much travel back, m, so that tremor does not.
 const PASS_HYSTERESIS: f64 = 0.002;
-/// Knots of the ripple per forgetting length; between knots it is linear.
+/// Knots of the ripple per correlation length; it is linear between knots.
 const KNOTS_PER_LENGTH: f64 = 10.0;
 
-/// Factor on the seal force at `time`, s after the first sample: straight from 1 to its last value, then constant.
+/// Factor on the seal force at `time`, s after the first sample: linear from 1 to its final value,
+/// then constant.
 pub(super) fn drift(config: &Fluctuation, time: f64) -> f64 {
     1.0 + config.drift_fraction * (time / config.drift_time_s).clamp(0.0, 1.0)
 }
 
-/// Factor on the seal force as a function of the path travelled.
+/// Factor on the seal force as a function of the travelled distance.
 ///
-/// The factor is 1 + level + ripple. Every pass draws a new level, which replaces the last one gradually over the
-/// travel, so the force never jumps. The ripple is a Gaussian process along the path, twice low-pass filtered: it
-/// follows the path, not the place, because a rod comes back turned and wetted differently, so it averages out over
-/// passes instead of being the same error in all of them.
+/// The factor is 1 + level + ripple. Each stroke draws a new level, which replaces the last one
+/// gradually over the travel, so the force never jumps. The ripple is a Gaussian process over the
+/// travelled distance, low-pass filtered twice. It depends on the distance and not on the position,
+/// because a rod returns rotated and wetted differently. So it averages out over strokes and is not
+/// a systematic error of all of them.
 #[derive(Debug)]
 pub(super) struct SealLevel {
     config: Fluctuation,
@@ -49,18 +51,19 @@ impl SealLevel {
             knots: (0.0, 0.0),
             along: 0.0,
         };
-        // Ten forgetting lengths bring the filter into its stationary distribution.
+        // Ten correlation lengths bring the filter into its stationary distribution.
         for _ in 0..(10.0 * KNOTS_PER_LENGTH) as usize {
             ripple.next_knot();
         }
         ripple
     }
 
-    /// Moves on by `displacement` to `position` and returns the factor there.
+    /// Advances by `displacement` to `position` and returns the factor there.
     pub(super) fn advance(&mut self, displacement: f64, position: f64) -> f64 {
         self.watch_passes(position);
         let travel = displacement.abs();
-        // First order in the travel of one step, which is a few micrometres against millimetres.
+        // First order in the travel of one step, which is a few micrometres compared with
+        // millimetres.
         self.level += (self.target - self.level) * (travel / self.config.pass_travel_m).min(1.0);
         self.along += travel * KNOTS_PER_LENGTH / self.config.ripple_length_m;
         while self.along >= 1.0 {

@@ -1,8 +1,9 @@
-//! Virtual test bench: the set-up of EMS section IV with any seal of ours in it.
+//! Virtual test bench: the set-up of EMS section IV with any seal of this project.
 //!
-//! A linear motor under PI speed control (or under constant force) moves a carriage; a force sensor joins the carriage
-//! to a rod; the rod passes the seal. Motor, guide, rod and seal are integrated together, so the seal's force disturbs
-//! the motion as it does on a rig; what is recorded has passed encoder and force sensor.
+//! A linear motor under PI speed control (or under constant force) moves a carriage. A force sensor
+//! connects the carriage to a rod, and the rod passes through the seal. Motor, guide, rod and seal
+//! are integrated together, so the seal's force disturbs the motion as on a rig. The recorded
+//! signals have passed through the models of encoder and force sensor.
 //!
 //! ```text
 //! M dv/dt  = F_motor − d·v − F_guide − F_cogging(x) + (1 − balanced)·M·g − F_gas − F_seal − F_tissue   M = slider + rod
@@ -18,9 +19,11 @@
 //! | d | drag of guide and eddy currents | N s/m |
 //! | g | gravity component in the direction of insertion | m/s² |
 //!
-//! - **Integration**: semi-implicit Euler at `sample_rate_hz · substeps`; the seal is stepped by displacement.
-//! - **Reproducible**: the same configuration, seal and seed give the same bytes; every noise source has its own stream.
-//! - **Deliberately absent**: elasticity of rod and frame, heating of the motor, communication delays.
+//! - **Integration**: semi-implicit Euler at `sample_rate_hz · substeps`; the seal is stepped by
+//!   displacement.
+//! - **Reproducible**: the same configuration, seal and seed give the same bytes; every noise
+//!   source has its own random stream.
+//! - **Not modelled**: elasticity of rod and frame, heating of the motor, communication delays.
 
 pub mod config;
 mod fluctuation;
@@ -49,7 +52,7 @@ use sensors::{ForceReading, PositionSensor};
 /// Experiments of the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Protocol {
-    /// Cycles at constant speed, faster each time: steady-state identification, EMS section IV-A.
+    /// Cycles at constant speeds: steady-state identification, EMS section IV-A.
     Steady,
     /// Cycles under constant motor force: identification of the deformation force, EMS section IV-B.
     Dynamic,
@@ -83,7 +86,7 @@ impl fmt::Display for Protocol {
     }
 }
 
-/// A word that names no protocol.
+/// A string that names no protocol.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("unknown protocol {0:?}, expected steady, dynamic, validation, step or surgeon")]
 pub struct UnknownProtocol(pub String);
@@ -96,7 +99,8 @@ impl FromStr for Protocol {
     }
 }
 
-/// What a rig records, one entry per sample and column, and what only a simulation knows.
+/// What a rig records, one entry per sample and column, and the true values that only a simulation
+/// provides.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchRun {
     /// Time since the first sample, s.
@@ -107,13 +111,13 @@ pub struct BenchRun {
     pub velocity: Vec<f64>,
     /// Reading of the force sensor, N.
     pub force: Vec<f64>,
-    /// The truth behind the columns.
+    /// The true values of the recorded signals.
     pub truth: Truth,
-    /// What happened that an experimenter should know.
+    /// Events that an experimenter should know about.
     pub events: RigEvents,
 }
 
-/// The truth behind a record, one entry per sample and column.
+/// True values of a recording, one entry per sample and column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Truth {
     /// Position, m.
@@ -122,7 +126,7 @@ pub struct Truth {
     pub velocity: Vec<f64>,
     /// Acceleration, m/s².
     pub acceleration: Vec<f64>,
-    /// Speed that the controller was asked to follow, m/s; zero under constant force.
+    /// Reference speed of the controller, m/s; zero under constant force.
     pub reference_velocity: Vec<f64>,
     /// Force of the motor on the carriage, N.
     pub motor_force: Vec<f64>,
@@ -130,66 +134,68 @@ pub struct Truth {
     pub seal_force: Vec<f64>,
     /// Force of the tip on the tissue, N.
     pub tissue_force: Vec<f64>,
-    /// Friction of the seal over that of the dry one.
+    /// Friction of the seal relative to the dry one.
     pub wetting: Vec<f64>,
     /// Deflection of each element, m: `deflections[element][sample]`.
     pub deflections: Vec<Vec<f64>>,
 }
 
 impl BenchRun {
-    /// Time, position and force as a recording called `name`: what identification gets to see.
+    /// Time, position and force as a recording called `name`: the data available to the
+    /// identification.
     ///
     /// # Errors
-    /// [`RecordingError`] when the run is too short to be one.
+    /// [`RecordingError`] when the run is too short for a recording.
     pub fn to_recording(&self, name: impl Into<String>) -> Result<Recording, RecordingError> {
         let (time, position) = (self.time.clone(), self.position.clone());
         Recording::from_columns(name, time, position, self.force.clone())
     }
 }
 
-/// What happened during a run that an experimenter should know.
+/// Events during a run that an experimenter should know about.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RigEvents {
     /// Samples at which the force sensor was saturated.
     pub saturated_samples: usize,
-    /// Integration steps in which the motor gave less force than the controller asked for.
+    /// Integration steps in which the motor force was below the command of the controller.
     pub motor_limited_steps: usize,
-    /// Times that the carriage ran into a safety stop.
+    /// Number of times the carriage hit a safety stop.
     pub stop_hits: usize,
     /// Motor force on insertion and on withdrawal of `dynamic`, N; both zero in the other protocols.
     pub push: (f64, f64),
 }
 
-/// Why a run did not end.
+/// Why a run was not completed.
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum BenchError {
     /// The configuration is out of range.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// A pass under constant force did not reach the end of its stroke.
+    /// A stroke under constant force did not reach its end.
     #[error(
         "the instrument stalled at {position} m in pass {pass} of dynamic: {push} N did not move it over the stroke \
          within pass_timeout_s\n\nhint: raise protocol.dynamic.sliding_speed_m_s, or motor.peak_force_n"
     )]
     Stalled {
-        /// Pass, from 1.
+        /// Stroke, from 1.
         pass: u32,
-        /// Position at the end of the time, m.
+        /// Position at the timeout, m.
         position: f64,
         /// Motor force, N.
         push: f64,
     },
 }
 
-/// Runs one protocol with `seal`, the elements of a seal in parallel (none: the rig alone).
+/// Runs one protocol with `seal`, the parallel elements of a seal (empty: the rig alone).
 ///
-/// Before the first sample the rig homes by a withdrawal (see `rig.homing_m`), so the seal starts deformed backwards.
-/// A closed cycle ends where it began only as far as the controller follows.
+/// Before the first sample the rig homes by a withdrawal (see `rig.homing_m`), so the seal starts
+/// deformed in the direction of withdrawal. A closed cycle ends where it began only as accurately
+/// as the controller tracks.
 ///
 /// # Errors
-/// [`BenchError::Config`] when a value is out of range, [`BenchError::Stalled`] when constant force does not move the
-/// instrument.
+/// [`BenchError::Config`] when a value is out of range, [`BenchError::Stalled`] when the constant
+/// force does not move the instrument.
 pub fn run(config: &BenchConfig, protocol: Protocol, seal: &[Element], seed: u64) -> Result<BenchRun, BenchError> {
     config.validate()?;
     let mut rig = RigState::new(config, seal, seed);
@@ -208,7 +214,7 @@ pub fn run(config: &BenchConfig, protocol: Protocol, seal: &[Element], seed: u64
     Ok(log.finish(rig.events()))
 }
 
-/// Collects samples through the instruments.
+/// Collects samples through the sensors.
 struct Log {
     sample_rate: f64,
     rod_mass: f64,

@@ -1,23 +1,23 @@
-//! Speed references: trapezoids, the velocity step, and the hand of a surgeon.
+//! Speed references: trapezoids, the velocity step, and hand-like motion.
 
 use super::config::{BenchConfig, SpeedCycles, SpeedOrder, Surgeon, VelocityStep};
 use super::noise::{Noise, Source};
 
-/// Number of sinusoids that make up the tremor: enough that its level wanders as a hand's does.
+/// Number of sinusoids in the tremor: enough for its amplitude to vary as in a hand.
 const TREMOR_LINES: usize = 8;
-/// Time over which the tremor fades in, s: a record starts from rest.
+/// Time over which the tremor fades in, s: a recording starts from rest.
 const TREMOR_FADE: f64 = 0.5;
 
 /// One piece of a speed reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Piece {
-    /// Speed changes linearly; constant speed and rest are the case of equal ends.
+    /// Speed changes linearly; constant speed and rest are the cases of equal ends.
     Ramp { from: f64, to: f64 },
-    /// Minimum-jerk sub-movement over `distance`: position follows 10 s³ − 15 s⁴ + 6 s⁵.
+    /// Minimum-jerk sub-movement over `distance`: the position follows 10 s³ − 15 s⁴ + 6 s⁵.
     MinimumJerk { distance: f64 },
 }
 
-/// Tremor as a sum of lines in its band, as (angular frequency, speed amplitude, phase).
+/// Tremor as a sum of sinusoids in its band: (angular frequency, speed amplitude, phase).
 #[derive(Debug, Clone)]
 struct Tremor([(f64, f64, f64); TREMOR_LINES]);
 
@@ -38,10 +38,10 @@ impl Tremor {
     }
 }
 
-/// Speed to follow as a function of time. Asked in the order of time.
+/// Reference speed as a function of time. Queried in the order of time.
 #[derive(Debug, Clone)]
 pub(super) struct Reference {
-    /// Pieces with the time at which each begins.
+    /// Pieces with their start times.
     pieces: Vec<(f64, f64, Piece)>,
     duration: f64,
     tremor: Option<Tremor>,
@@ -77,7 +77,7 @@ impl Reference {
     pub(super) fn speed_cycles(cycles: &SpeedCycles, seed: u64) -> Self {
         let mut noise = Noise::new(seed, Source::TurningPoint);
         let mut reference = Self::empty();
-        // How far the last reversal was moved towards insertion.
+        // Displacement of the last reversal in the direction of insertion.
         let mut begin = 0.0;
         for speed in speeds_of_cycles(cycles, seed) {
             for direction in [1.0, -1.0] {
@@ -91,7 +91,7 @@ impl Reference {
         reference
     }
 
-    /// One speed in, another out.
+    /// One speed on insertion, another on withdrawal.
     pub(super) fn step(step: &VelocityStep) -> Self {
         let mut reference = Self::empty();
         for velocity in [step.insertion_speed_m_s, -step.withdrawal_speed_m_s] {
@@ -105,7 +105,8 @@ impl Reference {
         let rig = &config.rig;
         let mut reference = Self::empty();
         if rig.homing_m > 0.0 {
-            // Half of the way at most is spent on ramps, so that the constant part exists for any length.
+            // At most half of the distance is spent on ramps, so the constant part exists for any
+            // length.
             let acceleration = rig.homing_speed_m_s * rig.homing_speed_m_s / (0.5 * rig.homing_m);
             reference.pass(-rig.homing_speed_m_s, rig.homing_m, acceleration);
         }
@@ -151,7 +152,7 @@ impl Reference {
         self.duration
     }
 
-    /// Speed to follow at `time` (not before the last one asked), in m/s.
+    /// Reference speed at `time`, in m/s. `time` must not be before the last query.
     pub(super) fn velocity(&mut self, time: f64) -> f64 {
         while self.current < self.pieces.len() {
             let (begin, duration, piece) = self.pieces[self.current];

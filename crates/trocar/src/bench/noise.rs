@@ -1,10 +1,10 @@
-//! Random numbers of the bench: one ChaCha stream per source, so that switching one source off leaves the others as
-//! they were.
+//! Random numbers of the bench: one ChaCha stream per source, so that disabling one source leaves
+//! the others unchanged.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// What a stream of random numbers is used for; the discriminant is the ChaCha stream number.
+/// Use of a stream of random numbers; the discriminant is the ChaCha stream number.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Source {
     ForceSensor = 1,
@@ -35,7 +35,7 @@ impl Noise {
 
     /// Uniform in [0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
-        // The 53 upper bits fill the mantissa: every result is exact, on every machine.
+        // The 53 upper bits fill the mantissa: every result is exact on every machine.
         (self.generator.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
@@ -49,12 +49,12 @@ impl Noise {
         low * libm::pow(high / low, self.unit())
     }
 
-    /// +1 or -1 with equal chance.
+    /// +1 or -1 with equal probability.
     pub(crate) fn sign(&mut self) -> f64 {
         if self.unit() < 0.5 { -1.0 } else { 1.0 }
     }
 
-    /// Puts `values` in random order, every order with equal chance (Fisher and Yates).
+    /// Puts `values` in random order, each permutation with equal probability (Fisher-Yates).
     pub(crate) fn shuffle<T>(&mut self, values: &mut [T]) {
         for last in (1..values.len()).rev() {
             let other = (self.unit() * (last + 1) as f64) as usize;

@@ -1,19 +1,20 @@
-//! Random plausible seals: known truths for tests of the identification.
+//! Random plausible seals: known parameters for tests of the identification.
 
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece};
 use trocar_model::{Relaxation, SealDamping, SlidingFriction};
 
 use super::noise::{Noise, Source};
 
-/// Points at which a drawn shape is checked.
+/// Points at which a random shape is checked.
 const CHECK_POINTS: u32 = 200;
-/// Largest force of a branch short of its last twentieth, as a part of the force at which the seal slides.
+/// Largest force of a branch before its last twentieth, as a fraction of the force at which the
+/// seal slides.
 const HIGHEST_INSIDE: f64 = 0.9;
 
 /// Ranges from which seals are drawn: (lowest, highest).
 ///
-/// The default spans what is reported for trocars of 5 to 12 mm: friction up to several newtons, deformations up to
-/// about a centimetre.
+/// The default spans reported values for trocars of 5 to 12 mm: friction up to several newtons,
+/// deformations up to about a centimetre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlausibleSeals {
     /// F_c = F_s in N, uniform, positive.
@@ -22,7 +23,8 @@ pub struct PlausibleSeals {
     pub viscous_damping: (f64, f64),
     /// c in m, uniform, positive.
     pub half_width: (f64, f64),
-    /// Largest relative difference of F_c, and of β, from its mean of the two directions, 0 to 0.2.
+    /// Largest relative deviation of F_c, and of β, from the mean over the two directions, 0 to
+    /// 0.2.
     pub friction_asymmetry: f64,
     /// Largest relative difference of a shape value between the two branches, 0 to 0.2.
     pub branch_asymmetry: f64,
@@ -47,10 +49,11 @@ pub fn random_plausible_seal(seed: u64) -> ElementParams {
 
 /// A random seal from `ranges`. The same ranges and seed give the same seal.
 ///
-/// Friction is Coulomb and viscous, the seal has no damping. Half of the seals snap through: their branches have a hump
-/// followed by a stretch of negative stiffness; the other half rise all the way. The hump stays below the force at which
-/// the seal slides, the branches enclose a positive gap, and [`Element::new`] accepts the result. The mean over the two
-/// directions of F_c and β lies in `ranges`.
+/// Friction is Coulomb and viscous, and the seal has no damping. Half of the seals snap through:
+/// their branches have a hump followed by an interval of negative stiffness. The other half rise
+/// throughout. The hump stays below the force at which the seal slides, the branches enclose a
+/// positive gap, and [`Element::new`] accepts the result. The mean over the two directions of F_c
+/// and β is within `ranges`.
 pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
     let mut noise = Noise::new(seed, Source::RandomSeal);
     let between = |range: (f64, f64), noise: &mut Noise| noise.uniform(range.0, range.1);
@@ -67,7 +70,7 @@ pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
         )
     };
     let (insertion, withdrawal) = (friction(1.0), friction(-1.0));
-    // Most draws pass the checks; the rest are drawn again.
+    // Most draws pass the checks; the others are repeated.
     loop {
         let shape = Shape::draw(&mut noise);
         let other = shape.perturbed(ranges.branch_asymmetry, &mut noise);
@@ -93,17 +96,17 @@ pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
 /// Shape of a branch in multiples of the sliding force F and the half width c.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
-    /// Place of the join, c.
+    /// Position of the join, c.
     join: f64,
     /// Force at the join, F.
     force_at_join: f64,
-    /// Slope on leaving -c, in multiples of the mean slope of the first piece.
+    /// Slope at -c, in multiples of the mean slope of the first piece.
     first_rise: f64,
     /// Slope before the join, F/c.
     slope_before: f64,
     /// Slope after the join, F/c.
     slope_after: f64,
-    /// Slope on reaching +c, in multiples of the mean slope of the second piece.
+    /// Slope at +c, in multiples of the mean slope of the second piece.
     last_rise: f64,
     /// Bulge of the two pieces, F.
     bulges: [f64; 2],
@@ -128,7 +131,7 @@ impl Shape {
         }
     }
 
-    /// Every value changed by a random part of itself, `most` at most.
+    /// Every value changed by a random fraction of itself, at most `most`.
     fn perturbed(&self, most: f64, noise: &mut Noise) -> Self {
         let mut change = |value: f64| value * (1.0 + noise.uniform(-most, most));
         Self {
@@ -163,7 +166,7 @@ impl Shape {
     }
 }
 
-/// Quartic through two points with given slopes; `bulge` is what it adds in the middle.
+/// Quartic through two points with given slopes; `bulge` is its additional value in the middle.
 struct Quartic {
     /// z in m, force in N, slope in N/m.
     from: (f64, f64, f64),
@@ -176,7 +179,8 @@ impl Quartic {
         let half = 0.5 * (self.to.0 - self.from.0);
         let (p0, p1) = (self.from.1, self.to.1);
         let (m0, m1) = (self.from.2 * half, self.to.2 * half);
-        // Power series in t on [-1, 1]: Hermite's cubic, and the bulge (1 - t²)², which leaves ends and slopes alone.
+        // Power series in t on [-1, 1]: the cubic Hermite polynomial and the bulge (1 - t²)², which
+        // does not change the values and slopes at the ends.
         let a0 = 0.5 * (p0 + p1) - 0.25 * (m1 - m0) + self.bulge;
         let a1 = 0.75 * (p1 - p0) - 0.25 * (m0 + m1);
         let a2 = 0.25 * (m1 - m0) - 2.0 * self.bulge;
@@ -189,7 +193,8 @@ impl Quartic {
     }
 }
 
-/// Rising branch of shape `rising`; falling branch of shape `falling`, turned about the origin.
+/// Rising branch of shape `rising`; falling branch of shape `falling`, reflected through the
+/// origin.
 fn deformation(
     c: f64,
     (withdrawal, insertion): (f64, f64),
@@ -211,7 +216,7 @@ fn turned(piece: &Piece) -> Result<Piece, ParamError> {
     Piece::new(-piece.to(), -piece.from(), &legendre)
 }
 
-/// The seal turns before it slides, and unloading runs below loading.
+/// The seal deforms before it slides, and unloading is below loading.
 fn plausible(params: &ElementParams) -> bool {
     let force = &params.deformation;
     let c = force.half_width();

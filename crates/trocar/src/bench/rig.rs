@@ -8,7 +8,8 @@ use super::motion::Reference;
 use super::surroundings::{Wetting, tissue_force};
 use super::{BenchError, Log, RigEvents};
 
-/// PI speed controller; holds its integral while the motor is at its limit and the error pushes further.
+/// PI speed controller with anti-windup: the integral is held while the motor is at its limit and
+/// the error would increase it.
 #[derive(Debug)]
 struct SpeedControl {
     gains: Controller,
@@ -29,7 +30,7 @@ impl SpeedControl {
     }
 }
 
-/// Constant force in, constant force out, reversed at the ends of the stroke.
+/// Constant force on insertion and on withdrawal, reversed at the ends of the stroke.
 #[derive(Debug)]
 pub(super) struct Push {
     cycles: PushCycles,
@@ -38,7 +39,8 @@ pub(super) struct Push {
 }
 
 impl Push {
-    /// The force that keeps this seal and the guide sliding at the speed asked for, as an operator would find it.
+    /// The force that keeps this seal and the guide sliding at the requested speed, as an operator
+    /// would find it.
     pub(super) fn new(config: &BenchConfig, seal: &[Element]) -> Self {
         let cycles = config.protocol.dynamic.clone();
         let motor = &config.motor;
@@ -47,7 +49,7 @@ impl Push {
         let total = |friction: fn(&Element) -> &SlidingFriction| {
             guide + seal.iter().map(|element| friction(element).force(speed)).sum::<f64>()
         };
-        // Weight that no counterbalance carries and gas pressure act in both directions alike.
+        // The weight that is not counterbalanced and the gas pressure act alike in both directions.
         let moving_mass = motor.slider_mass_kg + config.rod.mass_kg;
         let carried = (1.0 - motor.balanced_fraction) * moving_mass * config.rod.gravity_m_s2;
         let bias = config.rod.gas_force() - carried;
@@ -83,7 +85,7 @@ pub(super) struct RigState<'a> {
 }
 
 impl<'a> RigState<'a> {
-    /// At rest, as far in front of the start as homing goes, in a seal that was never moved.
+    /// At rest before the start by the homing distance, in a seal that was never moved.
     pub(super) fn new(config: &'a BenchConfig, seal: &'a [Element], seed: u64) -> Self {
         let rig = &config.rig;
         let step_duration = 1.0 / (rig.sample_rate_hz * f64::from(rig.substeps));
@@ -109,7 +111,7 @@ impl<'a> RigState<'a> {
             states,
             events: RigEvents::default(),
         };
-        // The drive holds the load when it is switched on: no jerk at the start.
+        // The drive holds the load when it is switched on, so there is no jerk at the start.
         let load = this.load();
         this.motor_force = load;
         this.control.integral = load;
@@ -145,7 +147,7 @@ impl<'a> RigState<'a> {
         self.tissue_force
     }
 
-    /// Friction of the seal over that of the dry one.
+    /// Friction of the seal relative to the dry one.
     pub(super) fn wetting(&self) -> f64 {
         Wetting::at(&self.config.lubrication, self.time).level
     }
@@ -158,7 +160,7 @@ impl<'a> RigState<'a> {
         self.events
     }
 
-    /// Withdraws to the start and rests, unrecorded.
+    /// Withdraws to the start and rests, without recording.
     pub(super) fn home(&mut self) {
         let mut reference = Reference::homing(self.config);
         let steps = (reference.duration() / self.step_duration).ceil() as usize;
@@ -172,7 +174,8 @@ impl<'a> RigState<'a> {
     pub(super) fn follow(&mut self, mut reference: Reference, log: &mut Log) {
         self.time = 0.0;
         let rig = &self.config.rig;
-        // The hair keeps a duration of a whole number of samples from being rounded up to one more.
+        // The small margin keeps a duration of a whole number of samples from being rounded up by
+        // one.
         let samples = (reference.duration() * rig.sample_rate_hz - 1e-6).ceil() as usize;
         self.reference_velocity = reference.velocity(0.0);
         log.sample(self);
@@ -223,7 +226,8 @@ impl<'a> RigState<'a> {
         self.step(command);
     }
 
-    /// One step of semi-implicit Euler: velocity from the forces at its start, position from the new velocity.
+    /// One step of semi-implicit Euler: velocity from the forces at the start, position from the
+    /// new velocity.
     fn step(&mut self, command: f64) {
         let dt = self.step_duration;
         let (lowest, highest) = force_limits(&self.config.motor, self.velocity);
@@ -232,7 +236,7 @@ impl<'a> RigState<'a> {
         self.motor_force += self.force_lag * (possible - self.motor_force);
         let velocity = self.velocity + dt * (self.motor_force - self.load()) / self.moving_mass;
         let free = self.position + dt * velocity;
-        // Safety stops catch the carriage without rebound.
+        // Safety stops stop the carriage without rebound.
         let reached = free.clamp(0.0, self.config.rig.stroke_limit_m);
         let stopped = reached != free;
         self.events.stop_hits += usize::from(stopped && self.velocity != 0.0);
@@ -250,12 +254,12 @@ impl<'a> RigState<'a> {
         self.tissue_force = tissue_force(&self.config.tissue, self.time, reached, velocity);
     }
 
-    /// Everything that the motor works against apart from inertia, N.
+    /// All forces against the motor except inertia, N.
     fn load(&self) -> f64 {
         let motor = &self.config.motor;
         let rod = &self.config.rod;
         let guide = motor.drag_n_s_m * self.velocity
-            // Smooth through rest, so that the guide creeps instead of sticking.
+            // Smooth through zero velocity, so that the guide creeps and does not stick.
             + motor.guide_friction_n * libm::tanh(self.velocity / motor.guide_creep_m_s);
         let phase = core::f64::consts::TAU * self.position / motor.cogging_pitch_m;
         let cogging = motor.cogging_n * libm::sin(phase);
@@ -264,7 +268,8 @@ impl<'a> RigState<'a> {
     }
 }
 
-/// Lowest and highest force of the motor at `velocity`: back-EMF takes from the force that drives the motion on.
+/// Lowest and highest force of the motor at `velocity`: back-EMF reduces the force in the direction
+/// of motion.
 fn force_limits(motor: &Motor, velocity: f64) -> (f64, f64) {
     let ratio = velocity / motor.no_load_speed_m_s;
     let peak = motor.peak_force_n;

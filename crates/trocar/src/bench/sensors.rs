@@ -1,4 +1,4 @@
-//! What the rig's instruments make of the truth: counts of the encoder, readings of the force sensor.
+//! Sensors of the rig: counts of the encoder, readings of the force sensor.
 
 use super::config::{Encoder, ForceSensor, Rounding};
 use super::noise::{Noise, Source};
@@ -20,7 +20,7 @@ impl PositionSensor {
         }
     }
 
-    /// Whole counts, times the length of one count.
+    /// A whole number of counts times the length of one count.
     pub(super) fn position(&mut self, position: f64) -> f64 {
         let noisy = position + self.encoder.noise_m * self.position_noise.normal();
         let counts = noisy / self.encoder.resolution_m;
@@ -31,7 +31,8 @@ impl PositionSensor {
         whole * self.encoder.resolution_m
     }
 
-    /// The drive interpolates between counts, so its speed is finer than their differences.
+    /// The drive interpolates between counts, so its speed has a finer resolution than their
+    /// differences.
     pub(super) fn speed(&mut self, velocity: f64) -> f64 {
         velocity + self.encoder.speed_noise_m_s * self.speed_noise.normal()
     }
@@ -50,7 +51,7 @@ impl ForceReading {
     pub(super) fn new(sensor: &ForceSensor, sample_rate_hz: f64, seed: u64) -> Self {
         let memory = libm::exp(-core::f64::consts::TAU * sensor.noise_bandwidth_hz / sample_rate_hz);
         let mut noise = Noise::new(seed, Source::ForceSensor);
-        // Started in its stationary distribution: the first samples are as noisy as the rest.
+        // Starts in its stationary distribution, so the first samples are as noisy as the rest.
         let coloured = noise.normal();
         Self { sensor: sensor.clone(), noise, memory, coloured }
     }

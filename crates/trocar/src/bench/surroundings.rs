@@ -1,19 +1,19 @@
-//! What surrounds the rod on its way: a seal that is wetted, and tissue beyond it.
+//! Surroundings of the rod: wetting of the seal, and tissue beyond it.
 
 use super::config::{Lubrication, Tissue, TissueKind};
 
-/// Depth that gives the tissue's stiffness, m.
+/// Depth that defines the tissue's stiffness, m.
 const REFERENCE_DEPTH: f64 = 0.01;
 
-/// Friction of the seal over that of the dry one, at one moment.
+/// Friction of the seal at one time, relative to the dry one.
 ///
-/// A wet seal slips at a lower force, but its rubber is as stiff as before. So forces and deflections of the dry seal are
-/// scaled alike,
+/// A wet seal slips at a lower force, but its rubber is as stiff as before. So forces and
+/// deflections of the dry seal are scaled alike,
 ///
 /// ```text
 /// F_wet(x) = λ·F_dry(x/λ) + (ν − 1)·F_β        λ level, ν viscosity, F_β = β·v_sl
 /// ```
-/// which leaves dF/dx as it was.
+/// which leaves dF/dx unchanged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Wetting {
     pub(super) level: f64,
@@ -21,7 +21,7 @@ pub(super) struct Wetting {
 }
 
 impl Wetting {
-    /// At `time`, s: 1 before the onset, the level after the spread, straight between.
+    /// At `time`, s: 1 before the onset, the final level after the spread, linear in between.
     pub(super) fn at(lubrication: &Lubrication, time: f64) -> Self {
         let since = time - lubrication.onset_s;
         let part = match since {
@@ -38,7 +38,8 @@ impl Wetting {
         displacement / self.level
     }
 
-    /// The force of the wet seal behind `force` of the dry one, of which `viscous` is the viscous part, N.
+    /// The force of the wet seal for `force` of the dry one, of which `viscous` is the viscous
+    /// part, N.
     pub(super) fn of_wet(self, force: f64, viscous: f64) -> f64 {
         self.level * (force + (self.viscosity - 1.0) * viscous)
     }
@@ -51,7 +52,7 @@ impl Wetting {
 /// Hunt and Crossley   F = k·p^n·(1 + a·v)         p = x − x_surface > 0
 /// Kelvin and Voigt    F = k·p + b·v
 /// ```
-/// Neither pulls: F is at least 0, but for the constant load.
+/// Apart from the constant load neither pulls: F is at least 0.
 pub(super) fn tissue_force(tissue: &Tissue, time: f64, position: f64, velocity: f64) -> f64 {
     let load = if (tissue.load_from_s..tissue.load_until_s).contains(&time) { tissue.load_n } else { 0.0 };
     let depth = (position - tissue.surface_m) / REFERENCE_DEPTH;
@@ -77,7 +78,7 @@ mod tests {
         Tissue { kind, surface_m: 0.05, ..BenchConfig::default().tissue }
     }
 
-    /// A closed motion into the tissue costs work, and neither law pulls.
+    /// A closed motion into the tissue dissipates work, and neither law pulls.
     #[test]
     fn tissue_takes_energy_and_never_pulls() {
         for kind in [TissueKind::HuntCrossley, TissueKind::KelvinVoigt] {

@@ -5,11 +5,11 @@ use trocar_model::MAX_ELEMENTS;
 use super::Choice;
 
 impl Choice {
-    /// Reads a list of families with commas between, `all`, or banks with a number or a range of elements (`gms:4-10`);
-    /// what is named twice counts once.
+    /// Parses a comma-separated list of families, `all`, or banks with a number or a range of
+    /// elements (`gms:4-10`). Duplicates count once.
     ///
     /// # Errors
-    /// A sentence that says what was found and what there is.
+    /// A sentence with what was found and what is allowed.
     pub fn list(text: &str) -> Result<Vec<Self>, String> {
         let mut all: Vec<Self> = Vec::new();
         for item in text.split(',') {

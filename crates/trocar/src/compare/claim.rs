@@ -1,34 +1,35 @@
-//! The claim of EMS section II-C, tested: about ten GMS elements, some thirty parameters, draw the reversal of one seal.
+//! Test of the claim of EMS section II-C: about ten GMS elements with some thirty parameters
+//! reproduce the reversal of one seal.
 
 use serde::Serialize;
 
 use super::Comparison;
 
-/// How a family of banks does against the EMS element at reversals.
+/// Comparison of a family of banks with the EMS element at reversals.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReversalMatch {
     /// The family.
     pub name: &'static str,
-    /// Error of the EMS element there, N, and its number of parameters.
+    /// Error of the EMS element after reversals, N.
     pub ems_reversal_rms_n: f64,
     /// Parameters of the EMS element.
     pub ems_parameters: usize,
-    /// Fewest elements that reach that error; `None` where none of those tried does.
+    /// Fewest elements that reach that error; `None` if none of the tested numbers does.
     pub elements: Option<usize>,
     /// Their number of parameters.
     pub parameters: Option<usize>,
-    /// Whether a larger number of elements misses that error again.
+    /// Whether a larger number of elements fails to reach that error again.
     pub lost_again: bool,
     /// Largest number of elements tried.
     pub most_elements: usize,
-    /// Least error of those tried, N.
+    /// Least error over the tested numbers of elements, N.
     pub best_reversal_rms_n: f64,
-    /// The number of elements that has it.
+    /// The number of elements with this error.
     pub best_elements: usize,
 }
 
-/// Tests the claim for one family; `None` where it or the EMS element was not compared, or the validation
-/// has no reversal.
+/// Tests the claim for one family. `None` if the family or the EMS element was not compared, or the
+/// validation contains no reversal.
 ///
 /// The EMS element is that of [`Comparison::ems_entry`].
 pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<ReversalMatch> {
@@ -58,7 +59,7 @@ pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<R
 }
 
 impl ReversalMatch {
-    /// The outcome in a sentence.
+    /// The result as a sentence.
     pub fn sentence(&self) -> String {
         let ems = format!(
             "the EMS element ({:.3} N rms after reversals, {} parameters)",

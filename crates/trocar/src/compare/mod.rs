@@ -1,12 +1,14 @@
-//! Every friction model that EMS names, fitted to the same recordings and scored on the same others.
+//! Every friction model that EMS names, fitted to the same recordings and scored on the same
+//! others.
 //!
 //! ```text
 //! training recordings -> identify (EMS)  -> classical models, from the same segmentation and start of known state
 //! held-out recordings -> free-run simulation of each -> errors over all, by phase, at reversals
 //! ```
-//! What is equal for all: the recordings (an unmodelled mass that the identification finds is taken out of them), the
-//! sensor offset as one further number, the samples scored (those whose state is known to the EMS element), the start
-//! (at rest with the first reading). The times are measured, and the only numbers here that differ between two runs.
+//! Equal for all models are: the recordings (an unmodelled mass found by the identification is
+//! subtracted from them), the sensor offset as one additional parameter, the scored samples (those
+//! whose state is known to the EMS element) and the start (at rest with the first reading). The
+//! times are measured. They are the only numbers that differ between two runs.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -36,7 +38,8 @@ mod summary;
 /// A model to compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Choice {
-    /// The EMS element as identified: the fit, with the optional terms that the data ask for.
+    /// The EMS element as identified: the likelihood fit with the optional model terms that the
+    /// data support.
     Ems,
     /// The EMS element refitted by the criterion of the classical models.
     EmsOutputError,
@@ -45,7 +48,8 @@ pub enum Choice {
 }
 
 impl Choice {
-    /// All: EMS in both ways, the static and dynamic ones, Leuven with four elements, Maxwell-Slip and GMS with 1 to 12.
+    /// All: EMS in both forms, the static and dynamic models, Leuven with four elements,
+    /// Maxwell-Slip and GMS with 1 to 12.
     pub fn all() -> Vec<Self> {
         let single = [
             Kind::Coulomb,
@@ -74,7 +78,7 @@ impl Choice {
         }
     }
 
-    /// Name with the number of elements where there is a choice, as a file name: `lugre`, `gms-4`.
+    /// Name as a file name, with the number of elements where it can be chosen: `lugre`, `gms-4`.
     pub fn file_stem(self) -> String {
         match self {
             Self::Ems | Self::EmsOutputError => self.family().to_owned(),
@@ -82,12 +86,12 @@ impl Choice {
         }
     }
 
-    /// Whether the family is a choice of numbers of elements.
+    /// Whether the number of elements of the family can be chosen.
     pub fn is_bank(self) -> bool {
         matches!(self, Self::Classical(Kind::Leuven(_) | Kind::MaxwellSlip(_) | Kind::Gms(_)))
     }
 
-    /// Number of elements; 1 for models that have no choice.
+    /// Number of elements; 1 for models without that choice.
     pub fn elements(self) -> usize {
         match self {
             Self::Ems | Self::EmsOutputError => 1,
@@ -96,27 +100,28 @@ impl Choice {
     }
 }
 
-/// How to compare.
+/// Options of a comparison.
 #[derive(Debug, Clone)]
 pub struct CompareOptions {
-    /// The models; the EMS element is identified in any case, since the others take their scales from it.
+    /// The models. The EMS element is identified in any case, since the others take their scales
+    /// from it.
     pub models: Vec<Choice>,
     /// How the EMS element is identified.
     pub identify: IdentifyOptions,
-    /// Whether to measure times. Without, equal input gives equal bytes.
+    /// Whether to measure times. Without them equal input gives equal bytes.
     pub timing: bool,
 }
 
 /// One model: its fit and its scores.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// Which.
+    /// The choice.
     pub choice: Choice,
     /// Name of the family.
     pub name: &'static str,
     /// Number of elements.
     pub elements: usize,
-    /// Number of parameters estimated, without the sensor's offset that all have.
+    /// Number of estimated parameters, without the sensor offset that all models have.
     pub parameters: usize,
     /// The model.
     pub trocar: Trocar,
@@ -126,11 +131,11 @@ pub struct Entry {
     pub estimates: Vec<Parameter>,
     /// Errors.
     pub scores: Scores,
-    /// Time of one step, ns, over the motion of the validation; `None` without timing.
+    /// Time of one step over the motion of the validation, ns; `None` without timing.
     pub ns_per_sample: Option<f64>,
     /// Time of the fit, s; `None` without timing.
     pub fit_s: Option<f64>,
-    /// What to know about the fit.
+    /// Warnings about the fit.
     pub warnings: Vec<Warning>,
 }
 
@@ -145,14 +150,14 @@ pub struct Scores {
     pub fit_percent: f64,
     /// Akaike's criterion on the training recordings, with the effective number of samples.
     pub aic: f64,
-    /// Schwarz' criterion, likewise.
+    /// Bayesian (Schwarz) criterion, likewise.
     pub bic: f64,
-    /// Root mean square error, N, within the deformation after each reversal of the validation; NaN without a reversal
-    /// (null in JSON).
+    /// Root mean square error, N, within the deformation after each reversal of the validation; NaN
+    /// without a reversal (null in JSON).
     pub reversal_rms_n: f64,
     /// The same for the worst single reversal, N; NaN without one.
     pub worst_reversal_n: f64,
-    /// Error on the validation recordings by phase, as the EMS element tells the phases.
+    /// Error on the validation recordings by phase; the EMS element defines the phases.
     pub by_phase: Phases,
     /// Root mean square error, N, of each validation recording.
     pub by_recording_n: Vec<f64>,
@@ -161,7 +166,7 @@ pub struct Scores {
 /// The comparison.
 #[derive(Debug, Clone)]
 pub struct Comparison {
-    /// One entry a model, least validation error first.
+    /// One entry per model, least validation error first.
     pub entries: Vec<Entry>,
     /// The EMS identification.
     pub ems: Identification,
@@ -169,34 +174,35 @@ pub struct Comparison {
     pub training: Vec<Recording>,
     /// The validation recordings as scored.
     pub validation: Vec<Recording>,
-    /// Samples of the training recordings that are scored.
+    /// Number of scored samples of the training recordings.
     pub samples: usize,
-    /// Number of independent samples that they are worth, from the autocorrelation of the residuals of the EMS element as
-    /// identified.
+    /// Equivalent number of independent samples, from the autocorrelation of the residuals of the
+    /// EMS element as identified.
     pub effective_samples: f64,
-    /// Travel, m, after a reversal that counts for its error.
+    /// Travel after a reversal over which its error is evaluated, m.
     pub reversal_travel: f64,
 }
 
 impl Comparison {
-    /// The EMS element that the banks are measured against: the one fitted by their own criterion, if it was compared.
+    /// The EMS element that is the reference for the banks: the one fitted by the same criterion,
+    /// if it was compared.
     pub fn ems_entry(&self) -> Option<&Entry> {
         let of = |choice| self.entries.iter().find(|entry| entry.choice == choice);
         of(Choice::EmsOutputError).or_else(|| of(Choice::Ems))
     }
 }
 
-/// Why there is no comparison.
+/// Why no comparison is possible.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {
-    /// The training recordings give no model.
+    /// No model can be identified from the training recordings.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
     /// A recording cannot be used.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// Nothing to score on.
+    /// No validation recordings.
     #[error("no recording to validate on")]
     NoValidation,
     /// A model could not be fitted.
@@ -212,7 +218,7 @@ pub enum CompareError {
 /// Fits all models to `training` and scores them on `validation`.
 ///
 /// # Errors
-/// [`CompareError`]; a fit that is merely doubtful is part of the result.
+/// [`CompareError`]; a doubtful fit is not an error but part of the result.
 pub fn compare(
     training: &[Recording],
     validation: &[Recording],
@@ -223,7 +229,7 @@ pub fn compare(
         return Err(CompareError::NoValidation);
     }
     let clock = Instant::now();
-    // The seal alone is compared.
+    // Only the seal is compared, without a position profile.
     let alone = IdentifyOptions { along: false, ..options.identify.clone() };
     let ems = identify(training, &alone, &|stage, part| progress(stage, 0.03 * part))?;
     let ems_s = clock.elapsed().as_secs_f64();
@@ -248,7 +254,8 @@ pub fn compare(
     let reversal_travel = reversal_travel(&ems, &training);
     let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
     let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.trocar, m.offset)).collect();
-    // Of one model whichever are compared, so that the criteria do not depend on the choice.
+    // From the same model for any selection of models, so that the criteria do not depend on the
+    // selection.
     let reference = grounds.raw(&Trocar::of_seal(ems.stages), ems.model.offset);
     let effective_samples = grounds.effective_samples(&reference);
     let times: Vec<Option<f64>> =
@@ -263,14 +270,14 @@ pub fn compare(
     Ok(Comparison { entries, ems, training, validation, samples, effective_samples, reversal_travel })
 }
 
-/// Three half widths: the deformation of 2c and the beginning of the slide. Where it is not resolved, a tenth of the
-/// longest stroke.
+/// Three half widths: the deformation of 2c and the beginning of sliding. If the deformation is not
+/// resolved, a tenth of the longest stroke.
 fn reversal_travel(ems: &Identification, training: &[Recording]) -> f64 {
     let longest = training.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
     if ems.deformation.is_ok() { 3.0 * ems.model.half_width } else { 0.1 * longest }
 }
 
-/// A fit with its time, before it is scored.
+/// A fit with its computing time, before scoring.
 struct Fitted {
     choice: Choice,
     parameters: usize,
@@ -337,8 +344,8 @@ impl Fitted {
     }
 }
 
-/// Fits all classical models; those of one family in the order of their size, since each starts from the smaller one,
-/// and GMS after Maxwell-Slip.
+/// Fits all classical models. Those of one family are fitted in the order of their size, since each
+/// starts from the smaller one, and GMS is fitted after Maxwell-Slip.
 fn fit_all(
     models: &[Choice],
     data: &ClassicalData,
@@ -353,7 +360,7 @@ fn fit_all(
         .collect();
     kinds.sort();
     kinds.dedup();
-    // The work of a fit grows with the square of its parameters.
+    // The cost of a fit grows with the square of the number of parameters.
     let work = |kind: &Kind| kind.parameters().pow(2);
     let total: usize = kinds.iter().map(work).sum();
     let done = AtomicUsize::new(0);

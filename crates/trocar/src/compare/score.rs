@@ -1,4 +1,4 @@
-//! Errors of one model on common grounds.
+//! Errors of one model on common samples.
 
 use trocar_model::Trocar;
 
@@ -12,10 +12,10 @@ use super::Scores;
 
 /// Fewest scored samples of a reversal.
 const FEWEST: usize = 5;
-/// Most residuals whose autocorrelation is taken; more are thinned.
+/// Most residuals for the autocorrelation; longer series are decimated.
 const MOST_RESIDUALS: usize = 20_000;
 
-/// One recording with what is scored in it.
+/// One recording with its scored samples.
 struct Ground<'a> {
     recording: &'a Recording,
     scored: Vec<usize>,
@@ -24,13 +24,13 @@ struct Ground<'a> {
     phases: Vec<Phase>,
 }
 
-/// What all models are scored on.
+/// The samples on which all models are scored.
 pub(super) struct Grounds<'a> {
     training: Vec<Ground<'a>>,
     validation: Vec<Ground<'a>>,
 }
 
-/// Errors before they are summed up.
+/// Errors before they are summarized.
 pub(super) struct Raw {
     training: Vec<f64>,
     validation: Vec<Vec<f64>>,
@@ -84,7 +84,8 @@ impl<'a> Grounds<'a> {
         }
     }
 
-    /// n / (1 + 2 Σρ_k) of the residuals of `reference`, the autocorrelation summed to its first zero.
+    /// n / (1 + 2 Σρ_k) of the residuals of `reference`, with the autocorrelation summed up to its
+    /// first zero.
     pub(super) fn effective_samples(&self, reference: &Raw) -> f64 {
         let every = reference.training.len().div_ceil(MOST_RESIDUALS).max(1);
         let thinned: Vec<f64> = reference.training.iter().step_by(every).copied().collect();
@@ -108,7 +109,7 @@ impl<'a> Grounds<'a> {
         };
         let reversals: Vec<Sums> = self.validation.iter().zip(&raw.validation).flat_map(reversal).collect();
         let with_reversals = |error: f64| if reversals.is_empty() { f64::NAN } else { error };
-        // The offset and the residual variance are estimated too.
+        // The offset and the residual variance are also estimated.
         let estimated = (parameters + 2) as f64;
         let deviance = effective * mean_square.max(1e-300).ln();
         Scores {

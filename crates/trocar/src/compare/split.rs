@@ -1,17 +1,19 @@
-//! Recordings divided into a part to fit and a part to score, where nobody held any back.
+//! Recordings divided into a part for the fit and a part for scoring, when no validation recording
+//! is given.
 
 use crate::recording::{Recording, RecordingError};
 use crate::segment::{passes, reversal_threshold};
 
-/// Part of the time that is fitted.
+/// Fraction of the time that is used for the fit.
 const FITTED: f64 = 2.0 / 3.0;
 
-/// Divides each recording at the reversal after two thirds of its time: what is fitted, what is held out.
+/// Divides each recording at the first reversal after two thirds of its time, and returns the
+/// training and the validation parts.
 ///
 /// Both parts keep the hash of the whole recording, which is that of its file.
 ///
 /// # Errors
-/// Where a part is too short to be a recording.
+/// A part is too short for a recording.
 pub fn split(recordings: &[Recording]) -> Result<(Vec<Recording>, Vec<Recording>), RecordingError> {
     let mut parts = (Vec::new(), Vec::new());
     for recording in recordings {

@@ -1,6 +1,7 @@
-//! What a comparison leaves behind: `compare.json` and the models.
+//! Results of a comparison: `compare.json` and the models.
 //!
-//! Names and hashes instead of folders, and no time unless times were asked for: equal input gives equal bytes.
+//! The files contain names and hashes but no folders, and no times unless timing was requested:
+//! equal input gives equal bytes.
 
 use std::collections::BTreeMap;
 
@@ -17,20 +18,20 @@ use crate::workflow::MovingMass;
 
 use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
 
-/// Families of banks about which EMS section II-C says something.
+/// Families of banks to which the claim of EMS section II-C applies.
 const BANKS: [&str; 2] = ["maxwell-slip", "gms"];
 
-/// A comparison and what it started from.
+/// A comparison and its inputs.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome<'a> {
     /// The result.
     pub comparison: &'a Comparison,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Whether the validation recordings are the last thirds of those fitted ([`split`](super::split)), for want of
-    /// others.
+    /// Whether the validation recordings are the last thirds of the training recordings
+    /// ([`split`](super::split)), because no others were given.
     pub held_out: bool,
-    /// What was taken out of the readings.
+    /// Mass that was subtracted from the readings.
     pub moving_mass: MovingMass,
 }
 
@@ -39,21 +40,21 @@ pub struct Outcome<'a> {
 pub struct Summary<'a> {
     /// Program and version.
     pub program: &'static str,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Whether the validation is the last third of the recordings fitted.
+    /// Whether the validation recordings are the last thirds of the training recordings.
     pub held_out: bool,
-    /// Samples of the training recordings that are scored.
+    /// Number of scored samples of the training recordings.
     pub samples: usize,
-    /// Number of independent samples that they are worth.
+    /// Equivalent number of independent samples.
     pub effective_samples: f64,
-    /// Travel, m, after a reversal that counts for its error.
+    /// Travel after a reversal over which its error is evaluated, m.
     pub reversal_travel_m: f64,
-    /// Mass that was taken out of the readings.
+    /// Mass that was subtracted from the readings.
     pub moving_mass: MovingMass,
-    /// Mass, kg, found in the readings and taken out of them too.
+    /// Unmodelled mass found in the readings, also subtracted from them, kg.
     pub unmodelled_mass_kg: f64,
-    /// One entry a model, least validation error first.
+    /// One entry per model, least validation error first.
     pub models: Vec<ModelSummary<'a>>,
     /// The claim of EMS section II-C for each family of banks that was compared.
     pub reversal_claim: Vec<ClaimSummary>,
@@ -68,7 +69,7 @@ pub struct ModelSummary<'a> {
     pub name: &'static str,
     /// Number of elements.
     pub elements: usize,
-    /// Number of parameters estimated, without the sensor's offset that all have.
+    /// Number of estimated parameters, without the sensor offset that all models have.
     pub parameters: usize,
     /// Root mean square error, N, on the training recordings.
     pub train_rms_n: f64,
@@ -78,7 +79,7 @@ pub struct ModelSummary<'a> {
     pub fit_percent: f64,
     /// Akaike's criterion on the training recordings.
     pub aic: f64,
-    /// Schwarz' criterion, likewise.
+    /// Bayesian (Schwarz) criterion, likewise.
     pub bic: f64,
     /// Root mean square error, N, after the reversals of the validation.
     pub reversal_rms_n: f64,
@@ -96,7 +97,7 @@ pub struct ModelSummary<'a> {
     pub offset_n: f64,
     /// Parameters by name with unit.
     pub estimates: BTreeMap<&'a str, &'a Estimate>,
-    /// What to know about the fit, subject first.
+    /// Warnings about the fit, beginning with their subject.
     pub warnings: Vec<String>,
 }
 
@@ -109,13 +110,13 @@ pub struct RecordingError<'a> {
     pub rms_n: f64,
 }
 
-/// The claim tested for one family.
+/// The test of the claim for one family.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClaimSummary {
     /// The numbers.
     #[serde(flatten)]
     pub result: ReversalMatch,
-    /// The outcome in words.
+    /// The result in words.
     pub sentence: String,
 }
 
@@ -132,19 +133,20 @@ pub struct RecordingSummary<'a> {
     pub samples: usize,
     /// Time from the first to the last sample, s.
     pub duration_s: f64,
-    /// What was lost or is doubtful about the data.
+    /// Data losses and doubts.
     pub warnings: Vec<String>,
 }
 
 impl Comparison {
-    /// The claim of EMS section II-C tested, for each family of banks that was compared.
+    /// The test of the claim of EMS section II-C for each compared family of banks.
     pub fn claims(&self) -> Vec<ReversalMatch> {
         BANKS.iter().filter_map(|family| reversal_match(self, family)).collect()
     }
 }
 
 impl<'a> Outcome<'a> {
-    /// What leaves an unknown state in the scores: validation recordings on which the seal never slides all round.
+    /// Limits of the scores due to an unknown state: validation recordings in which the seal never
+    /// slides all round.
     pub fn unknown_states(&self) -> Vec<String> {
         let Identification { stages, model, .. } = &self.comparison.ems;
         let scores = validate(&Trocar::of_seal(*stages), &self.comparison.validation, model.offset);
@@ -152,7 +154,8 @@ impl<'a> Outcome<'a> {
         scores.recordings.iter().flat_map(of).collect()
     }
 
-    /// Every model as a file, by its path in the folder of results: `models/lugre.json`, `models/gms-4.json`.
+    /// Every model as a file, by its path in the results folder: `models/lugre.json`,
+    /// `models/gms-4.json`.
     pub fn model_files(&self) -> Vec<(String, ModelFile)> {
         let Self { comparison, seed, moving_mass, .. } = *self;
         let file = |entry: &Entry| {
@@ -191,7 +194,8 @@ impl<'a> Outcome<'a> {
 }
 
 impl Summary<'_> {
-    /// The text of `compare.json`: equal results give equal text. A number without bound is `null`.
+    /// The text of `compare.json`: equal results give equal text. An infinite or undefined number
+    /// is `null`.
     pub fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).expect("every key is a string");
         text.push('\n');

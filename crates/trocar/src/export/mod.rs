@@ -1,3 +1,3 @@
-//! Models written out for other programs, one module per form.
+//! Export of models to other programs, one module per format.
 
 pub mod c;

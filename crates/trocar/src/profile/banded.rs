@@ -1,13 +1,13 @@
-//! Symmetric matrices with entries near the diagonal only: what hat functions and second differences make, once offset and
-//! level of a knot stand side by side.
+//! Banded symmetric matrices, which result from hat functions and second differences when offset
+//! and gain of a knot are adjacent.
 
-/// Entries beside the diagonal: two knots on, two values a knot.
+/// Entries beside the diagonal: coupling over two knots with two values each.
 const BAND: usize = 4;
 
-/// A symmetric matrix, zero more than four places off the diagonal.
+/// A symmetric matrix, zero more than four places from the diagonal.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Banded {
-    /// Of row i the entries at column i − d.
+    /// The entries of row i at column i − d.
     rows: Vec<[f64; BAND + 1]>,
 }
 
@@ -16,12 +16,12 @@ impl Banded {
         Self { rows: vec![[0.0; BAND + 1]; size] }
     }
 
-    /// Adds to the entry at (`i`, `j`), and so at (`j`, `i`); for i ≥ j ≥ i − 4.
+    /// Adds to the entry at (`i`, `j`), and thus at (`j`, `i`); for i ≥ j ≥ i − 4.
     pub(super) fn add(&mut self, i: usize, j: usize, value: f64) {
         self.rows[i][i - j] += value;
     }
 
-    /// This and `sign` times `other`.
+    /// This matrix plus `sign` times `other`.
     pub(super) fn plus(&self, other: &Self, sign: f64) -> Self {
         let row = |(a, b): (&[f64; BAND + 1], &[f64; BAND + 1])| std::array::from_fn(|d| a[d] + sign * b[d]);
         Self { rows: self.rows.iter().zip(&other.rows).map(row).collect() }
@@ -40,7 +40,8 @@ impl Banded {
         product
     }
 
-    /// The trace of the product of this and `other`, where one of the two is zero off the band.
+    /// The trace of the product of this matrix and `other`, where one of the two is zero outside
+    /// the band.
     pub(super) fn trace_of_product(&self, other: &Self) -> f64 {
         let row = |(a, b): (&[f64; BAND + 1], &[f64; BAND + 1])| {
             a[0] * b[0] + 2.0 * (1..=BAND).map(|d| a[d] * b[d]).sum::<f64>()
@@ -56,7 +57,7 @@ impl Banded {
             for d in (0..=BAND.min(i)).rev() {
                 let j = i - d;
                 let above = if d == 0 { row } else { rows[j] };
-                // Columns that both rows have.
+                // Columns common to both rows.
                 let shared: f64 = (1..=BAND - d).map(|e| row[d + e] * above[e]).sum();
                 let left = own[d] - shared;
                 row[d] = if d > 0 { left / rows[j][0] } else { left.sqrt() };
@@ -77,7 +78,7 @@ pub(super) struct Factor {
 }
 
 impl Factor {
-    /// x with matrix·x = `right`.
+    /// Solves matrix·x = `right`.
     pub(super) fn solve(&self, right: &[f64]) -> Vec<f64> {
         let mut x = right.to_vec();
         for (i, row) in self.rows.iter().enumerate() {
@@ -91,10 +92,10 @@ impl Factor {
         x
     }
 
-    /// The entries of the inverse of L·Lᵀ = A that lie within the band of A; the others count as zero.
+    /// The entries of the inverse of L·Lᵀ = A within the band of A; the others count as zero.
     ///
-    /// Row i of Lᵀ·A⁻¹ = L⁻¹, which is zero above the diagonal, gives them from those of the rows below (Takahashi's
-    /// equations).
+    /// Row i of Lᵀ·A⁻¹ = L⁻¹, which is zero above the diagonal, gives them from those of the rows
+    /// below (Takahashi's equations).
     pub(super) fn inverse_in_band(&self) -> Banded {
         let size = self.rows.len();
         let mut inverse = Banded::zero(size);
@@ -115,7 +116,7 @@ impl Factor {
 mod tests {
     use super::*;
 
-    /// As far from diagonal as it may be.
+    /// Far from diagonal.
     fn matrix(size: usize) -> Banded {
         let mut matrix = Banded::zero(size);
         for i in 0..size {
@@ -133,7 +134,7 @@ mod tests {
         assert!(Banded::zero(3).factor().is_none());
     }
 
-    /// Column by column, and where a matrix meets its own inverse.
+    /// Checked column by column, and as the product of a matrix and its inverse.
     #[test]
     fn the_inverse_is_what_solving_finds() {
         for size in [1, 3, 23] {

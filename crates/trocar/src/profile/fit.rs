@@ -1,9 +1,10 @@
-//! The profile from readings and the force that a model gives for them.
+//! Estimates the profile from readings and the simulated force for them.
 //!
-//! Linear least squares with a penalty on second differences. Number of knots and weight of the penalty are those with
-//! the least error on strokes left out; a profile is only given when it predicts left-out strokes better than a
-//! constant does. Readings far off the model (after a reversal, where a millisecond decides) count less: Huber's
-//! weights, with the median absolute residual as scale.
+//! Linear least squares with a penalty on second differences. The number of knots and the weight of
+//! the penalty minimize the error on held-out strokes. A profile is returned only if it predicts
+//! held-out strokes better than a constant does. Readings with large residuals (after a reversal,
+//! where a millisecond matters) are downweighted with Huber's weights, whose scale is the median
+//! absolute residual.
 
 use serde::Serialize;
 use trocar_model::profile::place;
@@ -16,68 +17,71 @@ use crate::cancel;
 use crate::recording::Recording;
 use crate::segment::Pass;
 
-/// Numbers of intervals between knots tried.
+/// Candidate numbers of intervals between knots.
 const INTERVALS: [usize; 8] = [4, 8, 16, 32, 48, 64, 96, 128];
-/// Weights of the squared second differences tried, in units of the readings a knot.
+/// Candidate weights of the squared second differences, in units of the readings per knot.
 const ROUGHNESS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-/// The same of the squared departures from constants: decides only what the readings leave open.
+/// The same for the squared deviations from constants; it matters only where the readings do not
+/// determine the values.
 const RIDGE: f64 = 1e-3;
-/// The same for gains that are held at 1.
+/// The same for gains fixed at 1.
 const HELD: f64 = 1e9;
-/// Fewest readings a knot.
+/// Fewest readings per knot.
 const FEWEST_PER_KNOT: usize = 8;
-/// Fewest and most parts into which the strokes are divided for leaving out.
+/// Fewest and most folds of the cross-validation over strokes.
 const FOLDS: [usize; 2] = [3, 10];
-/// Least relative fall of the held-out error.
+/// Smallest relative decrease of the held-out error.
 const LEAST_GAIN: f64 = 0.03;
-/// Least part of the folds in which the profile is better.
+/// Smallest fraction of the folds in which the profile is better.
 const LEAST_FOLDS: f64 = 0.75;
-/// Held-out errors within this of the least are equal: the stiffer profile is taken.
+/// Held-out errors within this factor of the smallest count as equal, and the smoother profile is
+/// chosen.
 const AS_GOOD: f64 = 1.005;
-/// Residuals beyond this many robust standard deviations count less.
+/// Residuals beyond this many robust standard deviations are downweighted.
 const HUBER: f64 = 2.5;
-/// Part of the readings that may lie beyond the last knots at either end.
+/// Fraction of the readings that may lie beyond the last knot at either end.
 const BEYOND: f64 = 1e-3;
 
-/// One reading beside what a model says.
+/// One reading with the simulated force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProfileSample {
     /// Position, m.
     pub position: f64,
-    /// Simulated force of the seal, N, without the sensor's offset.
+    /// Simulated force of the seal, N, without the sensor offset.
     pub seal_force: f64,
     /// Reading, N.
     pub reading: f64,
-    /// Number of the stroke: what is left out together.
+    /// Number of the stroke; samples of one stroke are held out together.
     pub stroke: usize,
 }
 
-/// A profile with what speaks for it.
+/// A profile with its supporting statistics.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ProfileFit {
     /// The profile.
     #[serde(serialize_with = "super::serialize")]
     pub profile: PositionProfile<Vec<f64>>,
-    /// Sensor offset beside it, N.
+    /// Sensor offset estimated with it, N.
     pub offset_n: f64,
-    /// Root mean square error, N, over the readings it was fitted to.
+    /// Root mean square error over the readings used for the fit, N.
     pub rms_n: f64,
-    /// The same over strokes left out.
+    /// The same over held-out strokes.
     pub held_out_rms_n: f64,
-    /// The same of a constant offset, gain 1.
+    /// The same for a constant offset and gain 1.
     pub constant_held_out_rms_n: f64,
-    /// Parts into which the strokes were divided for leaving out.
+    /// Folds of the cross-validation.
     pub folds: usize,
-    /// Parts in which the profile is better than the constant.
+    /// Folds in which the profile is better than the constant.
     pub better_folds: usize,
-    /// Weight of the penalty chosen, in units of the readings a knot.
+    /// Chosen weight of the penalty, in units of the readings per knot.
     pub roughness: f64,
-    /// Numbers that the readings decide (trace of the smoother), the sensor's offset among them.
+    /// Effective number of parameters (trace of the smoother), including the sensor offset.
     pub effective_parameters: f64,
 }
 
 impl ProfileFit {
-    /// Free numbers: one offset and one gain a knot, less the mean gain and the sensor's offset, which is counted elsewhere.
+    /// Free parameters: one offset and one gain per knot, less the mean gain and the sensor offset,
+    /// which is counted elsewhere.
     pub fn free_parameters(&self) -> usize {
         2 * self.profile.gains().len() - 2
     }
@@ -87,16 +91,16 @@ impl ProfileFit {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoProfile {
-    /// A number that is not finite.
+    /// A non-finite number.
     #[error("sample {0} holds a value that is not finite")]
     NotFinite(usize),
-    /// Too few strokes to leave some out.
+    /// Too few strokes for cross-validation.
     #[error("{strokes} strokes, expected at least {}: a profile is only believed when strokes left out agree", FOLDS[0])]
     TooFewStrokes {
         /// Strokes found.
         strokes: usize,
     },
-    /// Too few readings, or all at one place.
+    /// Too few readings, or all at one position.
     #[error("{samples} readings from {from} m to {to} m are too few for a profile")]
     TooFewReadings {
         /// Readings.
@@ -106,7 +110,7 @@ pub enum NoProfile {
         /// Highest position, m.
         to: f64,
     },
-    /// Strokes left out are not predicted better.
+    /// Held-out strokes are not predicted better.
     #[error(
         "strokes left out are off by {profile:.4} N with a profile and by {constant:.4} N without, better in \
          {better_folds} of {folds} parts: no dependence on the position that repeats"
@@ -116,9 +120,9 @@ pub enum NoProfile {
         profile: f64,
         /// Held-out error of the constant, N, likewise.
         constant: f64,
-        /// Parts in which the profile is better.
+        /// Folds in which the profile is better.
         better_folds: usize,
-        /// Parts.
+        /// Folds.
         folds: usize,
     },
     /// No fit keeps the gain positive and slow enough.
@@ -127,12 +131,12 @@ pub enum NoProfile {
         /// ℓ, m.
         storage_length: f64,
     },
-    /// The numbers found are no profile.
+    /// The estimated values are not a valid profile.
     #[error(transparent)]
     Profile(#[from] ProfileError),
 }
 
-/// Number of the back-and-forth stroke (two motions) of every sample.
+/// Number of the back-and-forth stroke (two motions) of each sample.
 pub fn strokes(recording: &Recording, passes: &[Pass]) -> Vec<usize> {
     let mut numbers = vec![0; recording.len()];
     for (k, pass) in passes.iter().enumerate() {
@@ -142,11 +146,12 @@ pub fn strokes(recording: &Recording, passes: &[Pass]) -> Vec<usize> {
     numbers
 }
 
-/// Fits a profile; the gain is held so that a seal with `storage_length` (m, see [`super::storage_length`]) stays
-/// dissipative: at 1 where that is infinite.
+/// Fits a profile. The gain is constrained so that a seal with `storage_length` (m, see
+/// [`super::storage_length`]) stays dissipative; it is fixed at 1 if that length is infinite.
 ///
 /// # Errors
-/// [`NoProfile`] with the reason; [`NoProfile::NotBetter`] when the force does not depend on the position.
+/// [`NoProfile`] with the reason; [`NoProfile::NotBetter`] when the force does not depend on the
+/// position.
 pub fn fit(samples: &[ProfileSample], storage_length: f64) -> Result<ProfileFit, NoProfile> {
     let mut data = Data::new(samples)?;
     data.gain_is_free = storage_length.is_finite();
@@ -173,7 +178,7 @@ fn rms(errors: impl Iterator<Item = f64>) -> f64 {
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// Huber's weights; all 1 where the median residual is 0.
+/// Huber's weights; all 1 if the median residual is 0.
 fn huber(residuals: &[f64]) -> Vec<f64> {
     let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
     sizes.sort_by(f64::total_cmp);
@@ -181,15 +186,15 @@ fn huber(residuals: &[f64]) -> Vec<f64> {
     residuals.iter().map(|e| if e.abs() <= limit || limit == 0.0 { 1.0 } else { limit / e.abs() }).collect()
 }
 
-/// What is fitted to.
+/// Data of the fit.
 struct Data<'a> {
     samples: &'a [ProfileSample],
-    /// Part of each sample.
+    /// Fold of each sample.
     fold: Vec<usize>,
     folds: usize,
     from: f64,
     to: f64,
-    /// Root mean square of the seal's force, N: makes gains and offsets alike.
+    /// Root mean square of the seal's force, N; scales gains and offsets alike.
     force: f64,
     /// Mean difference between reading and seal force, N.
     offset: f64,
@@ -197,13 +202,13 @@ struct Data<'a> {
     gain_is_free: bool,
 }
 
-/// A profile under trial.
+/// A candidate profile.
 struct Candidate {
     profile: PositionProfile<Vec<f64>>,
-    /// Sensor offset beside it, N.
+    /// Sensor offset estimated with it, N.
     offset: f64,
     roughness: f64,
-    /// Weighted mean squared errors over strokes left out, N².
+    /// Weighted mean squared error over held-out strokes, N².
     held_out: f64,
     constant: f64,
     better_folds: usize,
@@ -211,14 +216,14 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// What it says of the sample, N.
+    /// Predicted reading of the sample, N.
     fn reading(&self, sample: &ProfileSample) -> f64 {
         self.offset + self.profile.apply(sample.position, sample.seal_force)
     }
 }
 
-/// Weighted sums over some samples: Σw·φ·φᵀ, Σw·φ·F and Σw·F² with φ of each knot the hat (offset) and the hat times the
-/// seal's force (gain).
+/// Weighted sums over some samples: Σw·φ·φᵀ, Σw·φ·F and Σw·F². For each knot φ contains the hat
+/// function (offset) and the hat function times the seal's force (gain).
 #[derive(Clone)]
 struct Sums {
     matrix: Banded,
@@ -241,7 +246,7 @@ impl Sums {
         }
     }
 
-    /// Weighted sum of squared errors of the values `x`.
+    /// Weighted sum of squared errors for the values `x`.
     fn squares(&self, x: &[f64]) -> f64 {
         (self.power - 2.0 * dot(&self.vector, x) + dot(x, &self.matrix.times(x))).max(0.0)
     }
@@ -278,7 +283,7 @@ impl<'a> Data<'a> {
         Ok(Self { samples, fold, folds, from, to, force, offset, gain_is_free: true })
     }
 
-    /// What the model says without a profile, N.
+    /// Predicted reading without a profile, N.
     fn constant_reading(&self, sample: &ProfileSample) -> f64 {
         self.offset + sample.seal_force
     }
@@ -287,7 +292,8 @@ impl<'a> Data<'a> {
         self.samples.iter().map(|s| s.reading - says(s)).collect()
     }
 
-    /// Sums of each part, with offsets about the mean one and gains in units of the seal's force.
+    /// Sums of each fold, with offsets relative to the mean offset and gains in units of the seal's
+    /// force.
     fn sums(&self, knots: usize, weights: &[f64]) -> Vec<Sums> {
         let mut all = vec![Sums::zero(knots); self.folds];
         for ((sample, fold), w) in self.samples.iter().zip(&self.fold).zip(weights) {
@@ -307,7 +313,7 @@ impl<'a> Data<'a> {
         all
     }
 
-    /// The candidate that predicts left-out strokes best, or as well with fewer numbers.
+    /// The candidate that predicts held-out strokes best, or equally well with fewer parameters.
     fn choose(&self, weights: &[f64], storage_length: f64) -> Result<Candidate, NoProfile> {
         let most = self.samples.len() / FEWEST_PER_KNOT;
         let mut candidates = Vec::new();
@@ -361,10 +367,11 @@ impl<'a> Data<'a> {
         penalty(knots, roughness * unit, [RIDGE * unit, if self.gain_is_free { RIDGE } else { HELD } * unit])
     }
 
-    /// Held-out errors, N, without weights, of the candidate and of the constant.
+    /// Unweighted held-out errors of the candidate and of the constant, N.
     ///
     /// # Errors
-    /// [`NoProfile::NotBetter`] when the weighted error does not fall enough, in too few parts, or the plain one rises.
+    /// [`NoProfile::NotBetter`] when the weighted error decreases too little or in too few folds,
+    /// or the unweighted one increases.
     fn judge(&self, best: &Candidate, weights: &[f64]) -> Result<[f64; 2], NoProfile> {
         let (profile, constant) = (best.held_out.sqrt(), best.constant.sqrt());
         let refuse = |[profile, constant]: [f64; 2]| NoProfile::NotBetter {
@@ -395,7 +402,8 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Squared second differences of offsets and of gains, and a ridge on the first differences of either.
+/// Squared second differences of offsets and of gains, and a ridge on the first differences of
+/// both.
 fn penalty(knots: usize, roughness: f64, ridges: [f64; 2]) -> Banded {
     let mut matrix = Banded::zero(2 * knots);
     for (side, ridge) in ridges.into_iter().enumerate() {
@@ -417,7 +425,7 @@ fn all_knots(knots: usize, offset: impl Fn(usize) -> f64, gain: impl Fn(usize) -
     (0..knots).flat_map(|k| [offset(k), gain(k)]).collect()
 }
 
-/// Offset alone by least squares, gain 1.
+/// Only the offset by least squares, gain 1.
 fn constant_values(sums: &Sums, knots: usize, force: f64) -> Vec<f64> {
     let gain = all_knots(knots, |_| 0.0, |_| force);
     let ones = all_knots(knots, |_| 1.0, |_| 0.0);
@@ -426,7 +434,7 @@ fn constant_values(sums: &Sums, knots: usize, force: f64) -> Vec<f64> {
     all_knots(knots, |_| offset, |_| force)
 }
 
-/// The penalised least-squares values under the gauge: mean gain 1.
+/// The penalised least-squares values with the gauge constraint: mean gain 1.
 struct Solved {
     values: Vec<f64>,
     factor: Factor,
@@ -436,7 +444,7 @@ struct Solved {
 }
 
 impl Solved {
-    /// `None` for sums that decide nothing.
+    /// `None` if the sums determine nothing.
     fn new(sums: &Sums, penalty: &Banded, knots: usize, force: f64) -> Option<Self> {
         let factor = sums.matrix.plus(penalty, 1.0).factor()?;
         let share = |i: usize| {
@@ -452,7 +460,7 @@ impl Solved {
         Some(Self { values, factor, gauge, along })
     }
 
-    /// Trace of the smoother under the gauge.
+    /// Trace of the smoother with the gauge constraint.
     fn effective_parameters(&self, sums: &Sums) -> f64 {
         let free = self.factor.inverse_in_band().trace_of_product(&sums.matrix);
         free - dot(&self.along, &sums.matrix.times(&self.along)) / dot(&self.gauge, &self.along)

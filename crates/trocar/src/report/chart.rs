@@ -9,10 +9,11 @@ use super::document::{Figure, Kind, Mark, Panel, Series};
 use super::style;
 use super::view::{self, Limits};
 
-/// Points per series on the screen: enough for a four-fold zoom before single samples show.
+/// Points per series on the screen: enough for a four-fold zoom before single samples become
+/// visible.
 const SHOWN_POINTS: usize = 3_000;
 
-/// Largest code of a value; the one above it stands for a gap.
+/// Largest code of a value; the next code marks a gap.
 const LARGEST_CODE: f64 = 65_534.0;
 
 /// JSON for one figure, safe inside a `script` element: no character in it can end the element.
@@ -37,7 +38,7 @@ pub(super) fn styles_json() -> Result<String, serde_json::Error> {
     serde_json::to_string(&styles).map(|json| inert(&json))
 }
 
-/// Replaces what HTML could take for markup; in JSON these characters occur inside strings only.
+/// Replaces characters that HTML could interpret as markup; in JSON they occur only inside strings.
 pub(super) fn inert(json: &str) -> String {
     let mut text = String::with_capacity(json.len());
     for c in json.chars() {
@@ -106,8 +107,8 @@ struct ChartStyle {
     marker: &'static str,
 }
 
-/// Values as 16-bit codes between `low` and `high`, base64: a third of the size of decimal numbers, and finer than a pixel
-/// at any zoom the number of points allows.
+/// Values as 16-bit codes between `low` and `high`, in base64: a third of the size of decimal
+/// numbers, and finer than a pixel at any zoom that the number of points allows.
 #[derive(Serialize)]
 pub(super) struct Codes {
     low: f64,

@@ -1,6 +1,8 @@
-//! From a comparison of friction models to a report: section II-C of EMS with the user's own data.
+//! Creates a report from a comparison of friction models: section II-C of EMS with the user's own
+//! data.
 //!
-//! Nothing is estimated here. The models are run over one cycle once more, because the results keep scores, not series.
+//! This module estimates nothing. It simulates the models over one cycle again, because the results
+//! contain scores but no time series.
 
 use super::document::{Document, Section, Tile};
 use super::figures::comparison::{self as figures, model_name};
@@ -9,16 +11,17 @@ use super::number::significant;
 use crate::compare::{Comparison, Entry, Outcome};
 use crate::recording::Recording;
 
-/// Where EMS says what a model of many elements needs.
+/// The claim of EMS on the number of elements that a model needs.
 const CLAIM: &str = "EMS section II-C argues that a GMS model needs about ten elements to draw the reversal of the seal: four for each \
                      of the two transients, one between them and one for a change of slope, that is thirty parameters and the \
                      function s(v). Here a family of banks matches the EMS element when its error after the reversals of the \
                      validation is no larger.";
 
-/// The report: summary, one reversal and one cycle by every model, errors, criteria, parameters, warnings.
+/// The report: summary, one reversal and one cycle by every model, errors, criteria, parameters,
+/// warnings.
 ///
-/// Equal input gives equal documents, times apart. Figures are numbered in order of appearance; one whose data are missing
-/// is replaced by a sentence that says why.
+/// Equal input gives equal documents, except for times. Figures are numbered in order of
+/// appearance. If its data are missing, a figure is replaced by a sentence with the reason.
 pub fn document(outcome: &Outcome, title: &str) -> Document {
     let comparison = outcome.comparison;
     let mut document = Document {
@@ -70,7 +73,7 @@ fn least_by(comparison: &Comparison, of: impl Fn(&Entry) -> f64) -> Option<&Entr
     comparison.entries.iter().min_by(|a, b| of(a).total_cmp(&of(b)))
 }
 
-/// What limits all of the comparison; the warnings of each fit have a table.
+/// Limits of the whole comparison; a table lists the warnings of each fit.
 fn warnings(outcome: &Outcome) -> Vec<String> {
     let comparison = outcome.comparison;
     let mut lines = Vec::new();
@@ -114,7 +117,7 @@ fn sections(outcome: &Outcome) -> Vec<Section> {
     all
 }
 
-/// What is equal for all models and what is not.
+/// What is equal for all models, and what differs.
 fn method(comparison: &Comparison) -> String {
     let refitted = if comparison.entries.iter().any(|entry| entry.name == "ems-output-error") {
         " \"EMS, output error\" is the EMS element refitted with the criterion of the classical models."

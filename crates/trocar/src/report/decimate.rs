@@ -1,12 +1,13 @@
-//! Fewer points, same picture: dense series are thinned to the resolution of the paper before they are drawn.
+//! Decimation: dense series are reduced to the printed resolution before they are drawn.
 
 use std::collections::HashSet;
 
-/// Indices that draw the same polyline as all points do, at most about `limit` of them, increasing.
+/// Indices of points that draw the same polyline as all points, at most about `limit` of them,
+/// increasing.
 ///
-/// Consecutive points within one of `columns` columns of `[low, high]` are replaced by the first, the lowest, the highest and
-/// the last of them, so every peak stays and x need not be sorted (loops). Columns widen until the limit holds.
-/// A point that is not finite is kept once per gap.
+/// Consecutive points within one of `columns` columns of `[low, high]` are replaced by the first,
+/// the lowest, the highest and the last of them. So every peak is kept, and x need not be sorted
+/// (loops). Columns are widened until the limit is met. A non-finite point is kept once per gap.
 pub(super) fn path(x: &[f64], y: &[f64], low: f64, high: f64, columns: usize, limit: usize) -> Vec<usize> {
     let length = x.len().min(y.len());
     if length <= limit {

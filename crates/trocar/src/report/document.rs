@@ -1,8 +1,8 @@
-//! What a report is made of: plain data, filled by whoever has the results.
+//! The contents of a report: plain data, filled from results.
 //!
-//! Numbers in these types are in the unit written on their axis or in their row; the drawing code converts nothing.
+//! Numbers in these types have the unit of their axis or row; the drawing code converts nothing.
 
-/// One panel's worth of space per row, relative to the width of the panel.
+/// Default height of a panel's axes relative to their width.
 pub const DEFAULT_ASPECT: f64 = 0.56;
 
 /// A numbered figure: one or more panels on a common sheet, drawn as SVG, as PNG and as interactive charts.
@@ -14,20 +14,20 @@ pub struct Figure {
     pub number: u32,
     /// Short title, one line.
     pub title: String,
-    /// Explanation under the figure, in whole sentences. Also the description read out by a screen reader.
+    /// Explanation below the figure, in whole sentences. Also the description for screen readers.
     pub caption: String,
     /// Panels in reading order, lettered (a), (b), ... when there is more than one.
     pub panels: Vec<Panel>,
-    /// Panels beside each other: 1 stacks them, 2 fills rows of two.
+    /// Panels per row: 1 stacks them, 2 fills rows of two.
     pub columns: usize,
-    /// Panels share one x axis: zoom and cursor move together.
+    /// All panels share the x axis: zoom and cursor are linked.
     pub linked_x: bool,
     /// Width on paper.
     pub width: Width,
 }
 
 impl Figure {
-    /// A figure without panels yet, stacked, at full text width.
+    /// A figure without panels, stacked, at full text width.
     pub fn new(id: impl Into<String>, number: u32, title: impl Into<String>) -> Self {
         Self {
             id: id.into(),
@@ -53,13 +53,13 @@ impl Figure {
         self
     }
 
-    /// Puts `columns` panels beside each other.
+    /// Places `columns` panels in a row.
     pub fn columns(mut self, columns: usize) -> Self {
         self.columns = columns;
         self
     }
 
-    /// Couples zoom and cursor of all panels along x.
+    /// Links zoom and cursor of all panels along x.
     pub fn linked_x(mut self) -> Self {
         self.linked_x = true;
         self
@@ -92,20 +92,21 @@ impl Width {
     }
 }
 
-/// One pair of axes with what is drawn in it.
+/// One pair of axes with its contents.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panel {
-    /// What tells this panel from its neighbours ("15 mm/s"); may be empty.
+    /// Title that distinguishes this panel from the others ("15 mm/s"); may be empty.
     pub title: String,
     /// Horizontal axis.
     pub x: Axis,
     /// Vertical axis.
     pub y: Axis,
-    /// Data, drawn in this order: the last one is on top (bands are always behind everything else).
+    /// Data, drawn in this order: the last one is on top (bands are always behind all other
+    /// series).
     pub series: Vec<Series>,
     /// Lines and ranges with labels, such as the two transients T1 and T2.
     pub marks: Vec<Mark>,
-    /// Height of the axes over their width, see [`DEFAULT_ASPECT`].
+    /// Height of the axes divided by their width, see [`DEFAULT_ASPECT`].
     pub aspect: f64,
 }
 
@@ -133,7 +134,7 @@ impl Panel {
         self
     }
 
-    /// Sets height over width of the axes.
+    /// Sets the ratio of height to width of the axes.
     pub fn aspect(mut self, aspect: f64) -> Self {
         self.aspect = aspect;
         self
@@ -147,11 +148,11 @@ pub struct Axis {
     pub label: String,
     /// Unit, for example "mm"; empty for a number without unit.
     pub unit: String,
-    /// The axis reaches down (or up) to zero even where the data do not.
+    /// The axis includes zero even if the data do not.
     pub include_zero: bool,
-    /// Equal ratios take equal lengths; what is not above zero is not drawn.
+    /// Logarithmic scale; values that are not positive are not drawn.
     pub logarithmic: bool,
-    /// Texts at 0, 1, 2, … in place of numbers; for vertical axes.
+    /// Texts at 0, 1, 2, … instead of numbers; for vertical axes.
     pub names: Vec<String>,
 }
 
@@ -167,29 +168,30 @@ impl Axis {
         self
     }
 
-    /// A vertical axis of named places, the first of them at 0.
+    /// A vertical axis of named positions, the first of them at 0.
     pub fn named(names: Vec<String>) -> Self {
         Self { names, ..Self::new("", "") }
     }
 
-    /// An axis on which equal ratios take equal lengths.
+    /// An axis with a logarithmic scale.
     pub fn logarithmic(mut self) -> Self {
         self.logarithmic = true;
         self
     }
 }
 
-/// A named set of points with its role and its way of being drawn.
+/// A named set of points with its role and drawing style.
 ///
-/// `x` and `y` are as long as each other (and as the texts of labelled points, and the `low`, `high` of a band or of error bars; a band's `y` may be empty).
-/// A value that is not finite is a gap. `x` need not be sorted: loops are drawn as they are.
+/// `x` and `y` have equal length, as do the texts of labelled points and the `low`, `high` of a
+/// band or of error bars; a band's `y` may be empty. A non-finite value is a gap. `x` need not be
+/// sorted: loops are drawn as they are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     /// Name in the legend; series of equal name and role in one figure share a legend entry.
     pub name: String,
-    /// What the series stands for; decides colour, line width and dash.
+    /// Meaning of the series; determines colour, line width and dash.
     pub role: Role,
-    /// How it is drawn.
+    /// Drawing style.
     pub kind: Kind,
     /// Abscissae, in the unit of the panel's x axis.
     pub x: Vec<f64>,
@@ -203,12 +205,12 @@ impl Series {
         Self { name: name.into(), role, kind: Kind::Line, x, y }
     }
 
-    /// A marker on each point.
+    /// A marker at each point.
     pub fn points(name: impl Into<String>, role: Role, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self { name: name.into(), role, kind: Kind::Points, x, y }
     }
 
-    /// A marker on each point and a text beside it.
+    /// A marker at each point with a text beside it.
     pub fn labelled(name: impl Into<String>, role: Role, x: Vec<f64>, y: Vec<f64>, labels: Vec<String>) -> Self {
         Self { name: name.into(), role, kind: Kind::Labelled { labels }, x, y }
     }
@@ -231,16 +233,16 @@ impl Series {
     }
 }
 
-/// What a series stands for. The same role looks the same in every figure of a document.
+/// Meaning of a series. Equal roles look the same in every figure of a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// What the sensor read.
+    /// Readings of the sensor.
     Measured,
-    /// The same behind several models: broad and pale.
+    /// The same behind several models: wide and pale.
     Backdrop,
-    /// What the identified model computes.
+    /// Computed by the identified model.
     Model,
-    /// A curve fitted to the points beside it.
+    /// A curve fitted to the points in the same panel.
     Fit,
     /// The fit that was not chosen.
     Alternative,
@@ -250,19 +252,19 @@ pub enum Role {
     Upper,
     /// Computed deflection of the seal.
     Deflection,
-    /// Measured minus computed.
+    /// Measured minus computed values.
     Residual,
-    /// The truth a virtual bench was run with, or a published value.
+    /// True values of a virtual bench, or published values.
     Reference,
-    /// A helper line without a claim of its own.
+    /// An auxiliary line.
     Neutral,
-    /// One of several equals (recordings, speeds); colours and markers repeat after six.
+    /// One of several equivalent series (recordings, speeds); colours and markers repeat after six.
     Category(u8),
-    /// A friction model under comparison: colour and marker by family, dashes by variant (three of them).
+    /// A compared friction model: colour and marker by family, dashes by variant (three of them).
     Friction(Family, u8),
 }
 
-/// Families of friction models, a colour each.
+/// Families of friction models, each with its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// Extended Maxwell-Slip.
@@ -283,16 +285,16 @@ pub enum Family {
     Other,
 }
 
-/// How a series is drawn.
+/// Drawing style of a series.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// Straight segments between consecutive points.
     Line,
     /// One marker per point.
     Points,
-    /// One marker per point with a text beside it, placed where it covers nothing.
+    /// One marker per point with a text beside it, placed to avoid overlaps.
     Labelled {
-        /// The texts, as many as there are points.
+        /// The texts, one per point.
         labels: Vec<String>,
     },
     /// Filled area between `low` and `high`.
@@ -311,7 +313,7 @@ pub enum Kind {
     },
 }
 
-/// A labelled place on an axis. An empty label draws the line or range alone.
+/// A labelled position on an axis. With an empty label only the line or range is drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
     /// Vertical line.
@@ -370,7 +372,7 @@ impl Mark {
     }
 }
 
-/// A table with a caption; numeric cells align right.
+/// A table with a caption; numeric cells are right-aligned.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     /// Title above the table.
@@ -382,7 +384,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without rows yet.
+    /// A table without rows.
     pub fn new<S: Into<String>>(caption: impl Into<String>, columns: impl IntoIterator<Item = S>) -> Self {
         Self { caption: caption.into(), columns: columns.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
@@ -393,7 +395,8 @@ impl Table {
         self
     }
 
-    /// The parameter table: name, symbol, value, 95 % interval, unit; what the data do not pin is marked as such.
+    /// The parameter table: name, symbol, value, 95 % interval, unit; parameters that the data do
+    /// not determine are marked.
     pub fn parameters(caption: impl Into<String>, parameters: impl IntoIterator<Item = Parameter>) -> Self {
         let empty = Self::new(caption, ["Parameter", "Symbol", "Value", "95 % interval", "Unit"]);
         parameters.into_iter().fold(empty, |table, parameter| table.row(parameter.into_cells()))
@@ -403,13 +406,13 @@ impl Table {
 /// One cell of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
-    /// Text as it is.
+    /// Plain text.
     Text(String),
-    /// Identifier set in a fixed-width face: file name, hash, key.
+    /// Identifier in a monospaced font: file name, hash, key.
     Code(String),
-    /// Number printed with the given significant digits; not finite prints as a dash.
+    /// Number with the given significant digits; a non-finite number is printed as a dash.
     Number {
-        /// The number, in the unit its column or row names.
+        /// The number, in the unit of its column or row.
         value: f64,
         /// Significant digits, at least 1.
         digits: usize,
@@ -418,7 +421,7 @@ pub enum Cell {
     Estimate {
         /// The value.
         value: f64,
-        /// Interval that decides the rounding.
+        /// Interval that determines the rounding.
         interval: [f64; 2],
     },
     /// Interval, rounded like [`Cell::Estimate`].
@@ -428,9 +431,9 @@ pub enum Cell {
         /// Upper end.
         high: f64,
     },
-    /// Marker: the data do not pin this value.
+    /// Marker: the data do not determine this value.
     Undetermined,
-    /// Doubtful: the text, with a warning marker.
+    /// Doubtful: the text with a warning marker.
     Warning(String),
 }
 
@@ -455,7 +458,8 @@ pub struct Parameter {
     pub symbol: String,
     /// Value in `unit`.
     pub value: f64,
-    /// 95 % interval in `unit`; an infinite or undefined end means that the data do not pin the parameter.
+    /// 95 % interval in `unit`; an infinite or undefined end means that the data do not determine
+    /// the parameter.
     pub interval: [f64; 2],
     /// Unit, for example "N·s/m".
     pub unit: String,
@@ -476,11 +480,11 @@ impl Parameter {
 /// A number at the head of the report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tile {
-    /// What it is.
+    /// Name of the number.
     pub label: String,
     /// The number with its unit, ready to print.
     pub value: String,
-    /// A remark in small print, for example the interval or the limit; may be empty.
+    /// A remark in small print, such as the interval or the limit; may be empty.
     pub note: String,
 }
 
@@ -491,60 +495,62 @@ impl Tile {
     }
 }
 
-/// A model that runs in the page: its parameters can be turned, and it can be moved by hand.
+/// An interactive model in the page: its parameters can be adjusted, and it can be moved by hand.
 ///
-/// Unlike everything else in a document its numbers are in SI: the page runs the model with them.
+/// Unlike all other data of a document its numbers are in SI units: the page simulates the model
+/// with them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveModel {
-    /// The model, as [`trocar_model::Trocar::write_numbers`] writes it.
+    /// The model in the form of [`trocar_model::Trocar::write_numbers`].
     pub row: Vec<f64>,
     /// All of [`trocar_model::Seal::tunables`], in that order.
     pub knobs: Vec<Knob>,
-    /// Where a hand can move it, m.
+    /// Range of motion by hand, m.
     pub way: [f64; 2],
-    /// A recorded motion to run it along.
+    /// A recorded motion for the simulation.
     pub stretch: Option<Stretch>,
 }
 
-/// A parameter that can be turned.
+/// An adjustable parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Knob {
     /// Name in words.
     pub name: String,
     /// Symbol, Unicode; may be empty.
     pub symbol: String,
-    /// Unit for people, for example "mm"; empty for a number without unit.
+    /// Displayed unit, for example "mm"; empty for a number without unit.
     pub unit: String,
-    /// What a value in SI is multiplied by for people.
+    /// Factor from SI to the displayed unit.
     pub scale: f64,
     /// Value of the model, SI.
     pub value: f64,
-    /// Ends of the slider, SI; none where the model has no use for the parameter or no finite value of it.
+    /// Ends of the slider, SI; `None` if the model does not use the parameter or has no finite
+    /// value of it.
     pub range: Option<[f64; 2]>,
     /// 95 % interval, SI.
     pub interval: Option<[f64; 2]>,
-    /// The same parameter of the other direction, by its place, where both directions have one value.
+    /// Index of the same parameter of the other direction, if both directions have one value.
     pub follows: Option<usize>,
-    /// Whether it is shown at once, not only on demand.
+    /// Whether it is shown by default.
     pub is_main: bool,
 }
 
-/// A recorded motion at even times, with the force that was measured.
+/// A recorded motion at equal time intervals, with the measured force.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stretch {
-    /// What it is, in words: "surgeon.csv from 12.5 s on".
+    /// Description, such as "surgeon.csv from 12.5 s on".
     pub name: String,
     /// Time between two samples, s.
     pub interval: f64,
     /// Position of the instrument, m.
     pub position: Vec<f64>,
-    /// Readings without the sensor's offset, N; as many.
+    /// Readings without the sensor offset, N; one per position.
     pub force: Vec<f64>,
-    /// Sample from which the force of the model no longer depends on the unknown start.
+    /// Sample from which the force of the model does not depend on the unknown initial state.
     pub known_from: usize,
 }
 
-/// A chapter of the report: paragraphs, then tables, then figures, then a model to play with.
+/// A section of the report: paragraphs, then tables, then figures, then an interactive model.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Section {
     /// Heading.
@@ -555,7 +561,7 @@ pub struct Section {
     pub tables: Vec<Table>,
     /// Figures in order.
     pub figures: Vec<Figure>,
-    /// A model that runs in the page; at most one in a document.
+    /// An interactive model; at most one in a document.
     pub live: Option<LiveModel>,
 }
 
@@ -584,7 +590,8 @@ impl Section {
     }
 }
 
-/// A whole report. Nothing in it may depend on the clock or on the machine, so that equal results give equal bytes.
+/// A whole report. Nothing in it may depend on time or machine, so that equal results give equal
+/// bytes.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Document {
     /// Title of page and window.
@@ -593,9 +600,9 @@ pub struct Document {
     pub subtitle: String,
     /// Key numbers.
     pub tiles: Vec<Tile>,
-    /// What the reader must know before believing the numbers.
+    /// What the reader must know before relying on the numbers.
     pub warnings: Vec<String>,
-    /// Chapters.
+    /// Sections.
     pub sections: Vec<Section>,
     /// Origin: label and value, such as the program's version and the hashes of the inputs.
     pub provenance: Vec<(String, String)>,

@@ -1,8 +1,9 @@
-//! Composes a figure from kuva's primitives; kuva's own writers turn the scene into SVG and PNG.
+//! Composes a figure from kuva's primitives; kuva's own writers convert the scene to SVG and PNG.
 //!
-//! The axes are composed here rather than by kuva's plots because these figures need legends in rows above the axes (kuva
-//! offers columns beside or over the data), labelled intervals that keep clear of the data, axes aligned across stacked
-//! panels, and dashes that do not start anew at every point of a line in the bitmap.
+//! The axes are composed here and not by kuva's plots. The figures need legends in rows above the
+//! axes (kuva offers columns beside or over the data), labelled intervals that avoid the data, axes
+//! aligned across stacked panels, and dashes in the bitmap that do not restart at every point of a
+//! line.
 
 mod labels;
 
@@ -21,7 +22,8 @@ use super::view::{self, Entry, Limits};
 /// Scene pixels per millimetre on paper.
 pub(super) const PIXELS_PER_MILLIMETRE: f64 = 4.0;
 
-/// The fallbacks share the metrics of the first font or are narrower, so nothing laid out here can collide.
+/// The fallbacks have the metrics of the first font or are narrower, so the layout causes no
+/// overlaps.
 const FONT_FAMILY: &str = "'DejaVu Sans', Verdana, Arial, Helvetica, sans-serif";
 const TICK_SIZE: u32 = 11;
 const LABEL_SIZE: u32 = 12;
@@ -29,7 +31,7 @@ const LEGEND_ROW: f64 = 17.0;
 const TITLE_ROW: f64 = 19.0;
 const SWATCH: f64 = 24.0;
 const LETTER: f64 = 24.0;
-/// Radius of a marker that has a text of its own.
+/// Radius of a marker with a text.
 const LABELLED_RADIUS: f64 = 3.6;
 const TICK_LENGTH: f64 = 4.0;
 const INK: &str = "#1a1a1a";
@@ -40,7 +42,7 @@ const MARK: &str = "#5c6670";
 /// Points per line in a printed figure; more cannot be distinguished at 0.25 mm per pixel.
 const PRINTED_POINTS: usize = 2_400;
 
-/// Who will turn the scene into a file.
+/// Output format of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Medium {
     /// SVG: dashes are an attribute of the line.
@@ -49,7 +51,7 @@ pub(super) enum Medium {
     Bitmap,
 }
 
-/// The whole figure as a scene of [`PIXELS_PER_MILLIMETRE`].
+/// The whole figure as a scene with [`PIXELS_PER_MILLIMETRE`].
 pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
     let layout = Layout::new(figure);
     let mut scene = Scene::new(layout.width, layout.height);
@@ -65,23 +67,24 @@ pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
     sheet.scene
 }
 
-/// Makes kuva unpack its fonts, which takes as long as drawing several figures and can go on beside other work.
+/// Makes kuva unpack its fonts, which takes as long as drawing several figures and can run in
+/// parallel with other work.
 pub(super) fn load_fonts() {
     let mut scene = Scene::new(1.0, 1.0);
     let spans = vec![bold("a".to_owned())];
     scene.add(Primitive::RichText { x: 0.0, y: 0.0, spans, size: 1, anchor: TextAnchor::Start, color: None });
-    // Drawn for its side effect; a failure would show again, with a message, in the first figure.
+    // Drawn for its side effect; an error would occur again, with a message, in the first figure.
     let _ = PngBackend::new().render_scene(&scene);
 }
 
 /// Rows of legend entries with their distance from the left edge of the axes.
 type LegendRow<'a> = Vec<(f64, Entry<'a>)>;
 
-/// Where everything goes, in scene pixels.
+/// Layout of all parts, in scene pixels.
 struct Layout<'a> {
     width: f64,
     height: f64,
-    /// Legend common to all panels, at the top of the sheet.
+    /// Common legend of all panels, at the top of the sheet.
     legend: Vec<LegendRow<'a>>,
     frames: Vec<Frame<'a>>,
 }
@@ -100,9 +103,9 @@ struct Frame<'a> {
     /// Height of title row above the legend, 0 without.
     title: f64,
     legend: Vec<LegendRow<'a>>,
-    /// Room for the letter before the legend, 0 if the letter is in the title row.
+    /// Space for the letter before the legend, 0 if the letter is in the title row.
     legend_indent: f64,
-    /// Ticks are numbered and the axis is named below this panel.
+    /// Whether tick numbers and axis name are drawn below this panel.
     names_x: bool,
     /// Row of each mark's label inside the upper edge.
     label_rows: Vec<usize>,
@@ -120,7 +123,8 @@ impl Frame<'_> {
     }
 }
 
-/// Part of the way from the lower to the upper limit; not finite where a logarithmic axis has no place.
+/// Position between the lower and the upper limit, 0 to 1; not finite if a logarithmic axis cannot
+/// show the value.
 fn part([low, high]: [f64; 2], logarithmic: bool, value: f64) -> f64 {
     if logarithmic { (value / low).ln() / (high / low).ln() } else { (value - low) / (high - low) }
 }
@@ -150,7 +154,7 @@ impl<'a> Layout<'a> {
         }
         let mut top = layout.legend.len() as f64 * LEGEND_ROW + if common { 2.0 } else { 0.0 };
         for (row, panels) in figure.panels.chunks(columns).enumerate() {
-            // A letter alone needs no row of its own: it stands before the legend.
+            // A letter alone needs no row of its own: it is placed before the legend.
             let titled = panels.iter().any(|panel| !panel.title.is_empty());
             let indent = if figure.panels.len() > 1 && !titled { LETTER } else { 0.0 };
             let legend = |panel| {
@@ -212,7 +216,7 @@ fn left_margin(y: [f64; 2], axis: &Axis) -> f64 {
     widest + 30.0
 }
 
-/// Labels of horizontal marks stand outside the axes, at the right.
+/// Space for the labels of horizontal marks, which are outside the axes at the right.
 fn right_margin(panel: &Panel) -> f64 {
     let labels = panel.marks.iter().filter_map(|mark| match mark {
         Mark::Y { label, .. } | Mark::YRange { label, .. } => Some(text_width(label, f64::from(TICK_SIZE)) + 10.0),
@@ -221,7 +225,7 @@ fn right_margin(panel: &Panel) -> f64 {
     labels.fold(14.0, f64::max)
 }
 
-/// All panels have the same legend, so it is drawn once.
+/// Whether all panels have the same legend, which is then drawn once.
 fn common_legend(figure: &Figure) -> bool {
     figure.panels.len() > 1
         && figure.panels.windows(2).all(|pair| view::legend(&pair[0]) == view::legend(&pair[1]))
@@ -245,7 +249,8 @@ fn legend_rows(panel: &Panel, width: f64) -> Vec<LegendRow<'_>> {
     rows
 }
 
-/// The row below the upper edge in which the label of each vertical mark fits, in the order of the marks that have one.
+/// The row below the upper edge in which the label of each vertical mark fits, in the order of the
+/// labelled marks.
 fn label_rows(panel: &Panel, frame: &Frame<'_>) -> Vec<usize> {
     let mut ends: Vec<f64> = Vec::new();
     let labelled = panel.marks.iter().filter_map(|mark| x_label(mark, frame));
@@ -576,9 +581,10 @@ impl Sheet {
     }
 }
 
-/// Label of an axis and the size at which it fits into `room`; the smallest size cuts the name, never the unit.
+/// Label of an axis and the font size at which it fits into `room`; at the smallest size the name
+/// is shortened, never the unit.
 ///
-/// Axis labels are bold because kuva's rasteriser makes turned text bold, whether one wants it or not.
+/// Axis labels are bold because kuva's rasteriser always draws rotated text in bold.
 fn axis_title(axis: &Axis, room: f64) -> (String, u32) {
     const BOLD: f64 = 1.12;
     let label = view::printable(&view::axis_label(&axis.label, &axis.unit));
@@ -632,7 +638,7 @@ impl Drawable for (f64, f64, f64) {
     }
 }
 
-/// The stretches between gaps, at least two points long.
+/// The runs between gaps, at least two points long.
 fn runs<P: Drawable>(points: impl Iterator<Item = P>) -> Vec<Vec<P>> {
     let mut runs = vec![Vec::new()];
     for point in points {
@@ -646,7 +652,7 @@ fn runs<P: Drawable>(points: impl Iterator<Item = P>) -> Vec<Vec<P>> {
     runs
 }
 
-/// The drawn pieces of a dashed polyline, the pattern running on through its corners.
+/// The drawn pieces of a dashed polyline; the pattern continues through its corners.
 fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
     let (mut pieces, mut index, mut left) = (Vec::new(), 0, pattern[0]);
     let mut piece: Vec<(f64, f64)> = points.first().copied().into_iter().collect();
@@ -674,7 +680,7 @@ fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
     pieces
 }
 
-/// Corners of a filled marker around the origin, of about the same area as a circle of `radius`.
+/// Corners of a filled marker around the origin, with about the area of a circle of `radius`.
 fn corners(marker: Marker, radius: f64) -> Vec<(f64, f64)> {
     let r = radius;
     match marker {
@@ -703,7 +709,7 @@ fn fitted(text: &str, size: f64, room: f64) -> String {
     short + "…"
 }
 
-/// kuva reads `$...$` as mathematics; a file name may contain dollars that mean nothing.
+/// kuva interprets `$...$` as mathematics; a file name may contain ordinary dollar signs.
 fn literal(text: &str) -> String {
     text.replace('$', "\\$")
 }

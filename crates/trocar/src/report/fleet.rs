@@ -1,4 +1,4 @@
-//! From the table of many recordings to a report.
+//! Creates a report from the table of many recordings.
 
 use super::document::{Document, Section, Tile};
 use super::figures::fleet as figures;
@@ -6,14 +6,15 @@ use super::figures::fleet::ByType;
 use crate::fleet::{Cell, Config, Fleet};
 use crate::summary::PROGRAM;
 
-/// Metadata columns that say what the report compares; those that are not given are looked for by their usual names.
+/// Metadata columns for the comparisons of the report; those not given are found by their usual
+/// names.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Roles {
     /// Type of the trocar.
     pub kind: Option<String>,
-    /// Use: number of insertions or the like.
+    /// Use: number of insertions or similar.
     pub usage: Option<String>,
-    /// Specimen, or another grouping such as the centre: what is drawn at random.
+    /// Specimen or another grouping, such as the centre: the random factor.
     pub specimen: Option<String>,
 }
 
@@ -23,7 +24,7 @@ const USAGES: [&str; 5] = ["insertion_count", "insertions", "use_count", "uses",
 const SPECIMENS: [&str; 5] = ["specimen", "serial_number", "serial", "seal", "centre"];
 
 impl Roles {
-    /// These columns, where `fleet` has them, else others of the usual names.
+    /// These columns, if `fleet` has them, else columns of the usual names.
     fn settle(&self, fleet: &Fleet) -> Self {
         let has = |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| *c != Cell::Empty));
         let numeric =
@@ -42,7 +43,7 @@ impl Roles {
 
 /// The report: counts, distributions, drift with use, specimens, outliers, failures.
 ///
-/// Equal input gives equal documents. What the metadata cannot tell is replaced by a sentence that says what is missing.
+/// Equal input gives equal documents. Where metadata are missing, a sentence says what is missing.
 pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
     let roles = roles.settle(fleet);
     let types = ByType::new(fleet, roles.kind.as_deref());

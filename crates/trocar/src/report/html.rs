@@ -1,4 +1,5 @@
-//! The page: one file with everything inside, readable without JavaScript, on paper, on a phone and in the dark.
+//! The page: one self-contained file, readable without JavaScript, in print, on a phone and in dark
+//! mode.
 
 use std::fmt::Write as _;
 
@@ -19,7 +20,7 @@ const REPORT_SCRIPT: &str = include_str!("assets/report.js");
 const LIVE_SCRIPT: &str = include_str!("assets/live.js");
 const REPORT_STYLE: &str = include_str!("assets/report.css");
 
-/// What one figure puts into the page.
+/// Contents of one figure in the page.
 pub(super) struct Drawn {
     /// The static picture, inline SVG.
     pub(super) svg: String,
@@ -27,7 +28,7 @@ pub(super) struct Drawn {
     pub(super) json: String,
 }
 
-/// The script of the page in a scope of its own; that of the live model shares it.
+/// The script of the page in its own scope, shared with the script of the live model.
 fn script(live: Option<&Embedded>) -> String {
     let live = if live.is_some() { LIVE_SCRIPT } else { "" };
     format!("\"use strict\";\n(() => {{\n{REPORT_SCRIPT}{live}}})();\n")
@@ -62,7 +63,7 @@ pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str, live: Opt
     page
 }
 
-/// `text` for HTML and XML, in content and in quoted attributes.
+/// Escapes `text` for HTML and XML, in content and in quoted attributes.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in printable(text).chars() {
@@ -87,7 +88,8 @@ fn head(page: &mut String, document: &Document, script: &str, has_live: bool) {
     page.push_str("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
     page.push_str("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
     page.push_str("<meta name=\"color-scheme\" content=\"light dark\">\n");
-    // Nothing may be loaded, and no script but these two and the model may run, whatever a recording is called.
+    // Nothing may be loaded, and only these two scripts and the model may run, whatever the name of
+    // a recording.
     let _ = writeln!(
         page,
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
@@ -176,7 +178,7 @@ fn section<'d>(
     page.push_str("</section>\n");
 }
 
-/// Where the script builds what the model is played with, and what stands there until it has.
+/// The container in which the script builds the interactive model, with its initial content.
 fn live_model(page: &mut String, Embedded { module, json }: &Embedded) {
     page.push_str("<div id=\"live\" class=\"live\">\n<p class=\"live-absent\">");
     page.push_str(

@@ -1,7 +1,8 @@
-//! From the results of an identification and its validation to a report: the paper's section IV with the user's own data.
+//! Creates a report from the results of an identification and its validation: the paper's section
+//! IV with the user's own data.
 //!
-//! Nothing is estimated here. The identified model is run over the recordings once more, because the results keep scores, not
-//! series.
+//! This module estimates nothing. It simulates the identified model over the recordings again,
+//! because the results contain scores but no time series.
 
 use trocar_model::Element;
 
@@ -12,18 +13,19 @@ use crate::identify::{Identification, Warning};
 use crate::recording::Recording;
 use crate::validate::Validation;
 
-/// What a report of an identification is made from.
+/// Inputs of an identification report.
 #[derive(Debug, Clone, Copy)]
 pub struct IdentificationReport<'a> {
     /// The result.
     pub identification: &'a Identification,
-    /// The recordings it was identified from, as they were given to it: a declared moving mass taken out, an unmodelled one
-    /// ([`Candidate::unmodelled_mass`](crate::identify::Candidate)) still inside.
+    /// The recordings used for identification, as they were passed to it: a declared moving mass is
+    /// subtracted, an unmodelled one ([`Candidate::unmodelled_mass`](crate::identify::Candidate))
+    /// is not.
     pub training: &'a [Recording],
-    /// Recordings that the identification has not seen, as they were scored (unmodelled mass taken out), and the scores;
-    /// an empty list counts as none.
+    /// The validation recordings as they were scored (unmodelled mass subtracted), and the scores;
+    /// an empty list counts as `None`.
     pub validation: Option<(&'a [Recording], &'a Validation)>,
-    /// The elements a virtual bench was run with, where the data come from one.
+    /// The elements of the virtual bench, if the data come from one.
     pub truth: Option<&'a [Element]>,
     /// Seed of the identification.
     pub seed: u64,
@@ -31,25 +33,26 @@ pub struct IdentificationReport<'a> {
     pub bootstrap: usize,
     /// Title of the report.
     pub title: &'a str,
-    /// What two of the figures show.
+    /// Contents of two of the figures.
     pub choice: FigureChoice<'a>,
 }
 
-/// What figures 7 and 9 of EMS show; empty lists show the default.
+/// Contents of figures 7 and 9 of EMS; empty lists select the default.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FigureChoice<'a> {
-    /// Deflections, m, at which the force is drawn against the velocity of the deformation (EMS figure 7); by default ∓c/2 and 0.
+    /// Deflections, m, at which the force is drawn against the deformation velocity (EMS figure 7);
+    /// by default ∓c/2 and 0.
     pub deflections: &'a [f64],
     /// Speeds, m/s, of the cycles drawn in the cross-validation (EMS figure 9); by default the lowest and the highest.
     pub speeds: &'a [f64],
 }
 
-/// Most deflections or speeds that one figure shows.
+/// Most deflections or speeds of one figure.
 pub const MOST_CHOSEN: usize = 6;
-/// Largest difference of a stroke's speed from the one asked for, as a part of it.
+/// Largest relative difference between a stroke's speed and the requested one.
 pub const LIKE_SPEED: f64 = 0.1;
 
-/// Why a figure cannot show what was chosen.
+/// Why a figure cannot show the selection.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChoiceError {
@@ -60,7 +63,7 @@ pub enum ChoiceError {
         figure: u8,
         /// `deflections` or `speeds`.
         what: &'static str,
-        /// How many were chosen.
+        /// Number of selected values.
         count: usize,
     },
     /// A deflection that the seal does not reach.
@@ -81,7 +84,7 @@ pub enum ChoiceError {
     },
 }
 
-/// In millimetres (a second), to three decimals.
+/// In millimetres (per second), to three decimals.
 fn thousandths(metres: f64) -> f64 {
     (1e6 * metres).round() / 1e3
 }
@@ -95,11 +98,12 @@ fn recorded_in_words(speeds: &[f64]) -> String {
     }
 }
 
-/// Whether the figures can show what was chosen.
+/// Checks whether the figures can show the selection.
 ///
 /// # Errors
-/// [`ChoiceError`]: too many values, a deflection outside ±c, a speed that was not recorded. A figure that cannot be drawn at
-/// all takes any choice: the report says why it is missing.
+/// [`ChoiceError`]: too many values, a deflection outside ±c, a speed that was not recorded. A
+/// figure that cannot be drawn at all accepts any selection; the report gives the reason why it is
+/// missing.
 pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
     let FigureChoice { deflections, speeds } = input.choice;
     for (figure, what, count) in [(7, "deflections", deflections.len()), (9, "speeds", speeds.len())] {
@@ -128,7 +132,7 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
 /// Heading of the section on the fit to all motion.
 const FIT: &str = "Fit to all motion";
 
-/// What the section of the live model is.
+/// Explanation in the section of the live model.
 const LIVE: &str = "The identified model itself runs here, the same steps as in every other program of this project. Turn its parameters (the \
                     stroke above a slider is the value identified, the bar below it the 95 % interval), run it along a recorded motion, drag the \
                     instrument, or draw a motion: force and loop follow at once. The measured force is shown less the sensor offset.";
@@ -138,8 +142,8 @@ const ERROR_OF_EMS: &str = "EMS reports 0.17 N on its own data";
 
 /// The report: summary, warnings, parameters, recordings, and the figures of EMS section IV.
 ///
-/// Equal input gives equal documents. Figures are numbered in order of appearance; one whose data are missing is replaced by a
-/// sentence that says why.
+/// Equal input gives equal documents. Figures are numbered in order of appearance. If its data are
+/// missing, a figure is replaced by a sentence with the reason.
 pub fn document(input: &IdentificationReport) -> Document {
     let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
     let input = &IdentificationReport { validation, ..*input };
@@ -187,7 +191,7 @@ fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
     tiles
 }
 
-/// The error of each recording, where there are few, and that of EMS beside it.
+/// The error of each recording, if there are few, and that of EMS for comparison.
 fn error_note(scored: &Scored) -> String {
     let recordings = &scored.validation.recordings;
     if !(2..=3).contains(&recordings.len()) {
@@ -197,7 +201,7 @@ fn error_note(scored: &Scored) -> String {
     format!("{}; {ERROR_OF_EMS}", each.collect::<Vec<_>>().join(", "))
 }
 
-/// One line for each message, what it concerns in words before it; doubts come before remarks.
+/// One line per message, beginning with its subject; doubts come before remarks.
 fn warnings(found: &Identification, scored: &Scored) -> Vec<String> {
     let mut lines: Vec<(Vec<String>, &str)> = Vec::new();
     let doubts = found.warnings.iter().filter(|w| w.doubtful);
@@ -248,7 +252,7 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
     all
 }
 
-/// The model to play with.
+/// The interactive model.
 fn live(input: &IdentificationReport, scored: &Scored) -> Section {
     let section = Section::new("The model, live");
     match figures::live_model(input.identification, scored) {
@@ -257,7 +261,7 @@ fn live(input: &IdentificationReport, scored: &Scored) -> Section {
     }
 }
 
-/// The fit; `None` where there was none.
+/// The section on the fit; `None` without a fit.
 fn fit(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
     let found = input.identification;
     let fit = found.fit.as_ref()?;
@@ -285,7 +289,7 @@ fn parameters(input: &IdentificationReport) -> Section {
         .table(figures::parameters(found, input.truth))
 }
 
-/// Where values and intervals come from when the element was fitted to all motion.
+/// Origin of values and intervals when the element was fitted to all motion.
 fn of_all_motion(found: &Identification) -> (String, String) {
     let beside = if found.steady.means.is_empty() {
         "Nothing slides steadily here, so the paper's two steps give nothing to put beside it."

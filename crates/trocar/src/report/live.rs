@@ -1,4 +1,4 @@
-//! The model that runs in the page: its module, its numbers, its recorded stretch, as text inside the page.
+//! The live model of the page: its module, its numbers and its recorded motion as text in the page.
 
 use std::io::Write as _;
 
@@ -11,10 +11,11 @@ use serde::Serialize;
 use super::chart::{Codes, inert};
 use super::document::{Knob, LiveModel, Stretch};
 
-/// `crates/trocar-web`, built by its script; a test there holds its forces against the library's.
+/// `crates/trocar-web`, built by its script; a test there compares its forces with those of the
+/// library.
 const MODULE: &[u8] = include_bytes!("assets/model.wasm");
 
-/// What a page with a live model holds.
+/// Data of a live model in a page.
 pub(super) struct Embedded {
     /// The module, compressed, base64.
     pub(super) module: String,
@@ -25,7 +26,7 @@ pub(super) struct Embedded {
 /// The texts of `model`.
 ///
 /// # Errors
-/// None in practice: nothing is written but memory.
+/// None in practice: the data are only written to memory.
 pub(super) fn embed(model: &LiveModel) -> Result<Embedded, serde_json::Error> {
     let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
     compressed.write_all(MODULE).map_err(serde_json::Error::io)?;
@@ -42,7 +43,7 @@ pub(super) fn embed(model: &LiveModel) -> Result<Embedded, serde_json::Error> {
 
 #[derive(Serialize)]
 struct Page<'a> {
-    /// 64-bit numbers, little endian, base64: to the last bit, infinite ones included.
+    /// 64-bit numbers, little endian, base64: exact, including infinite ones.
     row: String,
     way: [f64; 2],
     knobs: Vec<PageKnob<'a>>,

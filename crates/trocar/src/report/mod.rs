@@ -4,8 +4,9 @@
 //! Document -> report.html            one file, no external request, works without JavaScript and on paper
 //!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
-//! **Invariant:** drawing knows [`Document`] alone: it estimates, simulates and converts nothing. Only [`identification`],
-//! [`comparison`] and [`fleet`] know results; they fill documents from them.
+//! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
+//! Only [`identification`], [`comparison`] and [`fleet`] depend on results; they fill documents
+//! from them.
 
 mod chart;
 pub mod comparison;
@@ -40,17 +41,17 @@ pub use document::{
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
 const PNG_SCALE: f32 = 2.5;
 
-/// Figures drawn at a time; each holds a bitmap of about 6 MB while it is encoded.
+/// Figures drawn in parallel; each holds a bitmap of about 6 MB while it is encoded.
 const FIGURES_AT_A_TIME: usize = 4;
 
 /// Why a report was not written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
-    /// A figure cannot show what was chosen.
+    /// A figure cannot show the selection.
     #[error(transparent)]
     Choice(#[from] identification::ChoiceError),
-    /// A figure's id is not a file stem made of lower-case letters, digits and hyphens.
+    /// A figure's id is not a file stem of lower-case letters, digits and hyphens.
     #[error("figure id {id:?} must consist of a-z, 0-9 and hyphens")]
     InvalidId {
         /// The id as given.
@@ -62,14 +63,14 @@ pub enum ReportError {
         /// The id as given.
         id: String,
     },
-    /// The columns of a series do not belong together.
+    /// The columns of a series have different lengths.
     #[error("figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x")]
     UnequalLengths {
         /// Id of the figure.
         figure: String,
         /// Name of the series.
         series: String,
-        /// The column that differs: "y", "labels", "low" or "high".
+        /// The inconsistent column: "y", "labels", "low" or "high".
         column: &'static str,
         /// Its number of values.
         found: usize,
@@ -88,7 +89,7 @@ pub enum ReportError {
         /// Columns of the table.
         expected: usize,
     },
-    /// A document has two models to play with, or one whose numbers do not belong together.
+    /// A document has two live models, or one with inconsistent numbers.
     #[error("live model: {reason}")]
     Live {
         /// What is wrong.
@@ -99,20 +100,22 @@ pub enum ReportError {
     Drawing {
         /// Id of the figure.
         figure: String,
-        /// What the drawing library said.
+        /// Error of the drawing library.
         reason: String,
     },
-    /// A file could not be written; files of an earlier run are as they were.
+    /// A file could not be written; files of an earlier run are unchanged.
     #[error(transparent)]
     Output(#[from] OutputError),
 }
 
-/// Writes `report.html`, `figures/<id>.svg` and `figures/<id>.png` into `folder`, which is created if need be.
+/// Writes `report.html`, `figures/<id>.svg` and `figures/<id>.png` into `folder`, which is created
+/// if necessary.
 ///
-/// All files appear together or none does. Equal documents give equal bytes.
+/// All files appear together or not at all. Equal documents give equal bytes.
 ///
 /// # Errors
-/// A malformed document is refused before anything is written; a file that cannot be written ends the run.
+/// A malformed document is rejected before anything is written. Writing stops at a file that cannot
+/// be written.
 pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportError> {
     check(document)?;
     let staged = StagedFolder::create(folder)?;
@@ -120,10 +123,11 @@ pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportEr
     Ok(staged.commit()?)
 }
 
-/// Writes the files of [`write_document`] into a folder that the caller commits, together with files of its own.
+/// Writes the files of [`write_document`] into a folder that the caller commits together with its
+/// own files.
 ///
 /// # Errors
-/// As [`write_document`].
+/// As for [`write_document`].
 pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
@@ -141,7 +145,7 @@ pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), 
     Ok(folder.write("report.html", page_of(document, &drawn)?.as_bytes())?)
 }
 
-/// The page of [`write_document`] alone: `report.html`, with everything inside.
+/// Only the page of [`write_document`]: `report.html`, with everything inside.
 ///
 /// # Errors
 /// A malformed document, or a figure that cannot be drawn.
@@ -160,10 +164,10 @@ fn page_of(document: &Document, drawn: &[html::Drawn]) -> Result<String, ReportE
     Ok(html::page(document, drawn, &styles, live.as_ref()))
 }
 
-/// The figures of [`write_document`] alone: id and SVG of each, in order.
+/// Only the figures of [`write_document`]: id and SVG of each, in order.
 ///
 /// # Errors
-/// As [`page`].
+/// As for [`page`].
 pub fn vectors(document: &Document) -> Result<Vec<(String, String)>, ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();

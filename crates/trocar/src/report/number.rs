@@ -1,4 +1,4 @@
-//! Numbers for people: ticks, significant digits, widths of printed text.
+//! Formatting of numbers: ticks, significant digits, widths of printed text.
 
 /// Ticks of one axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -9,7 +9,8 @@ pub(super) struct Ticks {
     pub(super) labels: Vec<String>,
 }
 
-/// Round ticks (1, 2, 2.5 or 5 times a power of ten apart), about `target` of them, inside `[low, high]`.
+/// Round ticks (1, 2, 2.5 or 5 times a power of ten apart), about `target` of them, inside `[low,
+/// high]`.
 pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
     let raw = (high - low) / target.max(1) as f64;
     let magnitude = 10f64.powf(raw.log10().floor());
@@ -24,11 +25,12 @@ pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
     Ticks { at, labels }
 }
 
-/// Within a decade, fewer round ratios than this make way for evenly spaced ticks.
+/// With fewer logarithmic ticks than this within the axis, linear ticks are used.
 const FEWEST_RATIOS: usize = 4;
 
-/// Ticks of a logarithmic axis inside `[low, high]`, both above zero: some or no multiples of powers of ten, so that they are
-/// at most about `target`; plain ones where the axis spans too little.
+/// Ticks of a logarithmic axis inside `[low, high]`, both above zero. Multiples of powers of ten
+/// are added or omitted to obtain at most about `target` ticks; linear ticks where the range is too
+/// small.
 pub(super) fn log_ticks(low: f64, high: f64, target: usize) -> Ticks {
     let exponents = low.log10().floor() as i32..=high.log10().ceil() as i32;
     let places = |factors: &[f64]| -> Vec<f64> {
@@ -74,7 +76,8 @@ pub(super) fn significant(value: f64, digits: usize) -> String {
     fixed(value, (digits as i32 - 1 - exponent).max(0) as usize)
 }
 
-/// Decimals that show half of the interval with two significant digits; `None` for an interval without width.
+/// Number of decimals that show half of the interval with two significant digits; `None` for an
+/// interval without width.
 pub(super) fn decimals_for(low: f64, high: f64) -> Option<usize> {
     let half = (high - low).abs() / 2.0;
     (half.is_finite() && half > 0.0).then(|| (1.0 - half.log10().floor()).clamp(0.0, 12.0) as usize)
@@ -84,8 +87,8 @@ fn typographic(text: &str) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// Advance widths of DejaVu Sans from space to tilde, in thousandths of the font size: kuva draws bitmaps with this font,
-/// and the fallbacks named in the SVG are as wide (Verdana) or narrower.
+/// Advance widths of DejaVu Sans from space to tilde, in thousandths of the font size. kuva draws
+/// bitmaps with this font, and the fallbacks named in the SVG are as wide (Verdana) or narrower.
 #[rustfmt::skip]
 const ADVANCE: [u16; 95] = [
     318, 401, 460, 838, 636, 950, 780, 275, 390, 390, 500, 838, 318, 361, 318, 337, 636, 636, 636, 636, 636, 636, 636,
@@ -95,7 +98,8 @@ const ADVANCE: [u16; 95] = [
     337, 636, 838,
 ];
 
-/// Width of `text` set in `size` pixels. Outside ASCII a wide letter is assumed, so that space is never short.
+/// Width of `text` at font size `size` in pixels. Characters outside ASCII count as wide letters,
+/// so that the result is never too small.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
     let advance = |c: char| (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(838);
     text.chars().map(|c| f64::from(advance(c))).sum::<f64>() * size / 1000.0

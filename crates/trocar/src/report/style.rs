@@ -1,15 +1,16 @@
-//! One look for every figure: colours that survive colour blindness and a grey printer, in light and in dark.
+//! Common style of all figures: colours that remain distinguishable with colour blindness and in
+//! grey print, in light and in dark mode.
 
 use super::document::Role;
 
-/// How a role is drawn.
+/// Drawing style of a role.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Style {
     /// Name of the CSS custom property (`--<class>`), shared with the script.
     pub(super) class: &'static str,
-    /// Colour on white, at least 3:1.
+    /// Colour on white, with a contrast of at least 3:1.
     pub(super) light: &'static str,
-    /// Colour on the dark background, at least 3:1.
+    /// Colour on the dark background, with a contrast of at least 3:1.
     pub(super) dark: &'static str,
     /// Line width in pixels (1 px = 0.25 mm on paper).
     pub(super) width: f64,
@@ -19,7 +20,7 @@ pub(super) struct Style {
     pub(super) marker: Marker,
 }
 
-/// Marker shapes, told apart without colour.
+/// Marker shapes, distinguishable without colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Marker {
     Circle,
@@ -54,8 +55,8 @@ const SOLID: &[f64] = &[];
 const DASHED: &[f64] = &[8.0, 6.0];
 const DOTTED: &[f64] = &[2.0, 4.0];
 
-/// Colours of the families of friction models, light and dark, and deeper ones for their dashed variants: dashes show on a
-/// solid line that they coincide with.
+/// Colours of the families of friction models, light and dark, and darker ones for their dashed
+/// variants, so that dashes are visible on a coincident solid line.
 const EMS: [&str; 2] = ["#0064b0", "#5db3ff"];
 const EMS_DEEP: [&str; 2] = ["#00284d", "#cfe8ff"];
 const STATIC: [&str; 2] = ["#856a00", "#d9b93a"];
@@ -73,8 +74,8 @@ const GMS_DEEP: [&str; 2] = ["#3d0505", "#ffd9d5"];
 const OTHER: [&str; 2] = ["#5a5a5a", "#b0b0b0"];
 const OTHER_DEEP: [&str; 2] = ["#101010", "#f4f4f4"];
 
-// Okabe and Ito's hues, darkened (brightened) until they contrast 3:1 with white (the dark page). Lightness differs between
-// roles that meet in one panel; dashes and markers differ where it cannot.
+// Okabe and Ito's hues, darkened (brightened) to a contrast of 3:1 with white (the dark page).
+// Lightness differs between roles in the same panel; where it cannot, dashes and markers differ.
 const STYLES: [Style; 16 + 3 * 8 + 1] = [
     style("measured", ["#4a4a4a", "#bdbdbd"], 1.0, &[], Marker::Circle),
     style("model", ["#0064b0", "#5db3ff"], 1.8, &[], Marker::Square),
@@ -176,7 +177,7 @@ mod tests {
 
     #[test]
     fn every_role_contrasts_with_both_pages() {
-        // What lies broad behind everything else needs less.
+        // Wide lines behind all others need less contrast.
         for style in all().iter().filter(|style| style.class != "backdrop") {
             assert!(contrast(style.light, "#ffffff") >= 4.5, "{} on white", style.class);
             assert!(contrast(style.dark, "#16191d") >= 4.5, "{} on the dark page", style.class);

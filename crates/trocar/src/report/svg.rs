@@ -1,4 +1,4 @@
-//! Finishes kuva's SVG: size on paper, scaling, and a description for those who cannot see it.
+//! Completes kuva's SVG: printed size, scaling, and a description for screen readers.
 
 use super::document::Figure;
 use super::draw::PIXELS_PER_MILLIMETRE;
@@ -21,14 +21,14 @@ impl Drawing {
         Some(Self { body: body.to_owned(), width: scene.width, height: scene.height, font })
     }
 
-    /// A file of its own, sized in millimetres.
+    /// A separate file, sized in millimetres.
     pub(super) fn file(&self, figure: &Figure) -> String {
         let [width, height] = [self.width, self.height].map(|pixels| pixels / PIXELS_PER_MILLIMETRE);
         let size = format!(" xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\"");
         self.with_opening_tag(figure, &size)
     }
 
-    /// A part of an HTML page, as wide as the style sheet says.
+    /// A part of an HTML page; the style sheet defines its width.
     pub(super) fn inline(&self, figure: &Figure) -> String {
         self.with_opening_tag(figure, "")
     }

@@ -1,4 +1,5 @@
-//! From a model, recordings and its run over them to figures: for any model, also one that was not identified just now.
+//! Creates figures from a model, recordings and its simulation over them: for any model, not only
+//! for one just identified.
 
 use super::document::{Axis, Document, Figure, Panel, Role, Section, Series};
 use super::figures::thinned;
@@ -9,9 +10,11 @@ use crate::validate::Validation;
 /// Most recordings that are drawn.
 const MOST_RECORDINGS: usize = 4;
 
-/// Measured and computed force over time, and what is left, a figure for each of the first four recordings.
+/// Measured and computed force over time and the residual, one figure for each of the first four
+/// recordings.
 ///
-/// `runs` are those of the model over `recordings`, whose readings hold the sensor offset `offset`, N.
+/// `runs` are the simulations of the model over `recordings`, whose readings contain the sensor
+/// offset `offset`, N.
 pub fn document(recordings: &[Recording], runs: &[Replay], scores: &Validation, offset: f64, title: &str) -> Document {
     let mut section = Section::new("Model against measurement");
     let scored = recordings.iter().zip(runs).zip(&scores.recordings);

@@ -1,4 +1,4 @@
-//! What both the printed and the interactive picture of a panel agree on: limits of the axes and the legend.
+//! Common parts of the printed and the interactive panel: limits of the axes and the legend.
 
 use super::document::{Axis, Figure, Kind, Mark, Panel, Role, Series};
 
@@ -44,7 +44,7 @@ fn x_span(panel: &Panel) -> Span {
     data.chain(marks).chain([zero]).filter(shown_on(&panel.x)).fold(Span::EMPTY, Span::with)
 }
 
-/// Whether an axis has a place for a value.
+/// Whether an axis can show a value.
 fn shown_on(axis: &Axis) -> impl Fn(&f64) -> bool {
     let logarithmic = axis.logarithmic;
     move |value| !logarithmic || *value > 0.0
@@ -88,7 +88,8 @@ impl Span {
         Self { low: self.low.min(value), high: self.high.max(value) }
     }
 
-    /// The span with `share` of its width added at both ends; a place to stand on when there is no data or no width.
+    /// The span with `share` of its width added at both ends; a default span if there are no data
+    /// or no width.
     fn padded(self, share: f64) -> [f64; 2] {
         if self.low > self.high {
             return [0.0, 1.0];
@@ -111,7 +112,7 @@ impl Span {
     }
 }
 
-/// One line of a legend: all series of one name and role.
+/// One entry of a legend: all series of one name and role.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry<'a> {
     pub(super) name: &'a str,
@@ -151,7 +152,7 @@ pub(super) fn axis_label(label: &str, unit: &str) -> String {
     if unit.is_empty() { label.to_owned() } else { format!("{label} ({unit})") }
 }
 
-/// `text` without characters that XML forbids (control characters in a file name, for instance).
+/// `text` without characters that XML forbids (such as control characters in a file name).
 pub(super) fn printable(text: &str) -> String {
     let forbidden = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
     text.chars().map(|c| if forbidden(c) { '\u{fffd}' } else { c }).collect()

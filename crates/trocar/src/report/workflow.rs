@@ -1,4 +1,4 @@
-//! The folder of results of an identification.
+//! The results folder of an identification.
 
 use trocar_model::Element;
 
@@ -8,10 +8,11 @@ use crate::output::StagedFolder;
 use crate::workflow::Workflow;
 
 impl Workflow {
-    /// The report; `truth` are the elements of a virtual bench, shown beside the result, `choice` what figures show.
+    /// The report. `truth` are the elements of a virtual bench, shown next to the result; `choice`
+    /// selects the contents of figures.
     ///
     /// # Errors
-    /// [`ReportError`] for a choice that the recordings do not allow.
+    /// [`ReportError`] for a selection that the recordings do not allow.
     pub fn document(&self, truth: Option<&[Element]>, choice: FigureChoice) -> Result<Document, ReportError> {
         let input = IdentificationReport {
             identification: &self.identification,

@@ -72,7 +72,7 @@ fn array(column: &Column) -> ArrayRef {
     }
 }
 
-/// What the operating system said, where it was the one to refuse.
+/// The error of the operating system, if it caused this one.
 fn io_error(error: ArrowError) -> io::Error {
     match error {
         ArrowError::IoError(_, source) => source,

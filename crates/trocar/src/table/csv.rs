@@ -10,7 +10,7 @@ use super::{Column, Field, Format};
 use crate::output::AtomicFile;
 use crate::recording::line::Line;
 
-/// Half the time of the usual 6 and a few percent more bytes.
+/// Takes half the time of the default 6 and a few percent more bytes.
 const GZIP_LEVEL: u32 = 4;
 
 #[cfg(feature = "zstd")]
@@ -19,7 +19,7 @@ const ZSTD_LEVEL: i32 = 3;
 pub(super) struct Writer {
     sink: Sink,
     line: Line,
-    /// What stands for a missing number.
+    /// Text of a missing number.
     pub(super) missing: &'static str,
 }
 

@@ -1,9 +1,10 @@
-//! Tables of results: named columns of numbers, integers, Booleans and text, written in pieces to CSV (plain, gzip,
-//! zstd), Parquet or Arrow, and read back from Parquet.
+//! Tables of results: named columns of numbers, integers, Booleans and text, written in blocks to
+//! CSV (plain, gzip, zstd), Parquet or Arrow, and read back from Parquet.
 //!
-//! The file's extension chooses the format; the same columns give the same bytes. A cell may be missing: NaN among numbers,
-//! `None` elsewhere; it becomes null in Parquet and Arrow and an empty cell in CSV. A unit that ends a name, as in
-//! `force_n`, stands beside it in Parquet and Arrow as the field's metadata `unit`.
+//! The file extension selects the format; the same columns give the same bytes. A cell may be
+//! missing: NaN for numbers, `None` otherwise. It becomes null in Parquet and Arrow and an empty
+//! cell in CSV. The unit at the end of a name, as in `force_n`, is also stored in Parquet and Arrow
+//! as the field's metadata `unit`.
 
 use std::borrow::Cow;
 use std::io;
@@ -18,10 +19,10 @@ mod csv;
 #[cfg(feature = "parquet")]
 mod parquet;
 
-/// What the cells of a column are.
+/// Type of the cells of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Numbers of 64 bits.
+    /// 64-bit numbers.
     Number,
     /// Integers.
     Integer,
@@ -31,12 +32,12 @@ pub enum Kind {
     Text,
 }
 
-/// A column before it has rows.
+/// The description of a column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
-    /// Its name, a unit at its end.
+    /// Its name, with the unit at its end.
     pub name: String,
-    /// What its cells are.
+    /// Type of its cells.
     pub kind: Kind,
 }
 
@@ -51,14 +52,14 @@ impl Field {
         Self::new(name, Kind::Number)
     }
 
-    /// The unit that its name ends in.
+    /// The unit at the end of its name.
     #[must_use]
     pub fn unit(&self) -> Option<&'static str> {
         unit_in(&self.name)
     }
 }
 
-/// The cells of a column; NaN and `None` are missing ones.
+/// The cells of a column; NaN and `None` mark missing cells.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Column {
     /// Numbers.
@@ -83,7 +84,7 @@ impl Column {
         }
     }
 
-    /// What the cells are.
+    /// Type of the cells.
     #[must_use]
     pub fn kind(&self) -> Kind {
         match self {
@@ -111,7 +112,7 @@ impl Column {
         self.len() == 0
     }
 
-    /// Removes all cells and keeps their memory.
+    /// Removes all cells but keeps the allocated memory.
     pub fn clear(&mut self) {
         match self {
             Self::Number(cells) => cells.clear(),
@@ -121,12 +122,12 @@ impl Column {
         }
     }
 
-    /// Appends the cells of `other`; of another kind than this column's, they are left out.
+    /// Appends the cells of `other`; does nothing if its type differs from that of this column.
     pub fn append(&mut self, other: &Self) {
         self.extend(other, 0, other.len());
     }
 
-    /// Appends the cells of `other`, which is of the same kind, from row `from` to before row `to`.
+    /// Appends the rows `from` to `to` (exclusive) of `other`, which has the same type.
     fn extend(&mut self, other: &Self, from: usize, to: usize) {
         match (self, other) {
             (Self::Number(all), Self::Number(more)) => all.extend_from_slice(&more[from..to]),
@@ -138,7 +139,7 @@ impl Column {
     }
 }
 
-/// Columns of one length with their names.
+/// Columns of equal length with their names.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     /// Names, in the order of `columns`.
@@ -164,10 +165,11 @@ impl Table {
 
 /// Reads a whole table from a Parquet file.
 ///
-/// Integers and truths keep their kind; all other numbers become [`Column::Number`].
+/// Integers and Booleans keep their type; all other numbers become [`Column::Number`].
 ///
 /// # Errors
-/// [`TableError`] when the file cannot be read, is damaged, or has columns other than flat numbers, truths and text.
+/// [`TableError`] when the file cannot be read, is damaged, or has columns other than flat numbers,
+/// Booleans and text.
 pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     let path = path.as_ref();
     #[cfg(feature = "parquet")]
@@ -176,7 +178,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
 }
 
-/// Names of the columns of a Parquet file, which is not read any further.
+/// Names of the columns of a Parquet file; reads no data.
 ///
 /// # Errors
 /// [`TableError`] when the file cannot be opened or is damaged.
@@ -188,10 +190,10 @@ pub fn names(path: impl AsRef<Path>) -> Result<Vec<String>, TableError> {
     Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
 }
 
-/// What a file's extension says of its format.
+/// Format of a file by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Text separated by commas, which is also taken for every extension that is none of the others.
+    /// Comma-separated text, also used for all unknown extensions.
     Csv,
     /// `.gz`.
     CsvGzip,
@@ -218,18 +220,20 @@ impl Format {
     }
 }
 
-/// Writes a table piece by piece; the file appears when it is complete ([`TableWriter::commit`]), or not at all.
+/// Writes a table block by block; the file appears when it is complete ([`TableWriter::commit`]),
+/// or not at all.
 ///
-/// Memory is bounded: Parquet keeps at most 131,072 rows until they make a row group, the others one piece.
+/// Memory is bounded: Parquet buffers at most 131,072 rows for a row group, the other formats one
+/// block.
 pub struct TableWriter {
     path: PathBuf,
     fields: Vec<Field>,
     sink: Sink,
-    /// Rows that were given one by one.
+    /// Rows that were appended one by one.
     waiting: Vec<Column>,
 }
 
-/// Rows given one by one that make a piece.
+/// Number of single rows that form a block.
 const PIECE: usize = 1 << 12;
 
 /// One cell of a row.
@@ -237,7 +241,7 @@ const PIECE: usize = 1 << 12;
 pub enum Cell {
     /// A number; NaN where it is missing.
     Number(f64),
-    /// A whole number.
+    /// An integer.
     Integer(i64),
     /// Text.
     Text(&'static str),
@@ -252,16 +256,17 @@ enum Sink {
 }
 
 impl TableWriter {
-    /// Begins the file `path`, whose extension chooses the format ([`Format::of`]); `-` is CSV to standard output.
+    /// Creates the file `path`, whose extension selects the format ([`Format::of`]); `-` is CSV to
+    /// standard output.
     ///
     /// # Errors
-    /// [`OutputError`] when it cannot be made, or the format is not part of this build.
+    /// [`OutputError`] when the file cannot be created or the format is not part of this build.
     pub fn create(path: impl AsRef<Path>, fields: &[Field]) -> Result<Self, OutputError> {
         let path = path.as_ref();
         Self::with_format(path, Format::of(path), fields)
     }
 
-    /// The same with a format that does not follow from the extension.
+    /// The same with an explicit format.
     ///
     /// # Errors
     /// As for [`TableWriter::create`].
@@ -293,7 +298,7 @@ impl TableWriter {
         Ok(Self { path: path.to_owned(), fields: fields.to_vec(), sink, waiting })
     }
 
-    /// The same with `text` in place of missing numbers where the format is CSV, instead of empty cells.
+    /// The same, but CSV contains `text` for missing numbers and not empty cells.
     #[must_use]
     pub fn with_missing(mut self, text: &'static str) -> Self {
         #[allow(irrefutable_let_patterns)] // the only one without formats
@@ -303,7 +308,8 @@ impl TableWriter {
         self
     }
 
-    /// Appends one row: a cell for each field, of its kind. It is written with others, or by [`TableWriter::flush`].
+    /// Appends one row: a cell for each field, of its type. It is written together with others, or
+    /// by [`TableWriter::flush`].
     ///
     /// # Errors
     /// As for [`TableWriter::write`].
@@ -313,7 +319,7 @@ impl TableWriter {
                 (Column::Number(cells), Cell::Number(number)) => cells.push(number),
                 (Column::Integer(cells), Cell::Integer(number)) => cells.push(Some(number)),
                 (Column::Text(cells), Cell::Text(word)) => cells.push(Some(word.into())),
-                // Columns of uneven length are refused when they are written.
+                // Columns of unequal length are rejected when they are written.
                 _ => {}
             }
         }
@@ -323,7 +329,8 @@ impl TableWriter {
         }
     }
 
-    /// Writes the rows given one by one; to a pipe they are gone then, unless the format keeps rows for a group.
+    /// Writes the rows appended one by one. On a pipe they are then sent, unless the format buffers
+    /// rows for a group.
     ///
     /// # Errors
     /// As for [`TableWriter::write`].
@@ -348,10 +355,11 @@ impl TableWriter {
         outcome
     }
 
-    /// Appends rows: one column for each field, of its kind and all of one length.
+    /// Appends rows: one column for each field, of its type and all of equal length.
     ///
     /// # Errors
-    /// [`OutputError::Write`], for example on a full disk, or when the columns are not those of the fields.
+    /// [`OutputError::Write`], for example on a full disk, or when the columns do not match the
+    /// fields.
     pub fn write(&mut self, columns: &[Column]) -> Result<(), OutputError> {
         self.write_waiting()?;
         self.write_columns(columns)
@@ -371,7 +379,7 @@ impl TableWriter {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// [`OutputError::Write`]; an earlier file of that name is then untouched.
+    /// [`OutputError::Write`]; an earlier file of that name then stays untouched.
     pub fn commit(mut self) -> Result<(), OutputError> {
         self.write_waiting()?;
         let file = match self.sink {
@@ -396,7 +404,7 @@ impl TableWriter {
     }
 }
 
-/// Endings of names and the units they stand for, longer ones first.
+/// Suffixes of names and their units, longer ones first.
 const UNITS: [(&str, &str); 22] = [
     ("_n_s_m", "N s/m"),
     ("_mm_s2", "mm/s^2"),

@@ -22,10 +22,10 @@ use parquet::schema::types::{ColumnPath, Type, TypePtr};
 use super::{Column, Field, Kind, Table, TableError};
 use crate::output::AtomicFile;
 
-/// Rows of a row group: what is kept in memory, and what a reader can skip.
+/// Rows of a row group: the number buffered in memory, and what a reader can skip.
 const ROW_GROUP: usize = 1 << 17;
 
-/// Key under which Arrow's readers look for their schema, with the metadata of fields.
+/// Key under which Arrow readers look for their schema, with the metadata of fields.
 const ARROW_SCHEMA: &str = "ARROW:schema";
 
 pub(super) struct Writer {
@@ -89,7 +89,7 @@ fn schema(fields: &[Field]) -> Result<TypePtr, ParquetError> {
     Ok(Arc::new(Type::group_type_builder("schema").with_fields(columns).build()?))
 }
 
-/// The same columns give the same bytes: nothing names a version or a time.
+/// The same columns give the same bytes: the file contains no version and no time.
 fn properties(fields: &[Field]) -> Result<WriterProperties, ParquetError> {
     let mut properties = WriterProperties::builder()
         .set_created_by("trocar".to_owned())
@@ -104,7 +104,7 @@ fn properties(fields: &[Field]) -> Result<WriterProperties, ParquetError> {
     Ok(properties.build())
 }
 
-/// The schema as Arrow's readers expect it: a message of its stream format in base64.
+/// The schema as Arrow readers expect it: a message of the stream format in base64.
 fn arrow_schema(fields: &[Field]) -> String {
     let message = super::arrow::schema_message(&super::arrow::schema(fields));
     let mut framed = vec![0xff; 4];
@@ -147,7 +147,7 @@ fn levels<T>(cells: &[Option<T>]) -> Vec<i16> {
     cells.iter().map(|cell| i16::from(cell.is_some())).collect()
 }
 
-/// What the operating system said, where it was the one to refuse.
+/// The error of the operating system, if it caused this one.
 fn io_error(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {
@@ -188,7 +188,7 @@ pub(super) fn names(path: &Path) -> Result<Vec<String>, TableError> {
     Ok(schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect())
 }
 
-/// What a column of a Parquet file becomes.
+/// Type of the table column for a Parquet column.
 fn kind(field: &Type) -> Option<Kind> {
     if !field.is_primitive() || field.get_basic_info().repetition() == Repetition::REPEATED {
         return None;

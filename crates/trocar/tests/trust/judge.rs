@@ -1,4 +1,4 @@
-//! Whether what an identification states about a parameter is true.
+//! Checks whether the statements of an identification about a parameter are true.
 
 use std::time::Instant;
 
@@ -7,19 +7,20 @@ use trocar::identify::{Estimate, IdentifyOptions, Term, identify};
 
 use super::kinds::{AnyError, Bench, Range};
 
-/// What an estimate is worth beside the truth.
+/// Verdict on an estimate, given the true value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Verdict {
-    /// Determined by the data, and the interval holds the truth.
+    /// Determined by the data, and the interval contains the true value.
     Right,
-    /// Determined by the data, the interval misses the truth, and no warning calls the result doubtful.
+    /// Determined by the data, the interval misses the true value, and no warning declares the
+    /// result doubtful.
     ConfidentlyWrong,
-    /// The interval misses the truth, but a warning calls the result doubtful.
+    /// The interval misses the true value, but a warning declares the result doubtful.
     WrongButDoubtful,
     /// Stated not to be determined by the data.
     Undetermined,
-    /// Not listed, though the seal has it.
+    /// Not listed, although the seal has it.
     Absent,
 }
 
@@ -27,7 +28,8 @@ impl Verdict {
     pub(crate) const ALL: [Self; 5] =
         [Self::Right, Self::ConfidentlyWrong, Self::WrongButDoubtful, Self::Undetermined, Self::Absent];
 
-    /// Of an estimate that is listed. The interval is right if it shares a value with the range of the truth.
+    /// The verdict on a listed estimate. The interval is right if it overlaps the range of the true
+    /// value.
     pub(crate) fn of(estimate: &Estimate, truth: Range, doubtful: bool) -> Self {
         let [low, high] = estimate.ci95;
         match estimate {
@@ -44,7 +46,7 @@ impl Verdict {
 pub(crate) struct Judged {
     pub(crate) parameter: String,
     pub(crate) truth: Range,
-    /// `None` where the parameter is not listed.
+    /// `None` if the parameter is not listed.
     pub(crate) value: Option<f64>,
     pub(crate) ci95: Option<[f64; 2]>,
     pub(crate) verdict: Verdict,
@@ -56,11 +58,11 @@ pub(crate) struct Outcome {
     pub(crate) kind: &'static str,
     pub(crate) seed: u64,
     pub(crate) seconds: f64,
-    /// Why there is no result.
+    /// The reason if there is no result.
     pub(crate) refused: Option<String>,
-    /// Delay of the positions that was taken out, s; 0 for none.
+    /// Compensated position delay, s; 0 for none.
     pub(crate) delay_s: f64,
-    /// Optional terms that the seal or the rig has, and those that the model got.
+    /// Optional model terms of the seal or the rig, and those that the fit selected.
     pub(crate) true_terms: Vec<Term>,
     pub(crate) found_terms: Vec<Term>,
     /// Subjects and messages of the doubtful warnings.
@@ -74,12 +76,12 @@ impl Outcome {
     }
 }
 
-/// Identifies from the recordings of `bench` and judges every parameter that has a truth.
+/// Identifies from the recordings of `bench` and judges every parameter with a known true value.
 ///
 /// # Errors
-/// The bench does not run. A refused identification is an outcome.
+/// The bench cannot be run. A rejected identification is a valid outcome.
 pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outcome, AnyError> {
-    // Noise of its own for every kind: else one odd draw would show in all of them.
+    // Each kind has its own noise; otherwise one unusual draw would affect all of them.
     let noise = kind.bytes().fold(seed, |sum, byte| 31 * (sum % 1_000_000_007) + u64::from(byte));
     let recordings = bench.recordings(noise)?;
     let truths = bench.truths();
@@ -123,8 +125,9 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
     Ok(outcome)
 }
 
-/// A parameter that is not listed: right for a mass that is not there; `None` for other model terms that the seal does
-/// not have either, and for what is listed only where the fit has a use for it.
+/// A parameter that is not listed. This is right for a mass that does not exist; `None` for other
+/// model terms that the seal does not have either, and for parameters that are listed only if the
+/// fit uses them.
 fn unlisted(name: &str, truth: Range, truths: &std::collections::BTreeMap<&str, Range>) -> Option<Verdict> {
     let by_need = name.starts_with("insertion_") || name.starts_with("withdrawal_") || name == "yield_stiffness_n_m";
     match name {

@@ -1,4 +1,4 @@
-//! The benches: one line a kind, and the truth that follows from its parameters.
+//! The benches: one line per kind, and the true values that follow from its parameters.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -11,13 +11,14 @@ use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, Rela
 
 pub(crate) type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Lowest and highest value that count as true: they differ where the bench changes the parameter on the way.
+/// Lowest and highest value that count as true; they differ if the parameter changes during the
+/// run.
 pub(crate) type Range = [f64; 2];
 
-/// What happens to a recording after the bench has made it.
+/// A modification of a recording after the run of the bench.
 type Edit = fn(Recording) -> Result<Recording, RecordingError>;
 
-/// A kind of bench. `make` takes the seed, which most kinds need for the noise alone.
+/// A kind of bench. `make` takes the seed, which most kinds use only for the noise.
 pub(crate) struct Kind {
     pub(crate) name: &'static str,
     pub(crate) make: Box<dyn Fn(u64) -> Result<Bench, AnyError>>,
@@ -29,10 +30,10 @@ pub(crate) struct Bench {
     seal: Vec<ElementParams>,
     config: BenchConfig,
     protocols: Vec<Protocol>,
-    /// The rod's inertia is taken out, as with `--moving-mass-kg`.
+    /// The inertia of the rod is subtracted, as with `--moving-mass-kg`.
     pub(crate) mass_declared: bool,
     edit: Edit,
-    /// Truths that do not follow from `seal` and `config`.
+    /// True values that do not follow from `seal` and `config`.
     others: Vec<(&'static str, Range)>,
 }
 
@@ -41,7 +42,8 @@ const TWO_STEPS: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 const STEADY: [Protocol; 1] = [Protocol::Steady];
 const VALIDATION: [Protocol; 1] = [Protocol::Validation];
 const HAND: [Protocol; 1] = [Protocol::Surgeon];
-/// Length of hand-like motion, s: half of the bench's default, and half of the time to identify from it.
+/// Length of hand-like motion, s: half of the bench's default, which also halves the time of the
+/// identification.
 const HAND_S: f64 = 30.0;
 
 /// Default friction: F_c in N, β in N s/m.
@@ -59,7 +61,8 @@ const fn stribeck(static_force: f64, velocity: f64, exponent: f64, viscous_dampi
     }
 }
 
-/// The default seal's shape, stretched to `half_width` (m) and to the forces at which the seal slides.
+/// The shape of the default seal, scaled to `half_width` (m) and to the forces at which the seal
+/// slides.
 fn seal(half_width: f64, insertion: SlidingFriction, withdrawal: SlidingFriction) -> Result<ElementParams, AnyError> {
     let model = ElementParams::plausible_10_5_mm()?;
     let width = half_width / model.deformation.half_width();
@@ -89,7 +92,7 @@ fn hand() -> Result<Bench, AnyError> {
     Ok(plain()?.under(&HAND))
 }
 
-/// Default seal with one number of the element changed, under hand-like motion.
+/// Default seal with one parameter of the element changed, under hand-like motion.
 fn hand_with(change: impl Fn(&mut ElementParams)) -> Result<Bench, AnyError> {
     let mut bench = hand()?;
     bench.seal.iter_mut().for_each(change);
@@ -109,7 +112,7 @@ fn wetted(onset: f64, spread: f64) -> Result<Bench, AnyError> {
     plain()?.with(|c| (c.lubrication.level, c.lubrication.onset_s, c.lubrication.spread_s) = (0.7, onset, spread))
 }
 
-/// A rod of `mass` (kg) that is declared or not.
+/// A rod of `mass` (kg) that is or is not declared.
 fn rod(bench: Bench, mass: f64, declared: bool) -> Result<Bench, AnyError> {
     let bench = bench.with(|config| config.rod.mass_kg = mass)?;
     Ok(Bench { mass_declared: declared, ..bench })
@@ -121,7 +124,7 @@ fn strokes(cycles: &mut SpeedCycles, from: f64, to: f64, increment: f64, repeats
     cycles.cycles_per_speed = repeats;
 }
 
-/// Strokes of `stroke_m` at the paper's speeds and nothing else.
+/// Only strokes of `stroke_m` at the paper's speeds.
 fn short(stroke_m: f64) -> Result<Bench, AnyError> {
     plain()?.under(&VALIDATION).with(|config| config.protocol.validation.stroke_m = stroke_m)
 }
@@ -145,13 +148,13 @@ fn keep(recording: Recording, chosen: impl Fn(usize) -> bool) -> Result<Recordin
     Recording::from_columns(recording.name, time, position, force)
 }
 
-/// Force changed sample by sample, from its index, time (s) and position (m).
+/// Modifies the force sample by sample, given its value, time (s) and position (m).
 fn with_force(r: Recording, force: impl Fn(f64, f64, f64) -> f64) -> Result<Recording, RecordingError> {
     let changed = (0..r.len()).map(|i| force(r.force[i], r.time[i], r.position[i])).collect();
     Recording::from_columns(r.name, r.time, r.position, changed)
 }
 
-/// Positions read 20 samples late.
+/// Position readings delayed by 20 samples.
 fn delayed(r: Recording) -> Result<Recording, RecordingError> {
     let late = (0..r.len()).map(|i| r.position[i.saturating_sub(20)]).collect();
     Recording::from_columns(r.name, r.time, late, r.force)
@@ -163,7 +166,7 @@ fn three_strokes(r: Recording) -> Result<Recording, RecordingError> {
     keep(r, |i| i < three)
 }
 
-/// The rod's offset from the readings: tare, weight and gas.
+/// The offset of the readings due to the rod: tare, weight and gas.
 fn offset(config: &BenchConfig) -> f64 {
     let gas = 0.25 * PI * config.rod.diameter_m.powi(2) * config.rod.gas_pressure_pa;
     config.force_sensor.tare_n + gas - config.rod.mass_kg * config.rod.gravity_m_s2
@@ -196,7 +199,7 @@ impl Bench {
         self
     }
 
-    /// The recordings, as `identify` gets them.
+    /// The recordings passed to `identify`.
     pub(crate) fn recordings(&self, seed: u64) -> Result<Vec<Recording>, AnyError> {
         let elements: Vec<Element> = self.seal.iter().map(|p| Element::new(*p)).collect::<Result<_, _>>()?;
         let record = |protocol: &Protocol| {
@@ -209,7 +212,7 @@ impl Bench {
         self.protocols.iter().map(record).collect()
     }
 
-    /// Optional terms that a model of the readings needs.
+    /// Optional model terms that describe the readings.
     pub(crate) fn terms(&self) -> Vec<Term> {
         let any = |of: fn(&ElementParams) -> bool| self.seal.iter().any(of);
         let terms = [
@@ -224,7 +227,7 @@ impl Bench {
         terms.into_iter().filter(|t| t.1).map(|t| t.0).collect()
     }
 
-    /// True parameters by name. A parameter of a model term that the seal does not have is 0 where 0 stands for its
+    /// True parameters by name. A parameter of an absent model term is 0 if 0 represents its
     /// absence.
     pub(crate) fn truths(&self) -> BTreeMap<&'static str, Range> {
         let sum = |of: fn(&ElementParams) -> f64| self.seal.iter().map(of).sum::<f64>();
@@ -234,7 +237,7 @@ impl Bench {
         let wet = &self.config.lubrication;
         let range = |end: f64, value: f64| [value.min(end * value), value.max(end * value)];
         let force = |value: f64| range(drift * wet.level, value);
-        // A wet seal slips at a lower force, so after a smaller deflection.
+        // A wet seal slips at a lower force and thus at a smaller deflection.
         let width = |value: f64| range(wet.level, value);
         let damping = |value: f64| range(drift * wet.viscosity, value);
         let offset = offset(&self.config);
@@ -280,7 +283,7 @@ impl Bench {
     }
 }
 
-/// Seal alone: friction, deformation and what lies beyond them.
+/// Variants of the seal: friction, deformation and further effects.
 fn seals() -> Vec<Kind> {
     vec![
         kind("plain", |_| plain()),
@@ -340,7 +343,7 @@ fn seals() -> Vec<Kind> {
     ]
 }
 
-/// What changes on the way: drift, wetting, scatter, position.
+/// Changes during the run: drift, wetting, scatter, position.
 fn changes() -> Vec<Kind> {
     vec![
         kind("drift_3_ascending", |_| drifting(0.03, SpeedOrder::Ascending)),
@@ -360,7 +363,7 @@ fn changes() -> Vec<Kind> {
             Ok(bench.knowing(&offset_ranges(0.0, 0.33)))
         }),
         kind("force_depends_on_position", |_| {
-            // The friction alone; tare and weight are -0.3424 N.
+            // The friction only; tare and weight are -0.3424 N.
             let bench = plain()?
                 .edited(|r| with_force(r, |f, _, x| (f + 0.3424) * (1.0 + 0.1 * (TAU * x / 0.05).sin()) - 0.3424));
             let around = |value: f64| [0.9 * value, 1.1 * value];
@@ -384,7 +387,8 @@ fn changes() -> Vec<Kind> {
     ]
 }
 
-/// Truths of what the offset enters, where it lies between `low` and `high` (N) above its value for the rig.
+/// True values of the parameters affected by the offset, which is between `low` and `high` (N)
+/// above its value for the rig.
 fn offset_ranges(low: f64, high: f64) -> [(&'static str, Range); 3] {
     let offset = offset(&BenchConfig::default());
     let force = DEFAULT.coulomb_force;
@@ -423,14 +427,14 @@ fn rigs() -> Vec<Kind> {
     ]
 }
 
-/// Motion: what the protocols leave out.
+/// Motions beyond the standard protocols.
 fn motions() -> Vec<Kind> {
     vec![
         kind("hand", |_| hand()),
         kind("hand_steady_dynamic", |_| Ok(plain()?.under(&[Protocol::Surgeon, Protocol::Steady, Protocol::Dynamic]))),
         kind("hand_60_s", |_| hand()?.with(|c| c.protocol.surgeon.duration_s = 60.0)),
         kind("hand_small_5_mm", |_| {
-            // Never as far as the seal's deformation.
+            // Never as far as the deformation of the seal.
             hand()?.with(|c| {
                 let hand = &mut c.protocol.surgeon;
                 (hand.range_m, hand.longest_m, hand.reversal_longest_m) = (5e-3, 2.5e-3, 2.5e-3);

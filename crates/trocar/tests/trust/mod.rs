@@ -1,4 +1,5 @@
-//! Hard benches with known truth, and what the identification states about each parameter.
+//! Hard benches with known true parameters, and the statements of the identification about each
+//! parameter.
 //!
 //! Shared by the test `trust` and the example of the same name.
 

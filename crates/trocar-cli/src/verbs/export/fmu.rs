@@ -13,9 +13,9 @@ use trocar_fmu::{Binary, Contents, Input, Platform, Version, package};
 use crate::Done;
 use crate::console::{BadArgument, Console};
 
-/// The library for the platform of this program; empty where there is none.
+/// The library for the platform of this program; empty if there is none.
 const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/fmu-library"));
-/// Why there is none.
+/// The reason if there is none.
 const REASON: &str = include_str!(concat!(env!("OUT_DIR"), "/fmu-reason.txt"));
 
 /// Write a functional mock-up unit (FMU) for co-simulation in other programs, FMI 2.0 or 3.0
@@ -95,8 +95,8 @@ fn name_of(model: &std::path::Path) -> String {
     model.file_stem().map_or_else(|| "trocar".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// The library `inside` this program, unless it has none for a `reason`, and those that were named; a named one for this
-/// platform takes its place.
+/// The embedded library `inside`, unless it is missing for a `reason`, and the named ones; a named
+/// library for this platform replaces the embedded one.
 fn binaries(named: &[(Platform, PathBuf)], inside: &[u8], reason: &str) -> anyhow::Result<Vec<Binary>> {
     let mut binaries = Vec::new();
     for (platform, path) in named {

@@ -9,7 +9,7 @@ use trocar_model::{
 use super::template::{Filling, number};
 use super::{constant, stribeck_shapes, table};
 
-/// Types, constants and code of `model`; says in `filling` what it needs.
+/// Types, constants and code of `model`; enters its requirements in `filling`.
 pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, String, String) {
     let mut text = String::new();
     let code = match model {

@@ -8,7 +8,7 @@ use trocar_model::{Element, ElementParams, SlidingFriction};
 use super::template::{Filling, number};
 use super::{pairs, stribeck_shapes};
 
-/// Types, constants and code of `elements` in parallel; says in `filling` what they need.
+/// Types, constants and code of `elements` in parallel; enters their requirements in `filling`.
 pub(super) fn parts(elements: &[Element], filling: &mut Filling, prefix: &str) -> (&'static str, String, String) {
     let constants: Vec<ElementConstants> = elements.iter().map(Element::constants).collect();
     find_features(elements, &constants, filling);
@@ -52,7 +52,7 @@ fn find_features(elements: &[Element], constants: &[ElementConstants], filling: 
     stribeck_shapes(falling.map(|sliding| sliding.stribeck_exponent), filling);
 }
 
-/// Terms of the longest power series, at least 3.
+/// Number of terms of the longest power series, at least 3.
 fn terms(constants: &[ElementConstants]) -> usize {
     let series = constants.iter().flat_map(|constants| &constants.stretches).map(|stretch| &stretch.force);
     let longest = series.map(|force| force.iter().rposition(|pair| *pair != [0.0; 2]).map_or(0, |last| last + 1));
@@ -74,7 +74,7 @@ fn fill_values(filling: &mut Filling, prefix: &str, elements: usize, terms: usiz
     filling.value("UNLESS_CREEPING", if creep { " && !(e->creep_velocity_m_s > 0.0)" } else { "" });
 }
 
-/// Four terms of a series by Estrin's scheme, from `first` on, without those that are not there.
+/// Four terms of a series by Estrin's scheme, beginning with `first`, without missing ones.
 fn half_of_series(first: usize, terms: usize) -> String {
     let pair = |k: usize| match terms.saturating_sub(k) {
         0 => None,
@@ -153,7 +153,7 @@ fn write_contact(text: &mut String, sliding: &SlidingFriction, known: &ContactCo
     text.push_str("            },\n");
 }
 
-/// Those members of a struct that the model needs.
+/// The members of a struct that the model needs.
 fn write_members(text: &mut String, indent: usize, filling: &Filling, members: &[(&str, &str, String)]) {
     for (_, name, value) in members.iter().filter(|(feature, _, _)| filling.has(feature)) {
         member(text, indent, name, value);

@@ -1,8 +1,9 @@
 //! A model as one C file of constants and one step function, for a microcontroller.
 //!
-//! The C works in the same order as `trocar_model` with the same numbers and its own exponential, so that a compiler which
-//! keeps to IEEE 754 gives the same bits, but for `log1p` and `log` of its library in rare corners. Only what the model
-//! needs is written. The templates beside this file are the code; `element` and `classical` fill in the constants.
+//! The C code performs the operations of `trocar_model` in the same order with the same numbers and
+//! its own exponential. So a compiler that follows IEEE 754 gives the same bits, except for `log1p`
+//! and `log` of its library in rare corner cases. The file contains only what the model needs. The
+//! templates next to this file are the code; `element` and `classical` fill in the constants.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -21,17 +22,18 @@ mod classical;
 mod element;
 mod template;
 
-/// Prefix of all names in the file when nothing else is asked for.
+/// Default prefix of all names in the file.
 pub const DEFAULT_PREFIX: &str = "trocar";
 
-/// Longest prefix: C99 tells outer names of up to 31 characters apart, and `_step_to` follows.
+/// Longest prefix: C99 guarantees 31 significant characters in external names, and `_step_to`
+/// follows.
 pub const LONGEST_PREFIX: usize = 20;
 
 /// Why a model cannot be written as C.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CError {
-    /// The prefix makes no names.
+    /// The prefix is not valid in C names.
     #[error(
         "the prefix of C names must be 1 to {LONGEST_PREFIX} letters, digits and '_', beginning with a letter, got '{found}'"
     )]
@@ -47,7 +49,7 @@ pub enum CError {
 /// The model file at `path` as the text of a C file whose names begin with `prefix`.
 ///
 /// # Errors
-/// [`CError::Prefix`] for a prefix that makes no names, [`CError::Model`] for what is no model.
+/// [`CError::Prefix`] for an invalid prefix, [`CError::Model`] for an invalid model.
 pub fn from_file(path: &Path, prefix: &str) -> Result<String, CError> {
     check_prefix(prefix)?;
     let read = || {
@@ -63,10 +65,11 @@ pub fn from_file(path: &Path, prefix: &str) -> Result<String, CError> {
     })
 }
 
-/// `model` as the text of a C file whose names begin with `prefix`; `origin` says where the model comes from.
+/// `model` as the text of a C file whose names begin with `prefix`; `origin` describes the source
+/// of the model.
 ///
 /// # Errors
-/// As [`from_file`].
+/// As for [`from_file`].
 pub fn write(model: &ModelFile, origin: &str, prefix: &str) -> Result<String, CError> {
     check_prefix(prefix)?;
     let trocar = &model.trocar;
@@ -123,7 +126,7 @@ fn title(seal: &Seal) -> String {
     }
 }
 
-/// Where the model comes from, as lines of a comment.
+/// The origin of the model as lines of a comment.
 fn origin_lines(model: &ModelFile, origin: &str) -> String {
     let made = match model.origin.kind {
         OriginKind::Identified => "estimated from recordings",
@@ -176,14 +179,14 @@ fn table(text: &mut String, name: &str, values: &[f64]) {
     text.push_str("};\n");
 }
 
-/// Pairs of constants, one pair a line.
+/// Pairs of constants, one pair per line.
 fn pairs(text: &mut String, indent: &str, values: &[[f64; 2]]) {
     for [first, second] in values {
         let _ = writeln!(text, "{indent}{{ {}, {} }},", hexadecimal(*first), hexadecimal(*second));
     }
 }
 
-/// How g depends on speed: which of its shapes occur, and what they need.
+/// Dependence of g on speed: the shapes that occur and their requirements.
 fn stribeck_shapes(exponents: impl Iterator<Item = f64>, filling: &mut Filling) {
     for exponent in exponents {
         filling.need(&["stribeck", "decay", "bits"]);

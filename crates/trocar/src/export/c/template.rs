@@ -1,46 +1,47 @@
-//! Templates of the C file: readable C whose lines are taken or left out.
+//! Templates of the C file: readable C whose lines are included conditionally.
 //!
-//! `//@if NAME`, `//@else` and `//@end` stand on lines of their own and may nest; `@NAME@` is a value; the prefix
-//! `trocar_` of all names is replaced.
+//! `//@if NAME`, `//@else` and `//@end` are on lines of their own and may be nested; `@NAME@` is a
+//! value; the prefix `trocar_` of all names is replaced.
 
 use std::collections::BTreeSet;
 
 /// Prefix of all names in the templates.
 const PREFIX: &str = "trocar_";
 
-/// What decides how a template is filled in.
+/// Inputs for filling a template.
 #[derive(Debug, Default)]
 pub(super) struct Filling {
-    /// Names that hold.
+    /// Names of the conditions that are true.
     pub(super) features: BTreeSet<&'static str>,
     /// Values by name.
     pub(super) values: Vec<(&'static str, String)>,
 }
 
 impl Filling {
-    /// Lets `name` hold if `holds`.
+    /// Sets the condition `name` if `holds`.
     pub(super) fn set(&mut self, name: &'static str, holds: bool) {
         if holds {
             self.features.insert(name);
         }
     }
 
-    /// Lets all `names` hold.
+    /// Sets all conditions in `names`.
     pub(super) fn need(&mut self, names: &[&'static str]) {
         self.features.extend(names);
     }
 
-    /// Whether `name` holds.
+    /// Whether the condition `name` is true.
     pub(super) fn has(&self, name: &str) -> bool {
         self.features.contains(name)
     }
 
-    /// Sets what stands for `@name@`.
+    /// Sets the value for `@name@`.
     pub(super) fn value(&mut self, name: &'static str, text: impl Into<String>) {
         self.values.push((name, text.into()));
     }
 
-    /// `template` with the lines whose conditions hold, names with `prefix`, and the values in place.
+    /// `template` with the lines whose conditions are true, names with `prefix`, and the values
+    /// inserted.
     pub(super) fn fill(&self, template: &str, prefix: &str) -> String {
         let mut text = String::with_capacity(template.len());
         let mut conditions: Vec<bool> = Vec::new();
@@ -60,7 +61,7 @@ impl Filling {
                 None => (),
             }
         }
-        // Last: what the values hold is nobody's name.
+        // Last, so that names in the values are not replaced.
         for (name, value) in &self.values {
             text = text.replace(&format!("@{name}@"), value);
         }
@@ -68,7 +69,7 @@ impl Filling {
     }
 }
 
-/// `value` in C: the very bits as a hexadecimal constant, and for people nine digits beside it.
+/// `value` in C: exactly, as a hexadecimal constant, with nine decimal digits in a comment.
 pub(super) fn number(value: f64) -> String {
     if value.is_infinite() {
         return if value < 0.0 { "-HUGE_VAL".into() } else { "HUGE_VAL".into() };
@@ -94,7 +95,7 @@ pub(super) fn hexadecimal(value: f64) -> String {
     format!("{sign}0x{lead}{point}{digits}p{exponent:+}")
 }
 
-/// `text` for the inside of a comment: printable ASCII, without the marks that begin and end one.
+/// `text` for the inside of a comment: printable ASCII, without the comment delimiters.
 pub(super) fn remark(text: &str) -> String {
     let plain: String = text.chars().map(|c| if matches!(c, ' '..='~') { c } else { '?' }).collect();
     plain.replace("*/", "* /").replace("/*", "/ *").replace("??/", "?? /")
@@ -116,7 +117,7 @@ mod tests {
         assert_eq!(filling.fill(template, "p"), "a\nb\nc\np_e 7\n");
     }
 
-    /// Constants of C99 as the standard's own examples and `%a` of C libraries write them.
+    /// C99 constants as in the examples of the standard and from `%a` of C libraries.
     #[test]
     fn hexadecimal_constants_are_those_of_c() {
         let cases = [

@@ -1,4 +1,5 @@
-//! Texts beside points, each put where it covers no other text, no marker and as little of a line as possible.
+//! Texts beside points, placed so that they cover no other text, no marker and as little of a line
+//! as possible.
 
 use super::{Frame, LABELLED_RADIUS, TICK_SIZE, view};
 use crate::report::document::{Kind, Panel, Series};
@@ -9,11 +10,12 @@ use crate::report::style;
 const HALF_HEIGHT: f64 = 6.5;
 /// Distance between marker and text.
 const GAP: f64 = 4.0;
-/// A text this near to another marker could be taken for that one's.
+/// A text this close to another marker could be attributed to that marker.
 const NEAR: f64 = 7.0;
-/// Points of a line taken as obstacles, this far apart.
+/// Spacing of the points of a line that count as obstacles.
 const LINE_STEP: f64 = 6.0;
-/// Directions tried in this order: beside, below, above, then the corners, then between those.
+/// Directions in the order in which they are tried: beside, below, above, then the corners, then
+/// between those.
 const DIRECTIONS: [[f64; 2]; 12] = [
     [1.0, 0.0],
     [-1.0, 0.0],
@@ -28,10 +30,10 @@ const DIRECTIONS: [[f64; 2]; 12] = [
     [-0.5, 1.0],
     [-0.5, -1.0],
 ];
-/// Rings of places tried around a point, nearest first.
+/// Radii of the candidate positions around a point, nearest first.
 const RINGS: [f64; 4] = [0.0, 9.0, 18.0, 30.0];
 
-/// A rectangle by its centre and half its sizes.
+/// A rectangle by its centre and half its size.
 #[derive(Clone, Copy)]
 struct Area {
     centre: [f64; 2],
@@ -82,7 +84,7 @@ fn points<'a>(series: &'a Series, frame: &'a Frame<'_>) -> impl Iterator<Item = 
     series.x.iter().zip(&series.y).map(|(x, y)| [frame.x(*x), frame.y(*y)])
 }
 
-/// Places around a point, the best ones first.
+/// Candidate positions around a point, best first.
 fn candidates(at: [f64; 2], half: [f64; 2]) -> impl Iterator<Item = Area> {
     let clear = LABELLED_RADIUS + GAP;
     let place = move |ring: f64, [dx, dy]: [f64; 2]| Area {

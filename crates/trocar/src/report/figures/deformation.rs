@@ -10,7 +10,7 @@ use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::significant;
 use crate::segment::Direction;
 
-/// Deflections shown against velocity unless others are chosen, as z/c.
+/// Default deflections for the force against velocity, as z/c.
 const LEVELS: [f64; 3] = [-0.5, 0.0, 0.5];
 /// Points of a drawn branch.
 const BRANCH_POINTS: usize = 300;
@@ -21,7 +21,8 @@ fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a Deformation
     })
 }
 
-/// Force at several deflections against deformation velocity: at those of `chosen`, m, or else at [`LEVELS`].
+/// Force at several deflections against deformation velocity: at those of `chosen`, m, or by
+/// default at [`LEVELS`].
 pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
     let deformation = resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
     let test = deformation.damping.as_ref().ok_or(
@@ -46,9 +47,9 @@ pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f
         .caption(velocity_caption(found, test, levels.len())))
 }
 
-/// The force of one direction's traverses at one deflection.
+/// The force of the strokes in one direction at one deflection.
 struct Level {
-    /// Deformation velocity, m/s, and force, N, of each traverse.
+    /// Deformation velocity, m/s, and force, N, of each stroke.
     points: Vec<(f64, f64)>,
     /// dF/dz of the mean curve, N/m.
     stiffness: f64,
@@ -80,7 +81,7 @@ impl Level {
         )
     }
 
-    /// The mean of the points with the slope that the joint test found.
+    /// A line through the mean of the points with the slope of the joint test.
     fn line(&self, role: Role, test: &DampingTest) -> Series {
         let n = self.points.len().max(1) as f64;
         let mean = self.points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
@@ -214,18 +215,19 @@ fn mean_speed(deformation: &DeformationFit) -> f64 {
     deformation.traverses.iter().map(|t| t.speed).sum::<f64>() / deformation.traverses.len().max(1) as f64
 }
 
-/// The whole model snapped through at the mean speed of the snap-throughs: all stages, damping and relaxation included. Insertion for
-/// a positive `sign`.
+/// The whole model snapped through at the mean speed of the snap-throughs, with all stages, damping
+/// and relaxation. Insertion for a positive `sign`.
 fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit, sign: f64) -> Series {
     let c = deformation.half_width.value;
     let step = 2.0 * c / (BRANCH_POINTS - 1) as f64;
     let duration = step / mean_speed(deformation);
     let mut state = found.stages.rest_at_force(0.0);
-    // Far enough to slide and to forget the start.
+    // Far enough to slide and to forget the initial state.
     for _ in 0..3 * BRANCH_POINTS {
         found.stages.step(&mut state, -sign * step, duration);
     }
-    // As in the measured snap-throughs, z is counted from where the force leaves the sliding limit.
+    // As in the measured snap-throughs, z is measured from where the force leaves the sliding
+    // limit.
     let pins = found.two_step.pins();
     let limit = sign * if sign > 0.0 { pins.low } else { pins.high };
     for _ in 0..BRANCH_POINTS {

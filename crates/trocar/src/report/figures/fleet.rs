@@ -12,10 +12,11 @@ use crate::fleet::{Fleet, Record};
 const MOST_POINTS: usize = 400;
 /// Most rows of a table of outliers.
 const MOST_OUTLIERS: usize = 40;
-/// Most types told apart.
+/// Most types distinguished.
 const MOST_TYPES: usize = 12;
 
-/// A quantity of the report: column, its standard error's columns, words, unit, and what the column's numbers are multiplied by.
+/// A quantity of the report: column, columns of its standard error, name, unit, and factor from the
+/// column's unit.
 #[derive(Debug, Clone, Copy)]
 pub(in super::super) struct Shown {
     pub(in super::super) column: &'static str,
@@ -28,7 +29,7 @@ const fn shown(column: &'static str, words: &'static str, unit: &'static str, sc
     Shown { column, words, unit, scale }
 }
 
-/// What is drawn.
+/// Quantities with a figure.
 pub(in super::super) const SHOWN: [Shown; 6] = [
     shown("insertion_coulomb_force_with_offset_n", "F_c + F_0, insertion", "N", 1.0),
     shown("withdrawal_coulomb_force_with_offset_n", "F_c − F_0, withdrawal", "N", 1.0),
@@ -38,7 +39,7 @@ pub(in super::super) const SHOWN: [Shown; 6] = [
     shown("residual_rms_n", "residual (rms)", "N", 1.0),
 ];
 
-/// What is followed over use, and asked of specimens.
+/// Quantities analysed over use and between specimens.
 const FOLLOWED: [Shown; 4] = [
     shown("coulomb_force_n", "Coulomb force F_c", "N", 1.0),
     shown("viscous_damping_n_s_m", "viscous damping β", "N·s/m", 1.0),
@@ -47,7 +48,7 @@ const FOLLOWED: [Shown; 4] = [
 ];
 
 impl Shown {
-    /// The value, in the unit shown, where the recording pins it.
+    /// The value in the displayed unit, if the recording determines it.
     fn value(self, record: &Record) -> Option<f64> {
         let determined = format!("{}_determined", self.column);
         let known = record.cells.iter().find(|(name, _)| **name == determined);
@@ -123,7 +124,7 @@ pub(in super::super) fn distributions(types: &ByType) -> Figure {
             }
             let step = values.len().div_ceil(MOST_POINTS);
             let drawn: Vec<f64> = values.iter().copied().step_by(step).collect();
-            // Golden-ratio steps spread points that would lie on each other.
+            // Golden-ratio steps separate points that would coincide.
             let row = |k: usize| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12;
             let rows = (0..drawn.len()).map(row).collect();
             values.sort_by(f64::total_cmp);
@@ -143,11 +144,11 @@ pub(in super::super) fn distributions(types: &ByType) -> Figure {
     )
 }
 
-/// Numbers for the specimens: one for each text in the column `specimen`, or one for all.
+/// Numbers of the specimens: one per text in the column `specimen`, or one for all.
 fn specimens(records: &[&Record], specimen: Option<&str>) -> Vec<usize> {
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
     let name = |k: usize| match specimen {
-        // One of which nobody knows what it is is no repeat of any other.
+        // A record without a specimen counts as a specimen of its own.
         Some(by) => known(records[k], by).unwrap_or_else(|| format!("\0{k}")),
         None => String::new(),
     };
@@ -246,7 +247,7 @@ pub(in super::super) fn outliers(types: &ByType) -> (usize, Table) {
     (found.len(), found.iter().take(MOST_OUTLIERS).fold(table, row))
 }
 
-/// Failures by reason, most first.
+/// Failures by reason, most frequent first.
 pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
     let mut reasons: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in fleet.records.iter().filter(|record| record.text("status") == Some("failed")) {
@@ -269,7 +270,7 @@ pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
     (!reasons.is_empty()).then(|| reasons.iter().fold(table, row))
 }
 
-/// Means by type with what varies between and within specimens; or why there is none.
+/// Means by type with the variance between and within specimens, or the reasons why there are none.
 pub(in super::super) fn mixed_effects(types: &ByType, specimen: &str) -> (Table, Table, Vec<String>) {
     let mut means = Table::new(
         "Means over specimens",

@@ -1,11 +1,11 @@
-//! Half width c of each snap-through against its speed: EMS takes one value for all (section IV-B).
+//! Half width c of each snap-through against its speed: EMS uses one value for all (section IV-B).
 
 use super::{Drawn, MM, in_words, p_in_words};
 use crate::identify::{Identification, Traverse};
 use crate::report::document::{Axis, Figure, Panel, Role, Series};
 use crate::segment::Direction;
 
-/// The half width of each traverse, its mean and the model's value.
+/// The half width of each full stroke, its mean and the model's value.
 pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(

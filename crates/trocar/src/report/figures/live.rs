@@ -1,4 +1,5 @@
-//! The identified model to play with: its parameters with their ranges, and a recorded stretch to run it along.
+//! The interactive identified model: its parameters with their ranges, and a part of a recording
+//! for the simulation.
 
 use std::ops::Range;
 
@@ -13,24 +14,25 @@ use crate::report::document::{Knob, LiveModel, Stretch};
 use crate::report::number::significant;
 use crate::segment::{passes, reversal_threshold};
 
-/// What is shown of a recording, s: the first length in which some stretch makes the model forget its start.
+/// Lengths of the shown part of a recording, s: the first length in which the model forgets its
+/// initial state in some part.
 const LENGTHS: [f64; 3] = [8.0, 30.0, 120.0];
-/// Steps in which the richest stretch is looked for, as a part of its length.
+/// Step of the search for the most informative part, as a fraction of its length.
 const STEP: f64 = 1.0 / 16.0;
-/// Latest place, as a part of the stretch, at which the start has to be forgotten.
+/// Latest position, as a fraction of the part, at which the initial state must be forgotten.
 const LATEST: f64 = 0.4;
-/// Most samples of a stretch.
+/// Most samples of a part.
 const MOST_SAMPLES: f64 = 2_000.0;
-/// A pass longer than this many half widths tells no more.
+/// Travel of a stroke beyond this many half widths gives no further information.
 const TELLING: f64 = 4.0;
-/// Room for a row in the module, numbers.
+/// Most numbers of a row in the module.
 const LONGEST_ROW: usize = 24_576;
-/// Where no recording says how far the instrument goes, m.
+/// Range of motion if no recording determines it, m.
 const WAY: [f64; 2] = [0.0, 0.06];
-/// A deviation of an estimate from the model's parameter that leaves it the same number.
+/// Relative difference below which an estimate and the model's parameter count as the same number.
 const SAME: f64 = 1e-9;
 
-/// The model of `found` with a stretch that it has not seen, where there is one.
+/// The model of `found` with a part of a held-out recording, if there is one.
 pub(in super::super) fn live_model(found: &Identification, scored: &Scored) -> Result<LiveModel, String> {
     let trocar = found.trocar();
     let mut row = vec![0.0; trocar.count_numbers()];
@@ -78,20 +80,20 @@ fn knobs(seal: &Seal, found: &Identification) -> Vec<Knob> {
     tunables.iter().map(knob).collect()
 }
 
-/// `insertion_coulomb_force_n`: the direction and the rest.
+/// `insertion_coulomb_force_n`: the direction and the remaining name.
 fn direction(name: &str) -> (Option<&'static str>, &str) {
     let sides = ["insertion_", "withdrawal_"];
     let side = sides.into_iter().find(|side| name.starts_with(side));
     (side, side.map_or(name, |side| &name[side.len()..]))
 }
 
-/// The place of the same parameter on insertion, where it has the same value.
+/// Index of the same parameter on insertion, if it has the same value.
 fn other_direction(tunable: &Tunable, all: &[Tunable]) -> Option<usize> {
     let name = tunable.name.replacen("withdrawal_", "insertion_", 1);
     all.iter().position(|one| one.name == name && one.element == tunable.element && one.value == tunable.value)
 }
 
-/// Short words, beside the symbol of the table of parameters.
+/// Short name and the symbol used in the table of parameters.
 fn words(plain: &str) -> (String, String) {
     let (long, symbol) = name_of(plain);
     let short = match plain {
@@ -109,7 +111,8 @@ fn is_main(plain: &str) -> bool {
     ["half_width_m", "coulomb_force_n", "static_ratio", "viscous_damping_n_s_m", "seal_damping_n_s_m"].contains(&plain)
 }
 
-/// Ends of a slider, SI: what is there goes from a quarter to twice itself, what is not up to where it would be felt.
+/// Ends of a slider, SI. A present parameter ranges from a quarter to twice its value, an absent
+/// one up to a value with a noticeable effect.
 fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
     let Tunable { value, least, .. } = *tunable;
     if !value.is_finite() {
@@ -117,7 +120,7 @@ fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
     }
     let of = |name: &str| all.iter().find(|one| one.element == tunable.element && one.name == name);
     let is_there = |name: &str| of(name).is_some_and(|one| one.value > 0.0);
-    // The lag is one of a contact that creeps.
+    // The friction lag applies only to a creeping contact.
     if plain == "friction_lag_s" && !is_there("creep_velocity_m_s") {
         return None;
     }
@@ -137,7 +140,8 @@ fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
     Some([low, felt])
 }
 
-/// The estimate behind a parameter; none where the model's number is not the one that was estimated.
+/// The interval of the estimate of a parameter; `None` if the model's number differs from the
+/// estimate.
 fn interval(tunable: &Tunable, plain: &str, found: &Identification) -> Option<[f64; 2]> {
     let names = [plain, tunable.name];
     let is_same = |e: &&Estimate| (e.value - tunable.value).abs() <= SAME * tunable.value.abs() && e.determined;
@@ -145,17 +149,18 @@ fn interval(tunable: &Tunable, plain: &str, found: &Identification) -> Option<[f
     estimate.ci95.iter().all(|end| end.is_finite()).then_some(estimate.ci95)
 }
 
-/// A part of a recording without a break.
+/// A contiguous part of a recording.
 struct Part<'a> {
     recording: &'a Recording,
     from: f64,
     to: f64,
     samples: Range<usize>,
-    /// Travel in it, m, of no pass more than tells something.
+    /// Travel in it, m, limited for each stroke to the informative travel.
     worth: f64,
 }
 
-/// The stretch that tells most: full of passes, and such that the model soon forgets how the seal stood before.
+/// The most informative part: with many strokes, and such that the model soon forgets its initial
+/// state.
 fn stretch(found: &Identification, scored: &Scored) -> Option<Stretch> {
     LENGTHS.into_iter().find_map(|length| {
         let mut all: Vec<Part> =
@@ -186,7 +191,7 @@ fn parts(recording: &Recording, length: f64, half_width: f64) -> Vec<Part<'_>> {
 }
 
 impl Part<'_> {
-    /// Even times over the part; `None` where the start matters too long.
+    /// The part resampled at equal time intervals; `None` if the initial state matters too long.
     fn stretch(&self, found: &Identification, held_out: bool) -> Option<Stretch> {
         let Recording { name, quality, .. } = self.recording;
         let interval = quality.median_interval.max((self.to - self.from) / MOST_SAMPLES);
@@ -208,7 +213,7 @@ impl Part<'_> {
         (known_from as f64 <= LATEST * count as f64).then_some(Stretch { name, interval, position, force, known_from })
     }
 
-    /// Values at `times`, straight between the samples.
+    /// Values at `times`, linearly interpolated between the samples.
     fn at(&self, times: &[f64], values: &[f64]) -> Vec<f64> {
         let t = &self.recording.time;
         let value = |time: &f64| {

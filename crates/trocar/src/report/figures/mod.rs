@@ -1,6 +1,6 @@
 //! Figures of an identification, each as in the paper's section IV, drawn from the user's own data.
 //!
-//! A figure whose data are missing is a sentence that says what is missing and why.
+//! If its data are missing, a figure is replaced by a sentence with the reason.
 
 pub(super) mod comparison;
 mod deformation;
@@ -32,16 +32,17 @@ pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
 pub(super) use tables::{branch_coefficients, display, name_of, parameters, resolution, sampling};
 pub(super) use validation::{Scored, cross_validation, cycle_speeds, residual_statistics, residuals, scored};
 
-/// A figure, or why there is none.
+/// A figure, or the reason why there is none.
 pub(super) type Drawn = Result<Figure, String>;
 
-/// Most points handed over per line.
+/// Most points per line.
 const MOST_POINTS: usize = 1_500;
 
 /// Millimetres in a metre; also mm/s in m/s.
 pub(super) const MM: f64 = 1e3;
 
-/// Name of the model's curves beside those of the two steps; `None` where the model is the two steps'.
+/// Name of the model's curves next to those of the two steps; `None` if the model is the result of
+/// the two steps.
 fn model_name(found: &Identification) -> Option<&'static str> {
     found.fit.as_ref().map(|_| "model")
 }
@@ -59,7 +60,7 @@ pub(super) fn with(section: Section, drawn: Drawn) -> Section {
     }
 }
 
-/// The readings less sensor offset and unmodelled inertia: the seal's force, N, as the sensor saw it.
+/// The readings minus sensor offset and unmodelled inertia: the seal's force as measured, N.
 fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
     let force = recording.force.iter().map(|force| force - model.offset);
     if model.unmodelled_mass == 0.0 {
@@ -69,7 +70,8 @@ fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
     force.zip(acceleration).map(|(force, a)| force - model.unmodelled_mass * a).collect()
 }
 
-/// The recordings without the unmodelled mass that the identification found in their readings.
+/// The recordings with the unmodelled mass subtracted that the identification found in their
+/// readings.
 pub(super) fn without_unmodelled_mass<'a>(recordings: &'a [Recording], model: &Candidate) -> Cow<'a, [Recording]> {
     if model.unmodelled_mass == 0.0 {
         return Cow::Borrowed(recordings);
@@ -81,7 +83,7 @@ pub(super) fn without_unmodelled_mass<'a>(recordings: &'a [Recording], model: &C
     Cow::Owned(recordings.iter().map(corrected).collect())
 }
 
-/// Samples of `range` that draw the same line as all of them; `x` grows.
+/// Samples of `range` that draw the same line as all of them; `x` is increasing.
 pub(super) fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (low, high) = (x.first().copied().unwrap_or(0.0), x.last().copied().unwrap_or(1.0));
     let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);
@@ -93,7 +95,7 @@ fn spaced(low: f64, high: f64, count: usize) -> impl Iterator<Item = f64> + Clon
     (0..count).map(move |k| low + (high - low) * k as f64 / (count - 1) as f64)
 }
 
-/// "2.98 N, 95 % interval [2.95, 3.01]", in the unit for people.
+/// "2.98 N, 95 % interval [2.95, 3.01]", in the displayed unit.
 pub(super) fn in_words(estimate: &Estimate) -> String {
     let (value, interval) = value_and_interval(estimate);
     format!("{value}, {interval}")

@@ -1,4 +1,5 @@
-//! The fit: optional terms, friction scale of each stroke, and a part with small reversals and rests.
+//! The fit: optional model terms, friction scale of each stroke, and a part with small reversals
+//! and rests.
 
 use std::ops::Range;
 
@@ -12,15 +13,15 @@ use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Tab
 use crate::report::number::significant;
 use crate::segment::{passes, reversal_threshold};
 
-/// What is shown of a recording, s.
+/// Length of the shown part of a recording, s.
 const SHOWN: f64 = 5.0;
-/// Steps in which the densest stretch is looked for, s.
+/// Step of the search for the part, s.
 const STEP: f64 = 0.25;
-/// A rest: this long, s, within this part of c.
+/// A rest lasts at least this long, s, and stays within this fraction of c.
 const SHORTEST_REST: f64 = 0.1;
 const RESTING: f64 = 0.1;
 
-/// What was fitted, from what, and how it came out.
+/// Summary of the fit: terms, data and result.
 pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> {
     let free = &found.free_motion;
     let rest = if fit.converged { "" } else { " The last fit did not converge." };
@@ -48,7 +49,7 @@ pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Ve
     ]
 }
 
-/// Each optional term with its p value.
+/// Each optional model term with its p value.
 pub(in super::super) fn terms(fit: &FitSummary) -> Table {
     let columns = ["Term", "p value", "Squared error less by (%)", "In the model"];
     let caption = "Optional terms: p value of each beside the others, and the part of the squared error that it takes away (in the \
@@ -68,7 +69,8 @@ fn capital(words: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// Friction of each stroke over that of the model, along the time of the recordings, one after the other.
+/// Friction of each stroke relative to that of the model, over the time of the consecutive
+/// recordings.
 pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
     let scale = &found.friction_scale;
     if scale.strokes.len() < 2 {
@@ -96,13 +98,13 @@ pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Rec
     Ok(Figure::new("friction-scale", 0, "How friction changed").panel(panel.aspect(0.35)).caption(&caption))
 }
 
-/// A stretch of a recording.
+/// A part of a recording.
 struct Stretch<'a> {
     recording: &'a Recording,
     samples: Range<usize>,
-    /// Partial reversals within.
+    /// Number of partial reversals in it.
     partial: usize,
-    /// Rest within, s.
+    /// Total rest in it, s.
     held: f64,
     seen: bool,
 }
@@ -113,7 +115,8 @@ impl Stretch<'_> {
     }
 }
 
-/// Measured force, the model's and that of the paper's two steps, where rests and small reversals are densest.
+/// Measured force, force of the model and force of the paper's two steps in the part with the most
+/// rests and small reversals.
 pub(in super::super) fn small_motion(found: &Identification, training: &[Recording], scored: &Scored) -> Drawn {
     let none = || "There is no figure of rests and small reversals: no recording holds both.".to_owned();
     let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
@@ -155,8 +158,8 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
 
 const TWO_STEPS: &str = "paper's two steps";
 
-/// Force of the paper's element beside the readings less the model's offset, for both keep their own; `None` where the two
-/// steps resolved no deformation.
+/// Force of the paper's element relative to the readings minus the model's offset, since both have
+/// their own offset; `None` if the two steps resolved no deformation.
 fn paper_run(found: &Identification, recording: &Recording) -> Option<Vec<f64>> {
     let two_steps = found.deformation.as_ref().ok().and_then(|_| found.two_step.stages().ok())?;
     let Replay { mut force, .. } = replay(&Trocar::of_seal(two_steps), recording, found.two_step.offset);
@@ -188,7 +191,7 @@ fn caption(shown: &Stretch, model: f64, paper: Option<f64>) -> String {
     )
 }
 
-/// Samples in rests within `reach`, m, tremor included.
+/// Samples in rests within `reach` (m), which includes tremor.
 fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
     let (x, t) = (&recording.position, &recording.time);
     let mut resting = vec![false; x.len()];
@@ -206,7 +209,8 @@ fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
     resting
 }
 
-/// Where most partial reversals and rests are, among samples whose state is known; `None` without both in any stretch.
+/// The part with the most partial reversals and rests among samples with known state; `None` if no
+/// part contains both.
 fn densest<'a>(found: &Identification, recordings: &'a [Recording], seen: bool) -> Option<Stretch<'a>> {
     let stretches = recordings.iter().flat_map(|recording| stretches(found, recording, seen));
     stretches.filter(|s| s.partial > 0 && s.held > 0.0).max_by(|a, b| a.density().total_cmp(&b.density()))

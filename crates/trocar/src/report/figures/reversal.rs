@@ -1,4 +1,4 @@
-//! Force upon a reversal of the velocity: the two transients T1 and T2 (EMS figure 3).
+//! Force after a velocity reversal: the two transients T1 and T2 (EMS figure 3).
 
 use std::ops::Range;
 
@@ -11,12 +11,13 @@ use crate::replay::replay;
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::segment::Direction;
 
-/// Shown of the sliding before the reversal and after the transients, in durations of the traverse.
+/// Shown durations of sliding before the reversal and after the transients, in durations of the
+/// deformation.
 const MARGINS: [f64; 2] = [0.5, 0.8];
-/// A slope that softens beyond this z/c leaves no room for a rise outside.
+/// If the slope softens beyond this z/c, no rise outside can be determined.
 const OUTERMOST: f64 = 0.9;
 
-/// The force upon one measured reversal against time.
+/// The force after one measured reversal against time.
 pub(in super::super) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(
@@ -73,8 +74,8 @@ fn branch(found: &Identification, direction: Direction) -> &Branch {
     }
 }
 
-/// Of the traverses in the middle half of the speeds, the one that follows its direction's mean curve most closely at the
-/// steadiest velocity.
+/// Of the deformations in the middle half of the speeds, the one with the smallest deviation from
+/// its direction's mean curve at the most constant velocity.
 fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
     let mut by_speed: Vec<&Traverse> = deformation.traverses.iter().collect();
     by_speed.sort_by(|a, b| a.speed.total_cmp(&b.speed));
@@ -93,7 +94,7 @@ fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
     middle.iter().min_by(|a, b| unsteadiness(a).total_cmp(&unsteadiness(b))).copied()
 }
 
-/// Samples around the traverse, inside the same unbroken part of the recording.
+/// Samples around the deformation within the same contiguous part of the recording.
 fn window(recording: &Recording, shown: &Traverse) -> Range<usize> {
     let part = recording.unbroken().find(|part| part.contains(&shown.from)).unwrap_or(0..recording.len());
     let [from, to] = [recording.time[shown.from], recording.time[shown.to]];
@@ -103,21 +104,21 @@ fn window(recording: &Recording, shown: &Traverse) -> Range<usize> {
     start.max(part.start)..end.min(part.end)
 }
 
-/// The sample of the extreme position, at which the velocity changes its sign.
+/// The sample of the extreme position, at which the velocity changes sign.
 fn turning_point(recording: &Recording, shown: &Traverse, window: &Range<usize>) -> usize {
     let s = shown.direction.sign();
     let before = window.start..=shown.from;
     before.min_by(|a, b| (s * recording.position[*a]).total_cmp(&(s * recording.position[*b]))).unwrap_or(shown.from)
 }
 
-/// Where, as z/c along the motion, the first rise ends and the second begins.
+/// Where the first rise ends and the second begins, as z/c in the direction of motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Transients {
-    /// The branch softens in between: its slope is not positive there.
+    /// The branch softens in between: its slope is not positive.
     Softening { from: f64, to: f64 },
-    /// The slope has a marked minimum, but stays positive.
+    /// The slope has a distinct minimum but stays positive.
     Flattening { at: f64 },
-    /// One rise only.
+    /// A single rise.
     Single,
 }
 
@@ -144,7 +145,7 @@ impl Transients {
             Self::Flattening { at } => (at, at),
             Self::Single => return vec![Mark::x_range(start, end, "transient")],
         };
-        // A withdrawal passes its branch from +c to -c.
+        // A withdrawal follows its branch from +c to -c.
         let (first, second) = match shown.direction {
             Direction::Insertion => (first, second),
             Direction::Withdrawal => (second, first),
@@ -174,7 +175,7 @@ impl Transients {
     }
 }
 
-/// Time, s, at which the traverse passes z = `u`·c.
+/// Time at which the deformation reaches z = `u`·c, s.
 fn time_at(recording: &Recording, shown: &Traverse, u: f64) -> f64 {
     let s = shown.direction.sign();
     let start = recording.position[shown.from];

@@ -1,4 +1,5 @@
-//! Force in steady sliding against velocity, with the fitted line and its confidence lines (EMS figure 6, (23), (11)).
+//! Force in steady sliding against velocity, with the fitted line and its confidence limits (EMS
+//! figure 6, (23), (11)).
 
 use trocar_model::ElementParams;
 
@@ -7,9 +8,9 @@ use crate::identify::{DirectionLine, Identification, PassMean, SteadyFit};
 use crate::report::document::{Axis, Figure, Kind, Panel, Role, Series};
 use crate::report::number::fixed;
 
-/// Most means drawn with bars; more hide each other.
+/// Most means drawn with bars; more would overlap.
 const MOST_BARS: usize = 250;
-/// Most means drawn at all.
+/// Most means drawn.
 const MOST_MEANS: usize = 1_500;
 
 /// Half of a 95 % interval in standard errors.
@@ -40,7 +41,7 @@ pub(in super::super) fn static_friction(found: &Identification) -> Drawn {
 
 struct Curves<'a> {
     steady: &'a SteadyFit,
-    /// Taken out of everything drawn, N.
+    /// Offset subtracted from all curves, N.
     offset: f64,
 }
 
@@ -60,7 +61,7 @@ impl Curves<'_> {
         Series::error_bars("mean, ± 95 %", Role::Measured, x, y, low, high)
     }
 
-    /// A curve over the speeds measured in both directions, broken at rest.
+    /// A curve over the speeds measured in both directions, interrupted at zero velocity.
     fn curve(&self, name: &str, role: Role, force: impl Fn(f64) -> f64) -> Series {
         let [slowest, fastest] = self.steady.speed_range_m_s;
         let has = |sign: f64| self.steady.means.iter().any(|m| m.velocity_m_s * sign > 0.0);
@@ -94,7 +95,7 @@ impl Curves<'_> {
         vec![common, own]
     }
 
-    /// The same series with the fit taken out, on a scale on which the intervals are seen.
+    /// The same series with the fit subtracted, on a scale that shows the intervals.
     fn less_fit(&self, series: Series) -> Series {
         let fit = |v: f64| {
             let v = v / MM;
@@ -109,7 +110,7 @@ impl Curves<'_> {
         Series { y: less(series.y), kind, ..series }
     }
 
-    /// The direction's own line without offset, its parameters picked by `of`.
+    /// The line of one direction without offset; `of` selects the values of its parameters.
     fn direction(&self, v: f64, of: impl Fn(&crate::identify::Estimate) -> f64) -> f64 {
         let line: Option<&DirectionLine> =
             if v > 0.0 { self.steady.insertion.as_ref() } else { self.steady.withdrawal.as_ref() };
@@ -118,7 +119,8 @@ impl Curves<'_> {
         })
     }
 
-    /// Lowest and highest parameters, as in EMS figure 6; none where the data do not pin them.
+    /// Curves of the lowest and the highest parameters, as in EMS figure 6; empty if the data do
+    /// not determine them.
     fn confidence(&self) -> Vec<Series> {
         let s = self.steady;
         let ends = [("lowest parameters", Role::Lower, 0), ("highest parameters", Role::Upper, 1)];
@@ -139,7 +141,7 @@ impl Curves<'_> {
         ends.into_iter().map(line).collect()
     }
 
-    /// All stages in steady sliding, the creep of the contact included.
+    /// All stages in steady sliding, including the creep of the contact.
     fn model(&self, found: &Identification, name: &str) -> Series {
         let force = |p: &ElementParams, v: f64| {
             let sliding = if v > 0.0 { &p.insertion } else { &p.withdrawal };

@@ -1,4 +1,4 @@
-//! Error of the model by speed of the pass and by phase of the motion.
+//! Error of the model by speed of the stroke and by phase of the motion.
 
 use std::collections::BTreeMap;
 

@@ -7,7 +7,7 @@ use crate::identify::{Estimate, Identification, Parameter};
 use crate::recording::{Quality, Recording};
 use crate::report::document::{Cell, Table};
 
-/// Factor from SI and the unit for people.
+/// Factor from SI, and the displayed unit.
 pub(in super::super) fn display(unit: &str) -> (f64, String) {
     match unit {
         "m" => (MM, "mm".to_owned()),
@@ -20,7 +20,7 @@ pub(in super::super) fn display(unit: &str) -> (f64, String) {
     }
 }
 
-/// Name in words and symbol of a parameter of `summary.json`; a name it does not know stays as it is.
+/// Name and symbol of a parameter of `summary.json`; an unknown name is returned unchanged.
 pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
     let (words, symbol) = match parameter {
         "coulomb_force_n" => ("Coulomb force", "F_c"),
@@ -142,7 +142,7 @@ pub(super) fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
     }
 }
 
-/// The value the bench was run with, SI; `None` where elements in parallel or the rig have no such number.
+/// The value used by the bench, SI; `None` if parallel elements or the rig have no such number.
 fn true_value(name: &str, elements: &[Element]) -> Option<f64> {
     let sum = |of: &dyn Fn(&Element) -> f64| elements.iter().map(of).sum::<f64>();
     let mean = |a: f64, b: f64| 0.5 * (a + b);
@@ -181,7 +181,7 @@ fn at_join(branch: &Branch) -> f64 {
     branch.force(branch.join())
 }
 
-/// What was recorded, one row each.
+/// Properties of the recordings, one row each.
 pub(in super::super) fn sampling<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
     let columns = [
         "Recording",
@@ -208,7 +208,7 @@ pub(in super::super) fn sampling<'a>(recordings: impl Iterator<Item = (&'a Recor
     })
 }
 
-/// How finely the sensors saw it, one row each.
+/// Resolution of the sensors, one row per recording.
 pub(in super::super) fn resolution<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
     let columns = ["Recording", "Position step (µm)", "Position noise (µm)", "Force step (mN)", "Force noise (mN)"];
     let empty = Table::new("Resolution and noise (1 sd) of the sensors, seen in the data", columns);
@@ -224,7 +224,7 @@ pub(in super::super) fn resolution<'a>(recordings: impl Iterator<Item = (&'a Rec
     })
 }
 
-/// A step of a signal; none was found where it is zero.
+/// The resolution of a signal; zero means that none was found.
 fn step(value: f64) -> Cell {
     if value > 0.0 { Cell::Number { value, digits: 2 } } else { Cell::from("none found") }
 }

@@ -1,4 +1,4 @@
-//! The model against measurement over time (EMS figure 9) and what it leaves.
+//! The model compared with measurements over time (EMS figure 9), and the residual.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -15,20 +15,20 @@ use crate::report::number::{fixed, significant};
 use crate::segment::{SegmentOptions, passes, reversal_threshold, stretches, travel};
 use crate::validate::{Validation, validate};
 
-/// Most recordings whose residual is drawn.
+/// Most recordings for which the residual is drawn.
 const MOST_RECORDINGS: usize = 4;
 /// Points of the quantile plot.
 const QUANTILES: usize = 150;
 /// Points of the autocorrelation.
 const LAGS: usize = 120;
-/// Cycles count as of one speed within this ratio.
+/// Speeds within this ratio count as one speed of cycles.
 const ONE_SPEED: f64 = 1.5;
 
-/// Recordings, the model's run over them, and the scores.
+/// Recordings, the simulations of the model over them, and the scores.
 pub(in super::super) struct Scored<'a> {
     pub(in super::super) recordings: Cow<'a, [Recording]>,
     pub(in super::super) validation: Cow<'a, Validation>,
-    /// Whether the model has not seen the recordings.
+    /// Whether the recordings were held out of the identification.
     pub(in super::super) held_out: bool,
     runs: Vec<Replay>,
     /// Whether the model has elements in parallel.
@@ -37,7 +37,7 @@ pub(in super::super) struct Scored<'a> {
     offset: f64,
 }
 
-/// Runs the model over the validation recordings, or over those it was identified from.
+/// Simulates the model over the validation recordings, or over those used for identification.
 pub(in super::super) fn scored<'a>(
     found: &Identification,
     training: &'a [Recording],
@@ -58,7 +58,7 @@ pub(in super::super) fn scored<'a>(
 }
 
 impl Scored<'_> {
-    /// What the recordings are, for captions.
+    /// Description of the recordings for captions.
     pub(in super::super) fn kind(&self) -> &'static str {
         if self.held_out {
             "recordings that the identification has not seen"
@@ -67,7 +67,7 @@ impl Scored<'_> {
         }
     }
 
-    /// Samples that are scored: where the state is known, or all if it never is.
+    /// Scored samples: those with known state, or all if it is never known.
     fn known(&self, index: usize) -> Vec<Range<usize>> {
         let known = &self.runs[index].known;
         if known.is_empty() { std::iter::once(0..self.recordings[index].len()).collect() } else { known.clone() }
@@ -87,12 +87,12 @@ impl Scored<'_> {
     }
 }
 
-/// An insertion and the withdrawal after it, or the other way round.
+/// An insertion and the following withdrawal, or the reverse.
 #[derive(Clone)]
 pub(super) struct Cycle {
     pub(super) recording: usize,
     pub(super) samples: Range<usize>,
-    /// The sample between the strokes.
+    /// The sample at the reversal between the strokes.
     pub(super) turn: usize,
     /// Speed of the first stroke, m/s.
     pub(super) speed: f64,
@@ -100,7 +100,8 @@ pub(super) struct Cycle {
     steady: bool,
 }
 
-/// Full cycles inside the samples whose state is known; only those of constant velocity, if there are any.
+/// Full cycles within the samples whose state is known; only those of constant velocity, if there
+/// are any.
 pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Range<usize>>) -> Vec<Cycle> {
     let mut found = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
@@ -250,7 +251,7 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
         let (some_x, some_y) = thinned(time, &error);
         x.extend(some_x);
         y.extend(some_y);
-        // A gap in time is a gap in the line.
+        // A gap in time interrupts the line.
         x.push(f64::NAN);
         y.push(f64::NAN);
     }

@@ -1,13 +1,15 @@
-//! Errors against the number of parameters that buy them.
+//! Errors against the number of parameters.
 
 use super::{by_name, family, family_name, model_name};
 use crate::compare::{Comparison, Entry};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 
-/// Models of as many parameters whose errors differ by less than this part are one point with two names.
+/// Models with the same number of parameters whose errors differ by less than this fraction are
+/// drawn as one point with two names.
 const COINCIDENT: f64 = 0.04;
 
-/// Error of every model against its number of parameters, over all of the validation and after its reversals.
+/// Error of every model against its number of parameters, over the whole validation and after its
+/// reversals.
 pub(in super::super::super) fn error_by_parameters(comparison: &Comparison) -> Figure {
     let noise = comparison.validation.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     Figure::new("error-by-parameters", 0, "Error against number of parameters")
@@ -52,7 +54,7 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
     }
 }
 
-/// The entries in groups that would be drawn on top of each other.
+/// Groups of entries that would be drawn on top of each other.
 fn coincident<'a>(entries: impl Iterator<Item = &'a Entry>, error: impl Fn(&Entry) -> f64) -> Vec<Vec<&'a Entry>> {
     let mut groups: Vec<Vec<&Entry>> = Vec::new();
     for entry in entries {
@@ -67,7 +69,7 @@ fn coincident<'a>(entries: impl Iterator<Item = &'a Entry>, error: impl Fn(&Entr
     groups
 }
 
-/// "LuGre / rational": what the names have in common is said once.
+/// "LuGre / rational": the common part of the names appears once.
 fn joined(mut names: Vec<String>) -> String {
     names.sort_by_key(String::len);
     let first = names.first().map_or("", String::as_str);

@@ -14,13 +14,14 @@ pub(in super::super) use tables::{
     best_of_each, by_recording, criteria, errors_by_phase, parameters_by_family, warnings_by_model,
 };
 
-/// Sizes of banks that are drawn beside the best one: four elements and ten are what EMS section II-C speaks of.
+/// Sizes of banks drawn in addition to the best one: EMS section II-C discusses four and ten
+/// elements.
 const SPOKEN_OF: [usize; 2] = [4, 10];
 
-/// Relative difference of two errors that is none.
+/// Relative difference below which two errors count as equal.
 const NO_ODDS: f64 = 0.01;
 
-/// Name of a family for people; one that is not known stays as it is.
+/// Displayed name of a family; an unknown name is returned unchanged.
 pub(in super::super) fn family_name(name: &str) -> &str {
     match name {
         "ems" => "EMS",
@@ -38,7 +39,7 @@ pub(in super::super) fn family_name(name: &str) -> &str {
     }
 }
 
-/// Name of a model for people, with its number of elements where the family has several.
+/// Displayed name of a model, with its number of elements if the family has several.
 pub(in super::super) fn model_name(entry: &Entry) -> String {
     let name = family_name(entry.name);
     if entry.choice.is_bank() { format!("{name} {}", entry.elements) } else { name.to_owned() }
@@ -62,7 +63,7 @@ fn role(entry: &Entry, place: usize) -> Role {
     Role::Friction(family(entry), variant(entry, place))
 }
 
-/// What tells the models of a family apart: `place` in a list of banks.
+/// Distinguishes the models of a family: `place` in a list of banks.
 fn variant(entry: &Entry, place: usize) -> u8 {
     match entry.name {
         "ems" | "stribeck" | "lugre" => 0,
@@ -72,7 +73,7 @@ fn variant(entry: &Entry, place: usize) -> u8 {
     }
 }
 
-/// The entries by name, each name where its best model stands.
+/// The entries by name, each name at the position of its best model.
 fn by_name(comparison: &Comparison) -> Vec<Vec<&Entry>> {
     let mut names: Vec<Vec<&Entry>> = Vec::new();
     for entry in &comparison.entries {
@@ -84,14 +85,15 @@ fn by_name(comparison: &Comparison) -> Vec<Vec<&Entry>> {
     names
 }
 
-/// Of one family, least error first: the fewest elements that come as near to its least validation error as makes no odds.
+/// The best model of one family: the fewest elements whose validation error equals the least one
+/// within the tolerance.
 fn best<'a>(own: &[&'a Entry]) -> &'a Entry {
     let least = own[0].scores.validate_rms_n;
     let as_good = own.iter().filter(|entry| entry.scores.validate_rms_n <= (1.0 + NO_ODDS) * least);
     as_good.min_by_key(|entry| entry.elements).unwrap_or(&own[0])
 }
 
-/// The best of a bank's sizes, and those that EMS speaks of.
+/// The best of a bank's sizes, and those that EMS discusses.
 fn of_interest<'a>(own: &[&'a Entry]) -> Vec<&'a Entry> {
     let best = best(own);
     let mut others: Vec<&Entry> = own.iter().copied().filter(|entry| SPOKEN_OF.contains(&entry.elements)).collect();

@@ -1,4 +1,5 @@
-//! Every model over the same reversal and the same cycle, in one small panel a family (EMS figures 3 and 9).
+//! Every model over the same reversal and the same cycle, in one small panel per family (EMS
+//! figures 3 and 9).
 
 use std::ops::Range;
 
@@ -25,14 +26,15 @@ const PANELS: [(&str, &[Family]); 7] = [
     ("Extended Maxwell-Slip", &[Family::Ems]),
     ("Others", &[Family::Other]),
 ];
-/// Shown before the reversal and after it, in travels that count for the error of a reversal.
+/// Margins before and after the reversal, in units of the travel over which the error of a reversal
+/// is evaluated.
 const MARGINS: [f64; 2] = [0.35, 1.4];
 
-/// A model's run over the recording shown.
+/// The simulation of a model over the shown recording.
 struct Run {
     name: String,
     role: Role,
-    /// Reading, N, less the common offset.
+    /// Reading, N, minus the common offset.
     force: Vec<f64>,
 }
 
@@ -40,13 +42,14 @@ struct Run {
 pub(in super::super::super) struct Shown<'a> {
     recording: &'a Recording,
     cycle: Cycle,
-    /// Offset taken out of all that is drawn, N.
+    /// Offset subtracted from all curves, N.
     offset: f64,
     measured: Vec<f64>,
     panels: Vec<(&'static str, Vec<Run>)>,
 }
 
-/// Runs the models over the recording that holds the cycle of the middle speed; `None` without a cycle to show.
+/// Simulates the models over the recording that contains the cycle of the middle speed; `None`
+/// without a suitable cycle.
 pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_>> {
     let cycle = representative(comparison)?;
     let recording = &comparison.validation[cycle.recording];
@@ -68,7 +71,7 @@ pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_
     Some(Shown { recording, cycle, offset, measured, panels })
 }
 
-/// The models of some families with their places; of banks, the best and those that EMS speaks of.
+/// The models of some families with their places; of banks, the best and those that EMS discusses.
 fn models<'a>(comparison: &'a Comparison, families: &[Family]) -> Vec<(&'a Entry, usize)> {
     let own = by_name(comparison).into_iter().filter(|own| families.contains(&family(own[0])));
     let numbered = own.flat_map(|own| {
@@ -76,12 +79,13 @@ fn models<'a>(comparison: &'a Comparison, families: &[Family]) -> Vec<(&'a Entry
         chosen.into_iter().enumerate().map(|(place, entry)| (entry, place)).collect::<Vec<_>>()
     });
     let mut all: Vec<(&Entry, usize)> = numbered.collect();
-    // Solid lines first: dashes show on them.
+    // Solid lines first, so that dashes are visible on them.
     all.sort_by_key(|(entry, place)| (family(entry) as u8, variant(entry, *place)));
     all
 }
 
-/// The cycle of the middle speed among those that turn to insertion and whose deflection is known.
+/// The cycle of the middle speed among those that reverse to insertion and whose deflection is
+/// known.
 fn representative(comparison: &Comparison) -> Option<Cycle> {
     let recordings = &comparison.validation;
     let ems = &comparison.ems;
@@ -102,7 +106,7 @@ fn representative(comparison: &Comparison) -> Option<Cycle> {
     own.into_iter().nth(middle)
 }
 
-/// The force of every model upon the same reversal, as in figure 3 of EMS.
+/// The force of every model after the same reversal, as in figure 3 of EMS.
 pub(in super::super::super) fn one_reversal(comparison: &Comparison, shown: Option<&Shown>) -> Drawn {
     let shown = shown.ok_or_else(|| {
         "There is no figure of the models upon one reversal (EMS figure 3): the validation recordings hold no two full strokes \
@@ -186,7 +190,7 @@ impl Shown<'_> {
     }
 }
 
-/// Points that draw the same line as all of them; x need not grow.
+/// Points that draw the same line as all of them; x need not increase.
 fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
     let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);

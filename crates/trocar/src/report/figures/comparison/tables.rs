@@ -7,7 +7,7 @@ use crate::report::document::{Cell, Table};
 use crate::report::figures::tables::{cells_of, display, name_of};
 use crate::validate::Part;
 
-/// Banks with more elements than this have their parameters in the JSON alone.
+/// The parameters of banks with more elements than this are only in the JSON.
 const MOST_ELEMENTS: usize = 4;
 
 fn number(value: f64, digits: usize) -> Cell {
@@ -52,7 +52,7 @@ pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<T
     (names.len() > 1).then(|| table("The models of the summary by validation recording (rms in N)", &columns, rows))
 }
 
-/// Every model: errors over all and by phase.
+/// Every model: errors over the whole validation and by phase.
 pub(in super::super::super) fn errors_by_phase(comparison: &Comparison) -> Table {
     let columns = ["Model", "Parameters", "Training", "Validation", "Fit (%)", "Deformation", "Sliding", "Hold"];
     let phase = |part: &Part| number(if part.samples > 0 { part.rms_n } else { f64::NAN }, 3);
@@ -86,7 +86,7 @@ pub(in super::super::super) fn criteria(comparison: &Comparison) -> Table {
     table("Errors after reversals, criteria and cost", &columns, comparison.entries.iter().map(row))
 }
 
-/// Parameters with intervals, a table a family; of banks those with up to four elements.
+/// Parameters with intervals, one table per family; of banks those with up to four elements.
 pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> Vec<Table> {
     let columns = ["Model", "Parameter", "Symbol", "Value", "95 % interval", "Unit"];
     let family = |mut own: Vec<&Entry>| {
@@ -107,7 +107,8 @@ fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
     })
 }
 
-/// What there is to know about each fit; parameters that are not determined by their symbols. `None` without any.
+/// Warnings about each fit; undetermined parameters are given by their symbols. `None` without
+/// warnings.
 pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Option<Table> {
     let row = |entry: &Entry| {
         let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
