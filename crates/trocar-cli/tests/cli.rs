@@ -152,12 +152,12 @@ fn a_sensor_mounted_the_other_way_round_is_noticed_and_can_be_turned() {
 }
 
 #[test]
-fn what_the_data_cannot_pin_is_said_before_fitting_and_ends_with_3() {
+fn what_the_data_do_not_determine_is_reported_before_fitting_and_ends_with_3() {
     let place = Place::new();
     place.put("one-speed.csv", &saw(|_, values| row(values)));
     let ran = place.run("identify one-speed.csv --bootstrap 0 --json --out result").ends_with(3);
     let (before, after) = ran.stderr.split_once("warning:").unwrap();
-    assert!(before.contains("one speed: the viscous part cannot be told"), "{before}");
+    assert!(before.contains("one speed: the viscous part cannot be distinguished"), "{before}");
     assert!(after.contains("viscous_damping_n_s_m") && after.contains("not determined"), "{after}");
     let summary: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     let damping = &summary["parameters"]["viscous_damping_n_s_m"];
