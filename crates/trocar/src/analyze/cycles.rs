@@ -10,8 +10,8 @@
 //!
 //! Why W >= 0: each part of the seal either stores or dissipates energy. Stored are ∫M dz, q²/(2κ)
 //! (`elastic.rs`) and a²/(2E) of a relaxing arm. Dissipative are F·v_sl of the contact, whose force
-//! has the sign of v_sl with or without creep (11), σ·ż² (9), a²/(E·τ), and the stop at ±h, since κ
-//! >= |dh/dz|. The stored energy is the same at both ends of such a repetition, so W is the
+//! has the sign of v_sl with or without creep (11), σ·ż² (9), a²/(E·τ), and the stop at ±h,
+//! since κ >= |dh/dz|. The stored energy is the same at both ends of such a repetition, so W is the
 //! dissipated energy.
 //!
 //! The seal may converge slowly to that response, and a seal with stick-slip may never converge. So
