@@ -117,7 +117,7 @@ def ems_numbers(model):
     deformation, sliding = element["deformation"], element["insertion"]
     c = deformation["half_width_m"]
     branches = []
-    for name in ("rising", "falling"):
+    for name in ("insertion", "withdrawal"):
         rows = []
         for piece in deformation[name]["pieces"]:
             domain = [piece["from_m"] / c, piece["to_m"] / c]
@@ -161,11 +161,11 @@ def ems_step(horner, exp, log1p):
                 z, q = side * c, 0.0
                 continue
             x = target / c
-            rising = horner(branches[0, 0] if x < joins[0] else branches[0, 1], x)
-            falling = horner(branches[1, 0] if x < joins[1] else branches[1, 1], x)
-            gap = max(0.5 * (rising - falling), 0.0)
+            insertion = horner(branches[0, 0] if x < joins[0] else branches[0, 1], x)
+            withdrawal = horner(branches[1, 0] if x < joins[1] else branches[1, 1], x)
+            gap = max(0.5 * (insertion - withdrawal), 0.0)
             q = min(max(q + kappa * (target - z), -gap), gap)
-            return target, q, 0.5 * (rising + falling) + q
+            return target, q, 0.5 * (insertion + withdrawal) + q
 
     return step
 

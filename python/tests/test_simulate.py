@@ -266,10 +266,10 @@ def test_a_tuned_model_is_another_one(model: trocar.Model) -> None:
     # N: static force 4 N plus viscous friction at 10 mm/s.
     assert sliding[-1] == pytest.approx(4 + 0.01 * {t.name: t.value for t in wider.tunables}["insertion_viscous_damping_n_s_m"], abs=1e-6)
     stages = trocar.Model.load(CONFORMANCE / "models" / "ems_stages.json")
-    assert stages.tuned(element_1_half_width_m=4e-3) != stages
+    assert stages.tuned(element_2_half_width_m=4e-3) != stages
     with pytest.raises(trocar.ParameterError, match="no parameter \"width\" to tune; there are half_width_m"):
         model.tuned(width=1)
-    with pytest.raises(trocar.ParameterError, match="half_width must be positive"):
+    with pytest.raises(trocar.ParameterError, match="half_width_m must be finite and above 0 m"):
         model.tuned(half_width_m=-1)
     with pytest.raises(TypeError, match="half_width_m must be a number, got str"):
         model.tuned(half_width_m="wide")  # type: ignore[arg-type]

@@ -83,7 +83,7 @@ def test_memory_and_file_hold_the_same(tmp_path: Path) -> None:
         # Missing numbers are nan in the table and null in the file.
         assert np.array_equal(cells, written[name].fill_null(np.nan).to_numpy(), equal_nan=True), name
     assert table.failed == sum(why is not None for why in failures) > 0
-    assert table.first_failure is not None and "half_width must be positive" in table.first_failure
+    assert table.first_failure is not None and "half_width_m must be finite and above 0 m" in table.first_failure
     assert columns["seed"].dtype == columns["run"].dtype == np.int64
     assert pandas.DataFrame(table.columns()).shape == polars.DataFrame(table.columns()).shape == written.shape
     assert "20 runs, " in repr(table) and "peak_force_n" in table._repr_html_()

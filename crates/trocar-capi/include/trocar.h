@@ -295,11 +295,11 @@ typedef struct {
  */
 typedef struct {
     /**
-     * Name with its unit at the end, such as "half_width_m".
+     * Name with its unit at the end, such as "half_width_m", or "element_2_half_width_m" of one of several elements.
      */
     const char *name;
     /**
-     * Unit in SI, "1" for a pure number.
+     * Unit in SI such as "N s/m", "1" for a pure number.
      */
     const char *unit;
     /**
@@ -319,7 +319,7 @@ typedef struct {
      */
     int32_t above_least;
     /**
-     * Which of several elements it belongs to, from 0; -1 for what the model has once.
+     * Which of several elements it belongs to, from 1; 0 for what the model has once.
      */
     int32_t element;
 } trocar_tunable;

@@ -96,8 +96,8 @@ struct Tunable {
     double value = 0.0;
     double least = 0.0;
     bool above_least = false;
-    /** Which of several elements, from 0; -1 for what the model has once. */
-    int element = -1;
+    /** Which of several elements, from 1; 0 for what the model has once. */
+    int element = 0;
 };
 
 /** A model; copies share it. */

@@ -46,9 +46,9 @@ struct TunableText {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct Tunable {
-    /// Name with its unit at the end, such as "half_width_m".
+    /// Name with its unit at the end, such as "half_width_m", or "element_2_half_width_m" of one of several elements.
     pub name: *const c_char,
-    /// Unit in SI, "1" for a pure number.
+    /// Unit in SI such as "N s/m", "1" for a pure number.
     pub unit: *const c_char,
     /// What it is.
     pub description: *const c_char,
@@ -58,7 +58,7 @@ pub struct Tunable {
     pub least: f64,
     /// 1 where the least value itself is not allowed, else 0.
     pub above_least: i32,
-    /// Which of several elements it belongs to, from 0; -1 for what the model has once.
+    /// Which of several elements it belongs to, from 1; 0 for what the model has once.
     pub element: i32,
 }
 
@@ -94,18 +94,25 @@ impl Model {
 impl TunableText {
     fn new(tunable: ModelTunable) -> Self {
         let text = |text: &str| CString::new(text).unwrap_or_default();
-        Self { name: text(tunable.name), unit: text(tunable.unit), description: text(tunable.description), tunable }
+        let id = tunable.id;
+        Self {
+            name: text(&id.to_string()),
+            unit: text(id.unit().si),
+            description: text(&format!("{}: {}", id.symbol(), id.words())),
+            tunable,
+        }
     }
 
     fn lent(&self) -> Tunable {
+        let range = self.tunable.id.declaration().range;
         Tunable {
             name: self.name.as_ptr(),
             unit: self.unit.as_ptr(),
             description: self.description.as_ptr(),
             value: self.tunable.value,
-            least: self.tunable.least,
-            above_least: self.tunable.above_least.into(),
-            element: self.tunable.element.and_then(|element| element.try_into().ok()).unwrap_or(-1),
+            least: range.least(),
+            above_least: range.excludes_least().into(),
+            element: self.tunable.id.element.map_or(0, i32::from),
         }
     }
 }

@@ -37,7 +37,7 @@ fn failed_runs_are_told_and_stop_nothing() {
     std::fs::write(folder.path().join("sweep.toml"), document).unwrap();
     let out = trocar(folder.path(), &["sweep", "sweep.toml", "--out", "table.csv"]);
     assert_eq!(out.status.code(), Some(3));
-    assert!(text(&out.stderr).contains("of 20 runs failed, the first: half_width must be positive"));
+    assert!(text(&out.stderr).contains("of 20 runs failed, the first: half_width_m must be finite and above 0 m"));
     let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
     assert_eq!(table.lines().count(), 21);
 }

@@ -1,7 +1,7 @@
 //! The variables of an FMU: one table, used both for the description and by the functions of the
 //! library.
 
-use trocar_model::{Seal, Trocar};
+use trocar_model::{Declaration, Seal, Trocar, Tunable};
 
 use crate::hash::fnv_128;
 
@@ -139,17 +139,18 @@ fn input_variable(input: Input) -> Variable {
 }
 
 fn parameters(seal: &Seal) -> impl Iterator<Item = Variable> {
-    let finite = |(_, tunable): &(usize, trocar_model::Tunable)| tunable.value.is_finite();
-    seal.tunables().enumerate().filter(finite).map(|(place, tunable)| {
-        let name = match tunable.element {
-            Some(element) => format!("element{}.{}", element + 1, tunable.name),
-            None => tunable.name.to_owned(),
-        };
-        let above = if tunable.above_least { format!("; above {}", tunable.least) } else { String::new() };
-        let description = format!("{}{above}", tunable.description);
-        let least = Some((tunable.least, tunable.above_least));
-        let (role, unit, start) = (Role::Tunable(place), tunable.unit, Some(tunable.value));
-        Variable { role, name, unit, description, start, least }
+    let finite = |(_, tunable): &(usize, Tunable)| tunable.value.is_finite();
+    seal.tunables().enumerate().filter(finite).map(|(place, Tunable { id, value })| {
+        let Declaration { unit, range, .. } = id.declaration();
+        let above = if range.excludes_least() { format!("; above {}", range.least()) } else { String::new() };
+        Variable {
+            role: Role::Tunable(place),
+            name: id.to_string(),
+            unit: unit.si,
+            description: format!("{}: {}{above}", id.symbol(), id.words()),
+            start: Some(value),
+            least: Some((range.least(), range.excludes_least())),
+        }
     })
 }
 

@@ -388,7 +388,7 @@ fn parameters_count_together() {
     assert_eq!([unit.set(&[(LAG, 0.1)]), unit.set(&[(CREEP, 1e-4)]), unit.step(0.0, 1e-3)], [OK; 3]);
     assert_eq!(unit.set(&[(CREEP, 0.0)]), OK);
     assert_eq!(unit.step(1e-3, 1e-3), ERROR);
-    assert!(told().contains("friction_lag = 0.1 s needs a creep_velocity above 0"));
+    assert!(told().contains("friction_lag_s = 0.1 s needs a creep_velocity_m_s above 0"));
     assert_eq!((unit.get(CREEP), unit.get(LAG)), (Ok(1e-4), Ok(0.1)));
     assert_eq!(unit.step(1e-3, 1e-3), OK);
 }

@@ -3,6 +3,7 @@
 //! The models take displacements and need no velocity, so noise does them little harm: in stick a jitter δ costs
 //! |dF_e/dz|·δ. Where even that ripple is unwelcome, as in a hand that holds still, a backlash takes it out whole.
 
+use crate::direction::Direction;
 use crate::error::{ParamError, not_negative};
 
 /// Width over resolution. A resting position flickers between two neighbouring readings, one resolution peak to peak,
@@ -63,36 +64,6 @@ pub struct BacklashFilter {
     half_turn: f64,
 }
 
-/// Direction of a motion along the axis of the instrument.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Direction {
-    /// Position increases, v > 0.
-    Insertion,
-    /// Position decreases, v < 0.
-    Withdrawal,
-}
-
-impl Direction {
-    /// Both, insertion first.
-    pub const BOTH: [Self; 2] = [Self::Insertion, Self::Withdrawal];
-
-    /// +1 for insertion, -1 for withdrawal.
-    pub fn sign(self) -> f64 {
-        match self {
-            Self::Insertion => 1.0,
-            Self::Withdrawal => -1.0,
-        }
-    }
-
-    /// In a word.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Insertion => "insertion",
-            Self::Withdrawal => "withdrawal",
-        }
-    }
-}
-
 /// The motion has turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reversal {
@@ -143,7 +114,7 @@ impl BacklashFilter {
     /// # Errors
     /// A width that is negative or not finite.
     pub fn new(width_m: f64) -> Result<Self, ParamError> {
-        let width = not_negative("backlash_width", width_m, "m")?;
+        let width = not_negative("backlash_width", width_m)?;
         Ok(Self { width, half_turn: width * (TURN_IN_RESOLUTIONS / WIDTH_IN_RESOLUTIONS) })
     }
 
@@ -155,7 +126,7 @@ impl BacklashFilter {
     /// # Errors
     /// A resolution that is negative or not finite.
     pub fn for_resolution(resolution_m: f64) -> Result<Self, ParamError> {
-        Self::new(WIDTH_IN_RESOLUTIONS * not_negative("resolution", resolution_m, "m")?)
+        Self::new(WIDTH_IN_RESOLUTIONS * not_negative("resolution", resolution_m)?)
     }
 
     /// ε, m.

@@ -1,8 +1,9 @@
 //! The Dahl model: friction as a spring that yields the more, the nearer its force comes to the Coulomb force.
 
-use crate::error::{ParamError, not_negative, positive};
+use crate::error::ParamError;
 use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, held, sign, velocity};
+use crate::parameter::{Parameters, parameters};
 
 /// Parameters of the Dahl model, key DAHL. Checked by [`Dahl::new`].
 ///
@@ -65,16 +66,20 @@ impl DahlState {
     }
 }
 
+parameters!(DahlParams {
+    stiffness: Stiffness,
+    coulomb_force: CoulombForce,
+    exponent: Exponent,
+    viscous_damping: ViscousDamping,
+});
+
 impl Dahl {
     /// Checks the parameters.
     ///
     /// # Errors
     /// A value out of its range.
     pub fn new(params: DahlParams) -> Result<Self, ParamError> {
-        positive("stiffness", params.stiffness, "N/m")?;
-        positive("coulomb_force", params.coulomb_force, "N")?;
-        positive("exponent", params.exponent, "")?;
-        not_negative("viscous_damping", params.viscous_damping, "N s/m")?;
+        params.check()?;
         Ok(Self { params })
     }
 

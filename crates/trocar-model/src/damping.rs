@@ -1,6 +1,7 @@
 //! Damping of the seal while it deforms, sigma(zdot) of EMS (9).
 
-use crate::error::{ParamError, finite};
+use crate::error::ParamError;
+use crate::parameter::{Blank, Field, Parameters, Quantity};
 
 /// Seal damping, a polynomial of the deformation speed.
 ///
@@ -19,6 +20,33 @@ use crate::error::{ParamError, finite};
 pub struct SealDamping {
     /// s_0, s_1, s_2.
     pub coefficients: [f64; 3],
+}
+
+impl Parameters for SealDamping {
+    const FIELDS: &'static [Field<Self>] = &[
+        Field::new(
+            Quantity::SealDamping,
+            |own: &Self| own.coefficients[0],
+            |own: &mut Self, value| own.coefficients[0] = value,
+        )
+        .with_key("constant_n_s_m"),
+        Field::new(
+            Quantity::SealDampingLinear,
+            |own: &Self| own.coefficients[1],
+            |own: &mut Self, value| own.coefficients[1] = value,
+        )
+        .with_key("linear_n_s2_m2"),
+        Field::new(
+            Quantity::SealDampingQuadratic,
+            |own: &Self| own.coefficients[2],
+            |own: &mut Self, value| own.coefficients[2] = value,
+        )
+        .with_key("quadratic_n_s3_m3"),
+    ];
+}
+
+impl Blank for SealDamping {
+    const BLANK: Self = Self { coefficients: [f64::NAN; 3] };
 }
 
 impl SealDamping {
@@ -67,9 +95,7 @@ impl SealDamping {
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
-        for value in self.coefficients {
-            finite("seal_damping", value)?;
-        }
+        Parameters::check(self)?;
         let slope = self.least_slope();
         if slope < 0.0 { Err(ParamError::DampingForceFalls { slope }) } else { Ok(()) }
     }
@@ -86,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn falling_damping_force_is_refused() {
+    fn withdrawal_damping_force_is_refused() {
         assert!(SealDamping { coefficients: [1.0, -1.0, 0.0] }.check().is_err());
         assert!(SealDamping { coefficients: [1.0, -2.0, 1.0] }.check().is_err());
         assert!(SealDamping { coefficients: [1.0, -1.7, 1.0] }.check().is_ok());

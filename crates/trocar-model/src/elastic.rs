@@ -18,7 +18,8 @@
 //!
 //! Outside [-c, c] the two branches are one straight line, h = 0.
 
-use crate::error::{ParamError, finite, positive};
+use crate::error::{ParamError, finite};
+use crate::parameter::Quantity;
 
 /// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has degree 7.
 pub const MAX_DEGREE: usize = 7;
@@ -248,8 +249,8 @@ pub(crate) struct Stretch {
 /// the slope is continuous for the motion that goes out there; a floor of [`END_SLOPE_FLOOR`] keeps it rising.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeformationForce {
-    rising: Branch,
-    falling: Branch,
+    insertion: Branch,
+    withdrawal: Branch,
     half_width: f64,
     yield_stiffness: f64,
     /// The two inner joins, ascending.
@@ -270,36 +271,36 @@ pub(crate) struct Local {
 }
 
 impl DeformationForce {
-    /// Deformation force with branch `rising` = F_u for a rising and `falling` = F_d for a falling deflection.
+    /// Deformation force with branch `insertion` = F_u for a growing and `withdrawal` = F_d for a falling deflection.
     ///
     /// `yield_stiffness` = κ, N/m; `None` takes 1.01 times the steepest slope of h, the softest law that follows both
     /// branches exactly.
     ///
     /// # Errors
     /// The branches span different intervals, or κ is below the steepest slope of h.
-    pub fn new(rising: Branch, falling: Branch, yield_stiffness: Option<f64>) -> Result<Self, ParamError> {
-        let half_width = rising.half_width();
-        let (from, to) = (falling.left.from, falling.right.to);
+    pub fn new(insertion: Branch, withdrawal: Branch, yield_stiffness: Option<f64>) -> Result<Self, ParamError> {
+        let half_width = insertion.half_width();
+        let (from, to) = (withdrawal.left.from, withdrawal.right.to);
         if (to - half_width).abs() > END_TOLERANCE * half_width {
             return Err(ParamError::IntervalNotCentred { from, to, half_width });
         }
-        let joins = [rising.join().min(falling.join()), rising.join().max(falling.join())];
+        let joins = [insertion.join().min(withdrawal.join()), insertion.join().max(withdrawal.join())];
         let bounds = [-half_width, joins[0], joins[1], half_width];
-        let stretch = |k: usize, left: f64, right: f64| Stretch::new(&rising, &falling, left, right, k);
+        let stretch = |k: usize, left: f64, right: f64| Stretch::new(&insertion, &withdrawal, left, right, k);
         let stretches =
             [stretch(0, bounds[0], bounds[1]), stretch(1, bounds[1], bounds[2]), stretch(2, bounds[2], bounds[3])];
-        let mean = |z: f64| 0.5 * (rising.force(z) + falling.force(z));
+        let mean = |z: f64| 0.5 * (insertion.force(z) + withdrawal.force(z));
         let mut this = Self {
-            rising,
-            falling,
+            insertion,
+            withdrawal,
             half_width,
             yield_stiffness: 0.0,
             joins,
             stretches,
             end_force: [mean(-half_width), mean(half_width)],
             end_stiffness: [
-                falling.left.stiffness(-half_width).max(falling.slope_floor()),
-                rising.right.stiffness(half_width).max(rising.slope_floor()),
+                withdrawal.left.stiffness(-half_width).max(withdrawal.slope_floor()),
+                insertion.right.stiffness(half_width).max(insertion.slope_floor()),
             ],
         };
         this.yield_stiffness = this.checked_yield_stiffness(yield_stiffness)?;
@@ -311,8 +312,8 @@ impl DeformationForce {
     /// # Errors
     /// A value that is not positive and finite.
     pub fn linear(stiffness: f64, half_width: f64) -> Result<Self, ParamError> {
-        positive("stiffness", stiffness, "N/m")?;
-        positive("half_width", half_width, "m")?;
+        Quantity::Stiffness.check(stiffness)?;
+        Quantity::HalfWidth.check(half_width)?;
         let half_force = 0.5 * stiffness * half_width;
         let left = Piece::new(-half_width, 0.0, &[-half_force, half_force])?;
         let right = Piece::new(0.0, half_width, &[half_force, half_force])?;
@@ -326,13 +327,13 @@ impl DeformationForce {
     }
 
     /// The branch F_u.
-    pub fn rising(&self) -> &Branch {
-        &self.rising
+    pub fn insertion(&self) -> &Branch {
+        &self.insertion
     }
 
     /// The branch F_d.
-    pub fn falling(&self) -> &Branch {
-        &self.falling
+    pub fn withdrawal(&self) -> &Branch {
+        &self.withdrawal
     }
 
     /// κ, N/m.
@@ -484,7 +485,7 @@ impl DeformationForce {
         let Some(given) = given else {
             return Ok(YIELD_STIFFNESS_MARGIN * steepest_above(-rounding));
         };
-        finite("yield_stiffness", given)?;
+        Quantity::YieldStiffness.check(given)?;
         let steepest = steepest_above(rounding);
         if given < steepest {
             return Err(ParamError::YieldStiffnessTooLow { given, minimum: steepest });
@@ -536,10 +537,11 @@ impl DeformationForce {
             let Stretch { mid, inverse_half, force, .. } = &self.stretches[k];
             let mut more = [[0.0; 2]; COUNT];
             if *inverse_half > 0.0 {
-                let [up, down] = [(&self.rising, &other.rising), (&self.falling, &other.falling)].map(|(own, its)| {
-                    let is_left = k == 0 || (k == 1 && *mid < own.join());
-                    restrict(if is_left { &its.left } else { &its.right }, *mid, 1.0 / inverse_half)
-                });
+                let [up, down] =
+                    [(&self.insertion, &other.insertion), (&self.withdrawal, &other.withdrawal)].map(|(own, its)| {
+                        let is_left = k == 0 || (k == 1 && *mid < own.join());
+                        restrict(if is_left { &its.left } else { &its.right }, *mid, 1.0 / inverse_half)
+                    });
                 for (((more, u), d), own) in more.iter_mut().zip(&up).zip(&down).zip(force) {
                     *more = [0.5 * (u + d) - own[0], 0.5 * (u - d) - own[1]];
                 }
@@ -594,15 +596,15 @@ pub(crate) struct Extremes {
 
 impl Stretch {
     /// The stretch `index` (0, 1, 2) between the joins, from `left` to `right`; an empty one is never evaluated.
-    fn new(rising: &Branch, falling: &Branch, left: f64, right: f64, index: usize) -> Self {
+    fn new(insertion: &Branch, withdrawal: &Branch, left: f64, right: f64, index: usize) -> Self {
         let half = 0.5 * (right - left);
         let mid = 0.5 * (left + right);
         if half <= 0.0 || !(1.0 / half).is_finite() {
             let none = [[0.0; 2]; COUNT];
             return Self { mid, inverse_half: 0.0, force: none, slope: none };
         }
-        let up = restrict(piece_over(rising, mid, index), mid, half);
-        let down = restrict(piece_over(falling, mid, index), mid, half);
+        let up = restrict(piece_over(insertion, mid, index), mid, half);
+        let down = restrict(piece_over(withdrawal, mid, index), mid, half);
         let mut force = [[0.0; 2]; COUNT];
         for (pair, (u, d)) in force.iter_mut().zip(up.iter().zip(&down)) {
             *pair = [0.5 * (u + d), 0.5 * (u - d)];

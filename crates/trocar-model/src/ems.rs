@@ -2,10 +2,12 @@
 
 use crate::creep::{Resistance, Rise, resistance};
 use crate::damping::SealDamping;
+use crate::direction::Direction;
 use crate::elastic::DeformationForce;
-use crate::error::{ParamError, not_negative};
+use crate::error::ParamError;
 use crate::exponential::decay;
 use crate::friction::{Friction, velocity};
+use crate::parameter::{Field, Parameters, fields};
 use crate::relaxation::{ArmForces, MAX_ARMS, Relaxation};
 use crate::sliding::SlidingFriction;
 
@@ -146,7 +148,7 @@ pub struct Element {
     pub(crate) insertion: Contact,
 }
 
-/// What is known beforehand about sliding to one side.
+/// What is known beforehand about sliding in one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Contact {
     pub(crate) folding: Folding,
@@ -164,36 +166,30 @@ pub(crate) struct Contact {
     pub(crate) lag: f64,
 }
 
-/// Direction of slip or of the force. An own type, since `f64::signum(-0.0)` is -1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Side {
-    Withdrawal,
-    Insertion,
+/// The numbers of the element itself; those of the paper's element are in its parts.
+impl Parameters for ElementParams {
+    const FIELDS: &'static [Field<Self>] = fields![creep_velocity: CreepVelocity, friction_lag: FrictionLag];
 }
 
-impl Side {
-    pub(crate) fn of(value: f64) -> Self {
-        if value < 0.0 { Self::Withdrawal } else { Self::Insertion }
-    }
-
-    pub(crate) fn sign(self) -> f64 {
-        match self {
-            Self::Withdrawal => -1.0,
-            Self::Insertion => 1.0,
+impl ElementParams {
+    /// The element of EMS without seal damping; its further terms are off.
+    pub const fn new(deformation: DeformationForce, insertion: SlidingFriction, withdrawal: SlidingFriction) -> Self {
+        Self {
+            deformation,
+            damping: SealDamping::ZERO,
+            insertion,
+            withdrawal,
+            creep_velocity: 0.0,
+            friction_lag: 0.0,
+            relaxation: Relaxation::NONE,
         }
     }
 
-    pub(crate) fn opposite(self) -> Self {
-        match self {
-            Self::Withdrawal => Self::Insertion,
-            Self::Insertion => Self::Withdrawal,
-        }
-    }
-
-    pub(crate) fn sliding(self, params: &ElementParams) -> &SlidingFriction {
-        match self {
-            Self::Withdrawal => &params.withdrawal,
-            Self::Insertion => &params.insertion,
+    /// Sliding friction in `direction`.
+    pub fn sliding(&self, direction: Direction) -> &SlidingFriction {
+        match direction {
+            Direction::Insertion => &self.insertion,
+            Direction::Withdrawal => &self.withdrawal,
         }
     }
 }
@@ -208,8 +204,7 @@ impl Element {
         params.withdrawal.check()?;
         params.damping.check()?;
         params.relaxation.check()?;
-        not_negative("creep_velocity", params.creep_velocity, "m/s")?;
-        not_negative("friction_lag", params.friction_lag, "s")?;
+        Parameters::check(&params)?;
         if params.friction_lag > 0.0 && params.creep_velocity == 0.0 {
             return Err(ParamError::LagWithoutCreep { lag: params.friction_lag });
         }
@@ -227,8 +222,8 @@ impl Element {
                 && extremes.lowest_force >= lowest,
             creeps: params.creep_velocity > 0.0,
             least_stiffness: extremes.least_slope,
-            withdrawal: Contact::new(&params, Side::Withdrawal)?,
-            insertion: Contact::new(&params, Side::Insertion)?,
+            withdrawal: Contact::new(&params, Direction::Withdrawal)?,
+            insertion: Contact::new(&params, Direction::Insertion)?,
             params,
         })
     }
@@ -332,39 +327,39 @@ impl Element {
 
     /// β·v_sl, N: the part of the force that grows with the slip speed, EMS (11).
     pub fn viscous_force(&self, state: &State) -> f64 {
-        self.sliding(Side::of(state.slip_velocity)).viscous_damping * state.slip_velocity
+        self.sliding(Direction::of(state.slip_velocity)).viscous_damping * state.slip_velocity
     }
 
-    pub(crate) fn sliding(&self, side: Side) -> &SlidingFriction {
-        side.sliding(&self.params)
+    pub(crate) fn sliding(&self, direction: Direction) -> &SlidingFriction {
+        self.params.sliding(direction)
     }
 
     /// The contact at slip speed `u` >= 0, m/s.
     #[inline(always)]
-    pub(crate) fn resistance(&self, side: Side, rise: Rise, u: f64) -> Resistance {
-        resistance(self.sliding(side), self.params.creep_velocity, rise, u)
+    pub(crate) fn resistance(&self, direction: Direction, rise: Rise, u: f64) -> Resistance {
+        resistance(self.sliding(direction), self.params.creep_velocity, rise, u)
     }
 
-    fn contact(&self, side: Side) -> &Contact {
-        match side {
-            Side::Withdrawal => &self.withdrawal,
-            Side::Insertion => &self.insertion,
+    fn contact(&self, direction: Direction) -> &Contact {
+        match direction {
+            Direction::Withdrawal => &self.withdrawal,
+            Direction::Insertion => &self.insertion,
         }
     }
 
     /// Whether one force may belong to several slip speeds when `now` of a change of g shows within the step.
-    pub(crate) fn folds(&self, side: Side, now: f64) -> bool {
-        self.contact(side).folding != Folding::Unique && self.least_drag(side, now) <= 0.0
+    pub(crate) fn folds(&self, direction: Direction, now: f64) -> bool {
+        self.contact(direction).folding != Folding::Unique && self.least_drag(direction, now) <= 0.0
     }
 
     /// β + min dD/dż - `now`·max|g'|, N·s/m: above zero the slip speed is unique in continuous time.
-    pub(crate) fn least_drag(&self, side: Side, now: f64) -> f64 {
-        let Contact { damping, steepest_fall, .. } = *self.contact(side);
+    pub(crate) fn least_drag(&self, direction: Direction, now: f64) -> f64 {
+        let Contact { damping, steepest_fall, .. } = *self.contact(direction);
         if now > 0.0 { damping - now * steepest_fall } else { damping }
     }
 
-    pub(crate) fn is_free(&self, side: Side) -> bool {
-        self.contact(side).free
+    pub(crate) fn is_free(&self, direction: Direction) -> bool {
+        self.contact(direction).free
     }
 
     /// The exact solution at constant velocity when sliding only happens on the straight ends.
@@ -375,13 +370,13 @@ impl Element {
         let mut q = state.yield_force;
         // Each side is a branch of its own: a choice by data would put the exponential between one step and the next.
         if z > c {
-            let (next, left) = self.slide_on_end(Side::Insertion, z - c, velocity, time);
+            let (next, left) = self.slide_on_end(Direction::Insertion, z - c, velocity, time);
             if left <= 0.0 {
                 return next;
             }
             (z, q, time) = (c, 0.0, left);
         } else if z < -c {
-            let (next, left) = self.slide_on_end(Side::Withdrawal, -z - c, velocity, time);
+            let (next, left) = self.slide_on_end(Direction::Withdrawal, -z - c, velocity, time);
             if left <= 0.0 {
                 return next;
             }
@@ -389,10 +384,10 @@ impl Element {
         }
         let target = z + velocity * time;
         if target > c {
-            return self.slide_on_end(Side::Insertion, 0.0, velocity, (target - c) / velocity).0;
+            return self.slide_on_end(Direction::Insertion, 0.0, velocity, (target - c) / velocity).0;
         }
         if target < -c {
-            return self.slide_on_end(Side::Withdrawal, 0.0, velocity, (target + c) / velocity).0;
+            return self.slide_on_end(Direction::Withdrawal, 0.0, velocity, (target + c) / velocity).0;
         }
         let (force, yield_force) = self.params.deformation.reach(z, q, target);
         State::stuck(target, yield_force, force, state.arms)
@@ -400,10 +395,10 @@ impl Element {
 
     /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the time left.
     #[inline(always)]
-    fn slide_on_end(&self, side: Side, excess: f64, velocity: f64, time: f64) -> (State, f64) {
+    fn slide_on_end(&self, direction: Direction, excess: f64, velocity: f64, time: f64) -> (State, f64) {
         let deformation = &self.params.deformation;
-        let Contact { end_force, end_stiffness, rate, lag, .. } = *self.contact(side);
-        let s = side.sign();
+        let Contact { end_force, end_stiffness, rate, lag, .. } = *self.contact(direction);
+        let s = direction.sign();
         // (20) on a straight spring: the excess relaxes towards β·v_d/K with the rate K/β.
         let settled = lag * s * velocity;
         let end = settled + (excess - settled) * decay(rate * time);
@@ -449,7 +444,7 @@ fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
     let c = params.deformation.half_width();
     let ends = [(-c, -params.withdrawal.static_force), (c, params.insertion.static_force)];
     for (deflection, expected) in ends {
-        for branch in [params.deformation.rising(), params.deformation.falling()] {
+        for branch in [params.deformation.insertion(), params.deformation.withdrawal()] {
             let force = branch.force(deflection);
             if (force - expected).abs() > PIN_TOLERANCE * expected.abs() {
                 return Err(ParamError::NotPinned { deflection, force, expected });
@@ -460,8 +455,8 @@ fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
 }
 
 impl Contact {
-    fn new(params: &ElementParams, side: Side) -> Result<Self, ParamError> {
-        let (sliding, damping) = (side.sliding(params), &params.damping);
+    fn new(params: &ElementParams, direction: Direction) -> Result<Self, ParamError> {
+        let (sliding, damping) = (params.sliding(direction), &params.damping);
         let free = sliding.viscous_damping == 0.0 && damping.is_zero();
         if free && !sliding.is_constant() {
             return Err(ParamError::UndampedBreakaway {
@@ -469,14 +464,14 @@ impl Contact {
                 coulomb_force: sliding.coulomb_force,
             });
         }
-        let (end_force, end_stiffness) = params.deformation.end(side == Side::Insertion);
+        let (end_force, end_stiffness) = params.deformation.end(direction == Direction::Insertion);
         let rate = end_stiffness / sliding.viscous_damping;
         Ok(Self {
             folding: folding(sliding, params.creep_velocity, damping.least_slope()),
             damping: sliding.viscous_damping + damping.least_slope(),
             steepest_fall: sliding.steepest_fall(),
             free,
-            end_force: side.sign() * end_force,
+            end_force: direction.sign() * end_force,
             end_stiffness,
             rate,
             lag: if rate.is_finite() { sliding.viscous_damping / end_stiffness } else { 0.0 },

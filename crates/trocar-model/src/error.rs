@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::parameter::{Declaration, ParameterId, Range};
+
 /// Why a parameter set was refused. Values are carried in SI units.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,23 +15,19 @@ pub enum ParamError {
         /// The value found.
         value: f64,
     },
-    /// A value must be above zero.
-    NotPositive {
-        /// Name of the parameter.
-        name: &'static str,
+    /// A parameter lies outside its range.
+    OutOfRange {
+        /// Which.
+        id: ParameterId,
         /// The value found.
         value: f64,
-        /// Unit of the value, empty for a pure number.
-        unit: &'static str,
     },
-    /// A value must be zero or above.
+    /// A length must be zero or above.
     Negative {
-        /// Name of the parameter.
+        /// What it is.
         name: &'static str,
-        /// The value found.
+        /// The value found, m.
         value: f64,
-        /// Unit of the value.
-        unit: &'static str,
     },
     /// The static force lies below the Coulomb force.
     StaticBelowCoulomb {
@@ -120,18 +118,12 @@ pub enum ParamError {
         /// Number of elements found.
         count: usize,
     },
-    /// A value of one of several elements is not finite or too small.
-    ElementOutOfRange {
+    /// The limit deflection of an element vanishes or is infinite beside the other numbers.
+    LimitDeflection {
         /// Index of the element, from 0; messages count from 1.
         index: usize,
-        /// Name of the parameter.
-        name: &'static str,
-        /// The value found.
-        value: f64,
-        /// Unit of the value, empty for a pure number.
-        unit: &'static str,
-        /// Whether 0 would have been allowed.
-        zero_allowed: bool,
+        /// C·k/(α·F_c), 1/s.
+        rate: f64,
     },
     /// The shares of the elements in the sliding force do not add up to 1.
     SharesNotOne {
@@ -151,17 +143,13 @@ impl fmt::Display for ParamError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::NotFinite { name, value } => write!(f, "{name} must be finite, got {value}"),
-            Self::NotPositive { name, value, unit } => {
-                write!(f, "{name} must be positive, got {value}{}{unit}", space(unit))
-            }
-            Self::Negative { name, value, unit } => {
-                write!(f, "{name} must not be negative, got {value}{}{unit}", space(unit))
-            }
+            Self::OutOfRange { id, value } => out_of_range(f, id, value),
+            Self::Negative { name, value } => write!(f, "{name} must not be negative, got {value} m"),
             Self::StaticBelowCoulomb { static_force, coulomb_force } => {
-                write!(f, "static_force must be at least coulomb_force = {coulomb_force} N, got {static_force} N")
+                write!(f, "static_force_n must be at least coulomb_force_n = {coulomb_force} N, got {static_force} N")
             }
             Self::LagWithoutCreep { lag } => {
-                write!(f, "friction_lag = {lag} s needs a creep_velocity above 0 m/s")
+                write!(f, "friction_lag_s = {lag} s needs a creep_velocity_m_s above 0 m/s")
             }
             Self::DampingForceFalls { slope } => {
                 write!(f, "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m")
@@ -190,24 +178,24 @@ impl fmt::Display for ParamError {
             }
             Self::YieldStiffnessTooLow { given, minimum } => write!(
                 f,
-                "yield_stiffness must be at least {minimum} N/m, the steepest slope of the half gap, got {given} N/m"
+                "yield_stiffness_n_m must be at least {minimum} N/m, the steepest slope of the half gap, got {given} N/m"
             ),
             Self::UndampedBreakaway { static_force, coulomb_force } => write!(
                 f,
-                "static_force {static_force} N above coulomb_force {coulomb_force} N needs viscous_damping or seal damping above zero"
+                "static_force_n {static_force} N above coulomb_force_n {coulomb_force} N needs viscous_damping_n_s_m or seal damping above zero"
             ),
             Self::ElementCount { count } => {
                 write!(f, "a model needs 1 to {} elements, got {count}", crate::MAX_ELEMENTS)
             }
-            Self::ElementOutOfRange { index, name, value, unit, zero_allowed } => {
-                let least = if zero_allowed { "at least 0" } else { "above 0" };
-                let (number, gap) = (index + 1, space(unit));
-                write!(f, "{name} of element {number} must be finite and {least}, got {value}{gap}{unit}")
-            }
+            Self::LimitDeflection { index, rate } => write!(
+                f,
+                "attraction·stiffness/(share·coulomb_force) of element {} must be finite and above 0, got {rate} 1/s",
+                index + 1
+            ),
             Self::SharesNotOne { sum } => write!(f, "the shares of the elements must add up to 1, got {sum}"),
             Self::BankTooWeak { limit_force, static_force } => write!(
                 f,
-                "the limit forces of the elements must add up to at least static_force = {static_force} N, got {limit_force} N"
+                "the limit forces of the elements must add up to at least static_force_n = {static_force} N, got {limit_force} N"
             ),
         }
     }
@@ -215,20 +203,24 @@ impl fmt::Display for ParamError {
 
 impl core::error::Error for ParamError {}
 
-fn space(unit: &str) -> &'static str {
-    if unit.is_empty() { "" } else { " " }
+fn out_of_range(f: &mut fmt::Formatter<'_>, id: ParameterId, value: f64) -> fmt::Result {
+    let Declaration { range, unit, .. } = id.declaration();
+    let (gap, unit) = if unit.ending.is_empty() { ("", "") } else { (" ", unit.si) };
+    match range {
+        Range::Any => write!(f, "{id} must be finite, got {value}"),
+        Range::AtLeast(least) => {
+            write!(f, "{id} must be finite and at least {least}{gap}{unit}, got {value}{gap}{unit}")
+        }
+        Range::AboveZero => write!(f, "{id} must be finite and above 0{gap}{unit}, got {value}{gap}{unit}"),
+        Range::AboveZeroOrInfinite => write!(f, "{id} must be above 0{gap}{unit}, got {value}{gap}{unit}"),
+    }
 }
 
 pub(crate) fn finite(name: &'static str, value: f64) -> Result<f64, ParamError> {
     if value.is_finite() { Ok(value) } else { Err(ParamError::NotFinite { name, value }) }
 }
 
-pub(crate) fn positive(name: &'static str, value: f64, unit: &'static str) -> Result<f64, ParamError> {
+pub(crate) fn not_negative(name: &'static str, value: f64) -> Result<f64, ParamError> {
     finite(name, value)?;
-    if value > 0.0 { Ok(value) } else { Err(ParamError::NotPositive { name, value, unit }) }
-}
-
-pub(crate) fn not_negative(name: &'static str, value: f64, unit: &'static str) -> Result<f64, ParamError> {
-    finite(name, value)?;
-    if value >= 0.0 { Ok(value) } else { Err(ParamError::Negative { name, value, unit }) }
+    if value >= 0.0 { Ok(value) } else { Err(ParamError::Negative { name, value }) }
 }

@@ -16,8 +16,9 @@ use crate::leuven::{Leuven, LeuvenParams, LeuvenState};
 use crate::lugre::{LuGre, LuGreParams, LuGreState, StribeckCurve};
 use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
 use crate::parallel::{MAX_STAGES, Stages};
+use crate::parameter::{Blank, Parameters};
 use crate::profile::PositionProfile;
-use crate::relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
+use crate::relaxation::{MAX_ARMS, RelaxationArm};
 use crate::seal::{Seal, SealState, Trocar, TrocarState};
 use crate::sliding::SlidingFriction;
 use crate::stribeck::{StaticFriction, StaticState};
@@ -29,7 +30,12 @@ pub const SEAL_NUMBERS: usize = 4 + MAX_STAGES * ELEMENT_NUMBERS;
 /// Numbers of a state, whatever the model: fixed, so that a state fits one place.
 pub const STATE_NUMBERS: usize = 4 + 1 + MAX_STAGES * STATE_OF_ELEMENT;
 
-const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE) + 1 + 3 + 2 * 5 + 2 + 2 * MAX_ARMS;
+const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE)
+    + 1
+    + SealDamping::FIELDS.len()
+    + 2 * SlidingFriction::FIELDS.len()
+    + ElementParams::FIELDS.len()
+    + MAX_ARMS * RelaxationArm::FIELDS.len();
 const STATE_OF_ELEMENT: usize = 7 + MAX_ARMS;
 
 const EMS: f64 = 0.0;
@@ -100,6 +106,15 @@ impl<'a> Writer<'a> {
         }
     }
 
+    fn put_fields<T: Parameters>(&mut self, params: &T) {
+        T::FIELDS.iter().for_each(|field| self.put(&[(field.get)(params)]));
+    }
+
+    fn put_bank<T: Parameters>(&mut self, elements: &[T]) {
+        self.put(&[elements.len() as f64]);
+        elements.iter().for_each(|element| self.put_fields(element));
+    }
+
     fn done(self) -> Result<usize, FlatError> {
         if self.full { Err(FlatError::Length { found: self.row.len() }) } else { Ok(self.count) }
     }
@@ -114,6 +129,23 @@ struct Reader<'a> {
 impl<'a> Reader<'a> {
     fn new(row: &'a [f64]) -> Self {
         Self { row, place: 0 }
+    }
+
+    /// `params` with its numbers from the row.
+    fn fields<T: Parameters>(&mut self, mut params: T) -> Result<T, FlatError> {
+        for field in T::FIELDS {
+            (field.set)(&mut params, self.one()?);
+        }
+        Ok(params)
+    }
+
+    fn bank<T: Blank>(&mut self) -> Result<([T; MAX_ELEMENTS], usize), FlatError> {
+        let count = self.count(1, MAX_ELEMENTS)?;
+        let mut bank = [T::BLANK; MAX_ELEMENTS];
+        for element in bank.iter_mut().take(count) {
+            *element = self.fields(T::BLANK)?;
+        }
+        Ok((bank, count))
     }
 
     fn slice(&mut self, count: usize) -> Result<&'a [f64], FlatError> {
@@ -211,67 +243,54 @@ fn write_seal(out: &mut Writer, seal: &Seal) {
 
 fn write_element(out: &mut Writer, params: &ElementParams) {
     let force = &params.deformation;
-    for branch in [force.rising(), force.falling()] {
+    for branch in [force.insertion(), force.withdrawal()] {
         for piece in [branch.left(), branch.right()] {
             out.put(&[piece.from(), piece.to(), piece.legendre().len() as f64]);
             out.put(piece.legendre());
         }
     }
     out.put(&[force.yield_stiffness()]);
-    out.put(&params.damping.coefficients);
-    out.put(&sliding_numbers(&params.insertion));
-    out.put(&sliding_numbers(&params.withdrawal));
-    out.put(&[params.creep_velocity, params.friction_lag]);
-    params.relaxation.arms.iter().for_each(|arm| out.put(&[arm.stiffness, arm.time]));
-}
-
-fn sliding_numbers(sliding: &SlidingFriction) -> [f64; 5] {
-    let SlidingFriction { coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping } =
-        *sliding;
-    [coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping]
+    out.put_fields(&params.damping);
+    out.put_fields(&params.insertion);
+    out.put_fields(&params.withdrawal);
+    out.put_fields(params);
+    params.relaxation.arms.iter().for_each(|arm| out.put_fields(arm));
 }
 
 fn write_classical(out: &mut Writer, model: &Classical) {
     match model {
         Classical::Static(model) => {
             out.put(&[STATIC]);
-            out.put(&sliding_numbers(model.params()));
+            out.put_fields(model.params());
         }
         Classical::Dahl(model) => {
-            let DahlParams { stiffness, coulomb_force, exponent, viscous_damping } = *model.params();
-            out.put(&[DAHL, stiffness, coulomb_force, exponent, viscous_damping]);
+            out.put(&[DAHL]);
+            out.put_fields(model.params());
         }
         Classical::LuGre(model) => {
-            let LuGreParams { stiffness, micro_damping, damping_velocity, sliding, curve } = model.params();
-            let rational = f64::from(u8::from(*curve == StribeckCurve::Rational));
-            out.put(&[LUGRE, *stiffness, *micro_damping, *damping_velocity, rational]);
-            out.put(&sliding_numbers(sliding));
+            let params = model.params();
+            out.put(&[LUGRE]);
+            out.put_fields(params);
+            out.put(&[f64::from(u8::from(params.curve == StribeckCurve::Rational))]);
+            out.put_fields(&params.sliding);
         }
         Classical::Leuven(model) => {
-            let LeuvenParams { sliding, exponent, micro_damping } = model.params();
-            out.put(&[LEUVEN, *exponent, *micro_damping]);
-            out.put(&sliding_numbers(sliding));
-            write_bank(out, model.elements());
+            out.put(&[LEUVEN]);
+            out.put_fields(model.params());
+            out.put_fields(&model.params().sliding);
+            out.put_bank(model.elements());
         }
         Classical::MaxwellSlip(model) => {
             out.put(&[MAXWELL_SLIP, model.viscous_damping()]);
-            write_bank(out, model.elements());
+            out.put_bank(model.elements());
         }
         Classical::Gms(model) => {
             let limited = f64::from(u8::from(model.slip_rate() == SlipRate::Limited));
             out.put(&[GMS, limited]);
-            out.put(&sliding_numbers(model.sliding()));
-            out.put(&[model.elements().len() as f64]);
-            for GmsElement { stiffness, share, attraction, damping } in model.elements() {
-                out.put(&[*stiffness, *share, *attraction, *damping]);
-            }
+            out.put_fields(model.sliding());
+            out.put_bank(model.elements());
         }
     }
-}
-
-fn write_bank(out: &mut Writer, elements: &[SlipElement]) {
-    out.put(&[elements.len() as f64]);
-    elements.iter().for_each(|element| out.put(&[element.stiffness, element.limit_force]));
 }
 
 fn read_seal(from: &mut Reader) -> Result<Seal, FlatError> {
@@ -279,29 +298,26 @@ fn read_seal(from: &mut Reader) -> Result<Seal, FlatError> {
     let kind = from.one()?;
     Ok(Seal::Classical(match kind {
         EMS => return read_stages(from).map(Seal::Ems),
-        STATIC => Classical::Static(StaticFriction::new(read_sliding(from)?)?),
-        DAHL => {
-            let [stiffness, coulomb_force, exponent, viscous_damping] = from.take()?;
-            Classical::Dahl(Dahl::new(DahlParams { stiffness, coulomb_force, exponent, viscous_damping })?)
-        }
+        STATIC => Classical::Static(StaticFriction::new(from.fields(SlidingFriction::BLANK)?)?),
+        DAHL => Classical::Dahl(Dahl::new(from.fields(DahlParams::BLANK)?)?),
         LUGRE => {
-            let [stiffness, micro_damping, damping_velocity] = from.take()?;
-            let curve = match from.count(0, 1)? {
+            let mut params = from.fields(LuGreParams::BLANK)?;
+            params.curve = match from.count(0, 1)? {
                 0 => StribeckCurve::Exponential,
                 _ => StribeckCurve::Rational,
             };
-            let sliding = read_sliding(from)?;
-            Classical::LuGre(LuGre::new(LuGreParams { stiffness, micro_damping, damping_velocity, sliding, curve })?)
+            params.sliding = from.fields(SlidingFriction::BLANK)?;
+            Classical::LuGre(LuGre::new(params)?)
         }
         LEUVEN => {
-            let [exponent, micro_damping] = from.take()?;
-            let sliding = read_sliding(from)?;
-            let (bank, count) = read_bank(from)?;
-            Classical::Leuven(Leuven::new(&bank[..count], LeuvenParams { sliding, exponent, micro_damping })?)
+            let mut params = from.fields(LeuvenParams::BLANK)?;
+            params.sliding = from.fields(SlidingFriction::BLANK)?;
+            let (bank, count) = from.bank::<SlipElement>()?;
+            Classical::Leuven(Leuven::new(&bank[..count], params)?)
         }
         MAXWELL_SLIP => {
             let viscous_damping = from.one()?;
-            let (bank, count) = read_bank(from)?;
+            let (bank, count) = from.bank::<SlipElement>()?;
             Classical::MaxwellSlip(MaxwellSlip::new(&bank[..count], viscous_damping)?)
         }
         GMS => read_gms(from).map(Classical::Gms)?,
@@ -321,20 +337,16 @@ fn read_stages(from: &mut Reader) -> Result<Stages, FlatError> {
 }
 
 fn read_element(from: &mut Reader) -> Result<Element, FlatError> {
-    let rising = Branch::new(read_piece(from)?, read_piece(from)?)?;
-    let falling = Branch::new(read_piece(from)?, read_piece(from)?)?;
-    let yield_stiffness = from.one()?;
-    let damping = SealDamping { coefficients: from.take()? };
-    let (insertion, withdrawal) = (read_sliding(from)?, read_sliding(from)?);
-    let [creep_velocity, friction_lag] = from.take()?;
-    let mut relaxation = Relaxation::NONE;
-    for arm in &mut relaxation.arms {
-        let [stiffness, time] = from.take()?;
-        *arm = RelaxationArm { stiffness, time };
+    let branches =
+        [Branch::new(read_piece(from)?, read_piece(from)?)?, Branch::new(read_piece(from)?, read_piece(from)?)?];
+    let deformation = DeformationForce::new(branches[0], branches[1], Some(from.one()?))?;
+    let damping = from.fields(SealDamping::BLANK)?;
+    let (insertion, withdrawal) = (from.fields(SlidingFriction::BLANK)?, from.fields(SlidingFriction::BLANK)?);
+    let plain = ElementParams { damping, ..ElementParams::new(deformation, insertion, withdrawal) };
+    let mut params = from.fields(plain)?;
+    for arm in &mut params.relaxation.arms {
+        *arm = from.fields(*arm)?;
     }
-    let deformation = DeformationForce::new(rising, falling, Some(yield_stiffness))?;
-    let params =
-        ElementParams { deformation, damping, insertion, withdrawal, creep_velocity, friction_lag, relaxation };
     Ok(Element::new(params)?)
 }
 
@@ -344,33 +356,13 @@ fn read_piece(from: &mut Reader) -> Result<Piece, FlatError> {
     Ok(Piece::new(begin, end, from.slice(count)?)?)
 }
 
-fn read_sliding(from: &mut Reader) -> Result<SlidingFriction, FlatError> {
-    let [coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping] = from.take()?;
-    Ok(SlidingFriction { coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping })
-}
-
-fn read_bank(from: &mut Reader) -> Result<([SlipElement; MAX_ELEMENTS], usize), FlatError> {
-    let count = from.count(1, MAX_ELEMENTS)?;
-    let mut bank = [SlipElement { stiffness: 0.0, limit_force: 0.0 }; MAX_ELEMENTS];
-    for element in bank.iter_mut().take(count) {
-        let [stiffness, limit_force] = from.take()?;
-        *element = SlipElement { stiffness, limit_force };
-    }
-    Ok((bank, count))
-}
-
 fn read_gms(from: &mut Reader) -> Result<Gms, FlatError> {
     let slip_rate = match from.count(0, 1)? {
         0 => SlipRate::Free,
         _ => SlipRate::Limited,
     };
-    let sliding = read_sliding(from)?;
-    let count = from.count(1, MAX_ELEMENTS)?;
-    let mut elements = [GmsElement { stiffness: 0.0, share: 0.0, attraction: 0.0, damping: 0.0 }; MAX_ELEMENTS];
-    for element in elements.iter_mut().take(count) {
-        let [stiffness, share, attraction, damping] = from.take()?;
-        *element = GmsElement { stiffness, share, attraction, damping };
-    }
+    let sliding = from.fields(SlidingFriction::BLANK)?;
+    let (elements, count) = from.bank::<GmsElement>()?;
     Ok(Gms::new(&elements[..count], sliding, slip_rate)?)
 }
 

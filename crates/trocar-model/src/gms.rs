@@ -3,7 +3,8 @@
 use crate::error::{ParamError, finite};
 use crate::exponential::decay;
 use crate::friction::{Friction, held, sign, velocity};
-use crate::maxwell_slip::{MAX_ELEMENTS, above_zero, check_count};
+use crate::maxwell_slip::{MAX_ELEMENTS, check_count};
+use crate::parameter::{Parameters, parameters};
 use crate::sliding::SlidingFriction;
 
 /// Allowed distance of Σα_i from 1.
@@ -31,9 +32,11 @@ pub struct GmsElement {
     pub damping: f64,
 }
 
+parameters!(GmsElement { stiffness: Stiffness, share: Share, attraction: Attraction, damping: Damping });
+
 impl GmsElement {
     /// Fills the unused places of a model.
-    const NONE: Self = Self { stiffness: 0.0, share: 0.0, attraction: 0.0, damping: 0.0 };
+    pub(crate) const NONE: Self = Self { stiffness: 0.0, share: 0.0, attraction: 0.0, damping: 0.0 };
 }
 
 /// How fast the deflection of a slipping element may change.
@@ -139,18 +142,14 @@ impl Gms {
         let mut scales = [0.0; MAX_ELEMENTS];
         let mut rates = [0.0; MAX_ELEMENTS];
         for (index, element) in elements.iter().enumerate() {
-            above_zero(index, "stiffness", element.stiffness, "N/m")?;
-            above_zero(index, "share", element.share, "")?;
-            above_zero(index, "attraction", element.attraction, "m/s")?;
-            let (name, value, unit) = ("damping", element.damping, "N s/m");
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(ParamError::ElementOutOfRange { index, name, value, unit, zero_allowed: true });
-            }
+            element.check_element(index)?;
             scales[index] = element.share / element.stiffness;
             // Refuses a limit deflection that vanishes beside the other numbers.
             rates[index] = element.attraction / scales[index];
             let rate = rates[index] / sliding.coulomb_force;
-            above_zero(index, "attraction*stiffness/(share*coulomb_force)", rate, "1/s")?;
+            if !(rate > 0.0 && rate.is_finite()) {
+                return Err(ParamError::LimitDeflection { index, rate });
+            }
             places[index] = *element;
         }
         let sum: f64 = elements.iter().map(|element| element.share).sum();
@@ -412,11 +411,11 @@ mod tests {
         assert_eq!(short.to_string(), "the shares of the elements must add up to 1, got 0.9");
         let still = GmsElement { attraction: 0.0, ..element(1000.0, 1.0) };
         let bad = Gms::new(&[still], STRIBECK, SlipRate::Free).unwrap_err();
-        assert_eq!(bad.to_string(), "attraction of element 1 must be finite and above 0, got 0 m/s");
+        assert_eq!(bad.to_string(), "element_1_attraction_m_s must be finite and above 0 m/s, got 0 m/s");
         let driven = GmsElement { damping: -1.0, ..element(1000.0, 1.0) };
         let bad = Gms::new(&[driven], STRIBECK, SlipRate::Free).unwrap_err();
-        assert_eq!(bad.to_string(), "damping of element 1 must be finite and at least 0, got -1 N s/m");
+        assert_eq!(bad.to_string(), "element_1_damping_n_s_m must be finite and at least 0 N s/m, got -1 N s/m");
         let flat = Gms::new(&[element(1e300, 1e-30), element(1.0, 1.0)], STRIBECK, SlipRate::Free).unwrap_err();
-        assert!(matches!(flat, ParamError::ElementOutOfRange { index: 0, .. }));
+        assert!(matches!(flat, ParamError::LimitDeflection { index: 0, .. }));
     }
 }

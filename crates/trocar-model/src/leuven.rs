@@ -1,9 +1,10 @@
 //! The modified Leuven model: a LuGre-like sliding law over a hysteresis bank with nonlocal memory.
 
-use crate::error::{ParamError, finite, not_negative, positive};
+use crate::error::{ParamError, finite};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, sign, velocity};
 use crate::maxwell_slip::{Bank, MAX_ELEMENTS, SlipElement};
+use crate::parameter::{Parameters, parameters};
 use crate::sliding::SlidingFriction;
 
 /// ΣF_i may miss F_s by this fraction: rounding of a bank made from shares of F_s.
@@ -106,6 +107,8 @@ struct Ahead {
     room: f64,
 }
 
+parameters!(LeuvenParams { exponent: Exponent, micro_damping: MicroDamping } with { sliding: SlidingFriction::BLANK });
+
 impl Leuven {
     /// Checks the parameters; `bank` holds the hysteresis.
     ///
@@ -113,8 +116,7 @@ impl Leuven {
     /// No element or more than [`MAX_ELEMENTS`], a value that is not finite or out of its range, or ΣF_i < F_s.
     pub fn new(bank: &[SlipElement], params: LeuvenParams) -> Result<Self, ParamError> {
         params.sliding.check()?;
-        positive("exponent", params.exponent, "")?;
-        not_negative("micro_damping", params.micro_damping, "N s/m")?;
+        params.check()?;
         let bank = Bank::new(bank)?;
         let (limit_force, static_force) = (bank.limit(), params.sliding.static_force);
         if limit_force < (1.0 - LIMIT_TOLERANCE) * static_force {
@@ -335,6 +337,7 @@ mod tests {
     use std::string::ToString;
 
     use super::*;
+    use crate::parameter::ParameterId;
 
     const STRIBECK: SlidingFriction = SlidingFriction {
         coulomb_force: 2.0,
@@ -404,13 +407,16 @@ mod tests {
         let bad = Leuven::new(&bank()[..1], params).unwrap_err();
         assert_eq!(
             bad.to_string(),
-            "the limit forces of the elements must add up to at least static_force = 3 N, got 1 N"
+            "the limit forces of the elements must add up to at least static_force_n = 3 N, got 1 N"
         );
         for bad in [LeuvenParams { exponent: 0.0, ..params }, LeuvenParams { micro_damping: -1.0, ..params }] {
             assert!(Leuven::new(&bank(), bad).is_err());
         }
         let unsure = SlipElement { stiffness: f64::NAN, limit_force: 5.0 };
-        assert!(matches!(Leuven::new(&[unsure], params), Err(ParamError::ElementOutOfRange { index: 0, .. })));
+        assert!(matches!(
+            Leuven::new(&[unsure], params),
+            Err(ParamError::OutOfRange { id: ParameterId { element: Some(1), .. }, .. })
+        ));
     }
 
     #[test]

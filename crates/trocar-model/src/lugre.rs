@@ -1,8 +1,9 @@
 //! The LuGre model: friction as the deflection of bristles that give way at the sliding force.
 
-use crate::error::{ParamError, not_negative, positive};
+use crate::error::ParamError;
 use crate::exponential::{decay, decay_inlined};
 use crate::friction::{Friction, held, sign, velocity, within};
+use crate::parameter::{Parameters, parameters};
 use crate::run::{BLOCK, Motion, Samples};
 use crate::sliding::SlidingFriction;
 
@@ -99,17 +100,19 @@ impl LuGreState {
     }
 }
 
+parameters!(LuGreParams {
+    stiffness: Stiffness,
+    micro_damping: MicroDamping,
+    damping_velocity: DampingVelocity,
+} with { sliding: SlidingFriction::BLANK, curve: StribeckCurve::Exponential });
+
 impl LuGre {
     /// Checks the parameters and prepares the step. Sets that are not passive are allowed.
     ///
     /// # Errors
     /// A value out of its range.
     pub fn new(params: LuGreParams) -> Result<Self, ParamError> {
-        positive("stiffness", params.stiffness, "N/m")?;
-        not_negative("micro_damping", params.micro_damping, "N s/m")?;
-        if params.damping_velocity != f64::INFINITY {
-            positive("damping_velocity", params.damping_velocity, "m/s")?;
-        }
+        params.check()?;
         params.sliding.check()?;
         Ok(Self {
             params,

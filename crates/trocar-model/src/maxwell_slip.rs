@@ -1,7 +1,8 @@
 //! The Maxwell-Slip model: springs with a dry slider each, side by side, EMS (1) to (3).
 
-use crate::error::{ParamError, not_negative};
+use crate::error::ParamError;
 use crate::friction::{Friction, held, velocity, within};
+use crate::parameter::{Parameters, Quantity, parameters};
 use crate::run::{BLOCK, Motion, Samples};
 
 /// Largest number of elements of a model.
@@ -23,8 +24,10 @@ pub struct SlipElement {
 
 impl SlipElement {
     /// Fills the unused places of a bank.
-    const NONE: Self = Self { stiffness: 0.0, limit_force: 0.0 };
+    pub(crate) const NONE: Self = Self { stiffness: 0.0, limit_force: 0.0 };
 }
+
+parameters!(SlipElement { stiffness: Stiffness, limit_force: LimitForce });
 
 /// Slip elements under one motion, checked. Also the memory of the modified Leuven model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,8 +43,7 @@ impl Bank {
         check_count(elements.len())?;
         let mut bank = Self { elements: [SlipElement::NONE; MAX_ELEMENTS], count: elements.len(), limit: 0.0 };
         for (index, (place, element)) in bank.elements.iter_mut().zip(elements).enumerate() {
-            above_zero(index, "stiffness", element.stiffness, "N/m")?;
-            above_zero(index, "limit_force", element.limit_force, "N")?;
+            element.check_element(index)?;
             bank.limit += element.limit_force;
             *place = *element;
         }
@@ -121,7 +123,7 @@ impl MaxwellSlip {
     /// # Errors
     /// No element or more than [`MAX_ELEMENTS`], or a value that is not finite or out of its range.
     pub fn new(elements: &[SlipElement], viscous_damping: f64) -> Result<Self, ParamError> {
-        not_negative("viscous_damping", viscous_damping, "N s/m")?;
+        Quantity::ViscousDamping.check(viscous_damping)?;
         Ok(Self { bank: Bank::new(elements)?, viscous_damping })
     }
 
@@ -242,15 +244,6 @@ pub(crate) fn check_count(count: usize) -> Result<(), ParamError> {
     if (1..=MAX_ELEMENTS).contains(&count) { Ok(()) } else { Err(ParamError::ElementCount { count }) }
 }
 
-/// A value of element `index` that must be finite and above zero.
-pub(crate) fn above_zero(index: usize, name: &'static str, value: f64, unit: &'static str) -> Result<(), ParamError> {
-    if value > 0.0 && value.is_finite() {
-        Ok(())
-    } else {
-        Err(ParamError::ElementOutOfRange { index, name, value, unit, zero_allowed: false })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     extern crate std;
@@ -300,7 +293,7 @@ mod tests {
     #[test]
     fn bad_parameters_are_named() {
         let bad = MaxwellSlip::new(&[SlipElement { stiffness: -1.0, limit_force: 1.0 }], 0.0).unwrap_err();
-        assert_eq!(bad.to_string(), "stiffness of element 1 must be finite and above 0, got -1 N/m");
+        assert_eq!(bad.to_string(), "element_1_stiffness_n_m must be finite and above 0 N/m, got -1 N/m");
         assert_eq!(MaxwellSlip::new(&[], 0.0), Err(ParamError::ElementCount { count: 0 }));
         let many = [SlipElement { stiffness: 1.0, limit_force: 1.0 }; MAX_ELEMENTS + 1];
         let bad = MaxwellSlip::new(&many, 0.0).unwrap_err();

@@ -25,7 +25,8 @@
 //! Inside a step the switching instant is located and the sliding equation is solved by an extrapolated linearly
 //! implicit scheme, so that what is seen is the paper's law and not an explicit Euler that blows up at dt > 2·β/K.
 
-use crate::ems::{ElementParams, Mode, Side};
+use crate::direction::Direction;
+use crate::ems::{ElementParams, Mode};
 use crate::error::ParamError;
 
 /// Columns of the extrapolation: order 7.
@@ -53,13 +54,13 @@ pub struct LiteralState {
     force: f64,
     mode: Mode,
     /// Direction of the last motion: chooses the branch.
-    direction: Side,
+    direction: Direction,
 }
 
 impl LiteralState {
     /// Deforming at `deflection` (m) with zero force until the first step, as if the last motion had been an insertion.
     pub fn new(deflection: f64) -> Self {
-        Self { deflection, force: 0.0, mode: Mode::Deforming, direction: Side::Insertion }
+        Self { deflection, force: 0.0, mode: Mode::Deforming, direction: Direction::Insertion }
     }
 
     /// z, m.
@@ -116,7 +117,7 @@ impl PaperLiteral {
 
     /// Mode, branch and force at the start of a stretch with this velocity.
     fn enter(&self, mut state: LiteralState, velocity: f64) -> LiteralState {
-        let direction = if velocity == 0.0 { state.direction } else { Side::of(velocity) };
+        let direction = if velocity == 0.0 { state.direction } else { Direction::of(velocity) };
         if velocity == 0.0 || direction != state.direction {
             state.mode = Mode::Deforming; // section III-B, after (14)
         }
@@ -151,7 +152,7 @@ impl PaperLiteral {
     /// sgn(v_d)·F - F_s in deformation mode, (12).
     fn excess(&self, state: &LiteralState, velocity: f64) -> f64 {
         let force = self.elastic(state, state.deflection).0 + self.params.damping.force(velocity);
-        state.direction.sign() * force - state.direction.sliding(&self.params).static_force
+        state.direction.sign() * force - self.params.sliding(state.direction).static_force
     }
 
     /// First time in [0, duration] at which (12) holds; `duration` if it never does.
@@ -179,8 +180,8 @@ impl PaperLiteral {
     /// F_e(z) and its slope on the branch of the last motion, (25).
     fn elastic(&self, state: &LiteralState, z: f64) -> (f64, f64) {
         let branch = match state.direction {
-            Side::Insertion => self.params.deformation.rising(),
-            Side::Withdrawal => self.params.deformation.falling(),
+            Direction::Insertion => self.params.deformation.insertion(),
+            Direction::Withdrawal => self.params.deformation.withdrawal(),
         };
         (branch.force(z), branch.stiffness(z))
     }
@@ -197,7 +198,7 @@ impl PaperLiteral {
     ///
     /// Solved for the slip speed u = |v_d - dz/dt|, of either sign here. Where the law has several roots, one of them.
     fn rate(&self, state: &LiteralState, z: f64, velocity: f64) -> (f64, f64) {
-        let sliding = state.direction.sliding(&self.params);
+        let sliding = self.params.sliding(state.direction);
         let damping = &self.params.damping;
         let (elastic, stiffness) = self.elastic(state, z);
         let s = state.direction.sign();
@@ -206,7 +207,7 @@ impl PaperLiteral {
         }
         let residual =
             |u: f64| s * (elastic + damping.force(velocity - s * u)) - sliding.level(u) - sliding.viscous_damping * u;
-        let u = falling_root(residual, velocity.abs());
+        let u = withdrawal_root(residual, velocity.abs());
         let deformation_velocity = velocity - s * u; // (8)
         let drag = sliding.viscous_damping + damping.slope(deformation_velocity);
         (deformation_velocity, if drag > 0.0 { -stiffness / drag } else { 0.0 })
@@ -238,7 +239,7 @@ impl PaperLiteral {
 }
 
 /// A root of `residual`, positive far below it and negative far above it.
-fn falling_root(residual: impl Fn(f64) -> f64, scale: f64) -> f64 {
+fn withdrawal_root(residual: impl Fn(f64) -> f64, scale: f64) -> f64 {
     let mut reach = scale.max(1e-3);
     while reach < 1e300 && !(residual(-reach) > 0.0 && residual(reach) < 0.0) {
         reach *= 2.0;

@@ -11,8 +11,9 @@
 //! deflection rests and the arm fades: steady sliding is that of the element without arms. A full reversal slower than τ
 //! follows the branches, a faster one lies above them.
 
-use crate::error::{ParamError, finite, not_negative, positive};
+use crate::error::ParamError;
 use crate::exponential::decay_and_mean;
+use crate::parameter::{Parameters, parameters};
 
 /// Most arms of one seal.
 pub const MAX_ARMS: usize = 2;
@@ -30,6 +31,8 @@ pub struct RelaxationArm {
     /// τ, s, > 0: time in which a held arm falls to 1/e.
     pub time: f64,
 }
+
+parameters!(RelaxationArm { stiffness as "stiffness_n_m": RelaxationStiffness, time as "time_s": RelaxationTime });
 
 /// The arms of one seal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,11 +123,6 @@ impl Relaxation {
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
-        for arm in &self.arms {
-            not_negative("relaxation_stiffness", arm.stiffness, "N/m")?;
-            positive("relaxation_time", arm.time, "s")?;
-            finite("relaxation_time", arm.time)?;
-        }
-        Ok(())
+        self.arms.iter().try_for_each(Parameters::check)
     }
 }

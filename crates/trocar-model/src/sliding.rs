@@ -1,7 +1,8 @@
 //! Sliding friction between seal and instrument: Coulomb, viscous and Stribeck, EMS (11).
 
-use crate::error::{ParamError, not_negative, positive};
+use crate::error::ParamError;
 use crate::exponential::{decay, power};
+use crate::parameter::{Parameters, parameters};
 
 /// Friction of the sliding contact in one direction of slip.
 ///
@@ -32,6 +33,14 @@ pub struct SlidingFriction {
     /// β, N·s/m, >= 0.
     pub viscous_damping: f64,
 }
+
+parameters!(SlidingFriction {
+    coulomb_force: CoulombForce,
+    static_force: StaticForce,
+    stribeck_velocity: StribeckVelocity,
+    stribeck_exponent: StribeckExponent,
+    viscous_damping: ViscousDamping,
+});
 
 impl SlidingFriction {
     /// Coulomb and viscous friction, EMS (23): F_s = F_c.
@@ -132,17 +141,13 @@ impl SlidingFriction {
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
-        positive("coulomb_force", self.coulomb_force, "N")?;
-        positive("static_force", self.static_force, "N")?;
-        not_negative("viscous_damping", self.viscous_damping, "N s/m")?;
+        Parameters::check(self)?;
         if self.static_force < self.coulomb_force {
             return Err(ParamError::StaticBelowCoulomb {
                 static_force: self.static_force,
                 coulomb_force: self.coulomb_force,
             });
         }
-        positive("stribeck_velocity", self.stribeck_velocity, "m/s")?;
-        positive("stribeck_exponent", self.stribeck_exponent, "")?;
         Ok(())
     }
 }
@@ -155,6 +160,7 @@ fn slope_of(fall: f64, growth: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameter::Quantity;
 
     #[test]
     fn stribeck_curve_runs_from_static_to_coulomb() {
@@ -188,8 +194,8 @@ mod tests {
     #[test]
     fn bad_values_are_named() {
         let bad = SlidingFriction::coulomb(-0.3, 5.0).check();
-        assert_eq!(bad, Err(ParamError::NotPositive { name: "coulomb_force", value: -0.3, unit: "N" }));
+        assert_eq!(bad, Err(ParamError::OutOfRange { id: Quantity::CoulombForce.id(), value: -0.3 }));
         let nan = SlidingFriction::coulomb(1.0, f64::NAN).check();
-        assert!(matches!(nan, Err(ParamError::NotFinite { name: "viscous_damping", .. })));
+        assert!(matches!(nan, Err(ParamError::OutOfRange { id, .. }) if id == Quantity::ViscousDamping.id()));
     }
 }

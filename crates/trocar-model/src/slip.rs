@@ -1,7 +1,7 @@
 //! The discrete step in its general form: speed-dependent sliding force, seal damping, or branches that pass the
 //! sliding force inside [-c, c].
 //!
-//! At the end of a step of duration dt the slip speed u >= 0 on the side s = ±1 solves
+//! At the end of a step of duration dt the slip speed u >= 0 in the direction s = ±1 solves
 //!
 //! ```text
 //! r(u) = s·[F_e(z⁺) + Σ a⁺ + D(v_d - s·u)] - g(u)·ρ(u) - β·u = 0              (13) with (8), (11)
@@ -11,12 +11,13 @@
 //! where u_0 is the slip speed at the start. θ is fitted so that the step is exact for a straight spring and a straight
 //! friction law; it lies between 1/2 (second order) and 1 (stiff limit), so no stiffness is too high for any dt.
 //! If r(0) <= 0 the seal sticks: the contact is an inclusion, sgn(v_d) decides nothing. With creep, r(0) = 0 only where
-//! the force is zero; there the slip changes sides. Within a step the relaxing arms a are one more spring
+//! the force is zero; there the slip changes its direction. Within a step the relaxing arms a are one more spring
 //! ([`crate::relaxation`]), exact at a constant dz/dt.
 
 use crate::creep::{Resistance, Rise};
+use crate::direction::Direction;
 use crate::elastic::Local;
-use crate::ems::{Element, Mode, Side, State};
+use crate::ems::{Element, Mode, State};
 use crate::exponential::decay;
 use crate::relaxation::{ArmForces, StepArms};
 
@@ -54,7 +55,7 @@ struct Motion {
     time: f64,
 }
 
-/// Start of a slip: where, on which side, how fast.
+/// Start of a slip: where, in which direction, how fast.
 #[derive(Clone, Copy)]
 struct Onset {
     z: f64,
@@ -62,7 +63,7 @@ struct Onset {
     /// The deformation force around z.
     local: Local,
     arms: ArmForces,
-    side: Side,
+    direction: Direction,
     speed: f64,
     /// d(r)/du at fixed z with the sign changed: β + (g·ρ)' + D'.
     drag: f64,
@@ -75,7 +76,7 @@ struct Onset {
 struct Slide {
     z: f64,
     q: f64,
-    side: Side,
+    direction: Direction,
     s: f64,
     motion: Motion,
     arms: StepArms,
@@ -87,10 +88,10 @@ struct Slide {
 impl Slide {
     /// From (z, q), slip speed `speed` and weight θ = `theta`.
     #[inline(always)]
-    fn new((z, q): (f64, f64), side: Side, speed: f64, motion: Motion, arms: StepArms, theta: f64) -> Self {
-        let s = side.sign();
+    fn new((z, q): (f64, f64), direction: Direction, speed: f64, motion: Motion, arms: StepArms, theta: f64) -> Self {
+        let s = direction.sign();
         let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
-        Self { z, q, side, s, motion, arms, target, implicit: theta * motion.time }
+        Self { z, q, direction, s, motion, arms, target, implicit: theta * motion.time }
     }
 
     /// z⁺, m, for a slip speed `u` at the end.
@@ -126,10 +127,10 @@ impl Element {
             if !self.creeps {
                 return self.leave_stick(state, motion);
             }
-            onset.side = onset.side.opposite();
+            onset.direction = onset.direction.opposite();
             let rise = Rise::at_start(state.rise, self.params.friction_lag);
             let elastic = onset.local.mid + onset.q + state.relaxing_force();
-            (onset.speed, onset.drag) = self.slip_at(onset.side, elastic, motion.velocity, rise, 0.0);
+            (onset.speed, onset.drag) = self.slip_at(onset.direction, elastic, motion.velocity, rise, 0.0);
         }
         self.slide(onset, motion)
     }
@@ -137,12 +138,12 @@ impl Element {
     /// The running slide when the velocity becomes `velocity`; at speed 0 it ends.
     #[inline(always)]
     fn sliding_on(&self, state: &State, velocity: f64) -> Onset {
-        let side = Side::of(state.slip_velocity);
+        let direction = Direction::of(state.slip_velocity);
         let (z, q, arms) = (state.deflection, state.yield_force, state.arms);
         let local = self.params.deformation.local(z);
         let elastic = local.mid + q + state.relaxing_force();
-        let (speed, drag) = self.slip_after(state, side, elastic, velocity);
-        Onset { z, q, local, arms, side, speed, drag, rise: state.rise }
+        let (speed, drag) = self.slip_after(state, direction, elastic, velocity);
+        Onset { z, q, local, arms, direction, speed, drag, rise: state.rise }
     }
 
     /// From stick: bends with the instrument, EMS (10).
@@ -166,9 +167,9 @@ impl Element {
     fn yield_within(&self, state: &State, motion: Motion, trial: f64) -> State {
         let (z, q) = (state.deflection, state.yield_force);
         let damping = self.params.damping.force(motion.velocity);
-        let side = Side::of(trial);
-        let s = side.sign();
-        let limit = self.sliding(side).static_force;
+        let direction = Direction::of(trial);
+        let s = direction.sign();
+        let limit = self.sliding(direction).static_force;
         let bent = |part: f64| part * motion.velocity * motion.time;
         let arms_at = |part: f64| self.params.relaxation.within(&state.arms, part * motion.time).forces(bent(part));
         let force_at = |part: f64| {
@@ -181,8 +182,8 @@ impl Element {
         let local = self.params.deformation.local(reached);
         let arms = arms_at(part);
         let elastic = local.mid + yield_force + arms.iter().sum::<f64>();
-        let (speed, drag) = self.slip_at(side, elastic, motion.velocity, Rise::INSTANT, 0.0);
-        let onset = Onset { z: reached, q: yield_force, local, arms, side, speed, drag, rise: 1.0 };
+        let (speed, drag) = self.slip_at(direction, elastic, motion.velocity, Rise::INSTANT, 0.0);
+        let onset = Onset { z: reached, q: yield_force, local, arms, direction, speed, drag, rise: 1.0 };
         self.slide(onset, Motion { time: (1.0 - part) * motion.time, ..motion })
     }
 
@@ -190,13 +191,13 @@ impl Element {
     ///
     /// The last force is the sliding force at the last slip speed, (13): it tells g without an exponential. A small
     /// change of damping force is answered to first order.
-    fn slip_after(&self, state: &State, side: Side, elastic: f64, velocity: f64) -> (f64, f64) {
-        let s = side.sign();
+    fn slip_after(&self, state: &State, direction: Direction, elastic: f64, velocity: f64) -> (f64, f64) {
+        let s = direction.sign();
         let last = state.slip_velocity.abs();
-        if self.is_free(side) {
+        if self.is_free(direction) {
             return (last, 0.0);
         }
-        let sliding = self.sliding(side);
+        let sliding = self.sliding(direction);
         let deformation_velocity = velocity - s * last; // EMS (8)
         let slope = match self.creeps {
             true => state.contact_slope,
@@ -211,26 +212,26 @@ impl Element {
         if surplus.abs() < SMALL_SURPLUS * sliding.static_force && drag > 0.0 && speed > 0.0 {
             (speed, drag)
         } else {
-            self.slip_at(side, elastic, velocity, Rise::at_start(state.rise, self.params.friction_lag), last)
+            self.slip_at(direction, elastic, velocity, Rise::at_start(state.rise, self.params.friction_lag), last)
         }
     }
 
     /// Slip speed at a given elastic force, and the drag β + g' + D' there. With neither β nor σ the speed is free: 0.
-    fn slip_at(&self, side: Side, elastic: f64, velocity: f64, rise: Rise, guess: f64) -> (f64, f64) {
-        let s = side.sign();
-        let sliding = self.sliding(side);
+    fn slip_at(&self, direction: Direction, elastic: f64, velocity: f64, rise: Rise, guess: f64) -> (f64, f64) {
+        let s = direction.sign();
+        let sliding = self.sliding(direction);
         let damping = &self.params.damping;
         let residual = |u: f64| {
-            let contact = self.resistance(side, rise, u);
+            let contact = self.resistance(direction, rise, u);
             let deformation_velocity = velocity - s * u; // EMS (8)
             let drive = s * (elastic + damping.force(deformation_velocity));
             (drive - contact.force, -(contact.slope + damping.slope(deformation_velocity)))
         };
-        if self.is_free(side) {
+        if self.is_free(direction) {
             return (guess, 0.0);
         }
         let stride =
-            if self.folds(side, rise.now) { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+            if self.folds(direction, rise.now) { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
         let (speed, slope) = find_root(residual, Search { guess, stride, residual: RESIDUAL * sliding.static_force });
         (speed, -slope)
     }
@@ -246,25 +247,25 @@ impl Element {
         let arms = self.params.relaxation.within(&onset.arms, motion.time);
         let (theta, guess) = self.predict(&onset, motion, arms);
         let next = self.slide_with(&onset, motion, arms, theta, guess);
-        let across = onset.side.opposite();
+        let across = onset.direction.opposite();
         let limit = if self.creeps { 0.0 } else { self.sliding(across).static_force };
         if next.slip_velocity == 0.0 && across.sign() * next.force > limit {
             // It stuck and then yielded the other way within the step.
-            let onset = Onset { side: across, speed: 0.0, ..onset };
+            let onset = Onset { direction: across, speed: 0.0, ..onset };
             return (self.slide_with(&onset, motion, arms, 1.0, 0.0), theta);
         }
         (next, theta)
     }
 
     fn slide_with(&self, onset: &Onset, motion: Motion, arms: StepArms, theta: f64, guess: f64) -> State {
-        let Onset { z, q, side, speed, .. } = *onset;
-        let slide = Slide::new((z, q), side, speed, motion, arms, theta);
-        let sliding = self.sliding(side);
+        let Onset { z, q, direction, speed, .. } = *onset;
+        let slide = Slide::new((z, q), direction, speed, motion, arms, theta);
+        let sliding = self.sliding(direction);
         let before = || if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) };
         let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, before);
         let (mut seen, mut seen_at) = (Resistance::NONE, 0.0);
         let residual = |u: f64| {
-            (seen, seen_at) = (self.resistance(side, lagged, u), u);
+            (seen, seen_at) = (self.resistance(direction, lagged, u), u);
             self.balance(&slide, u, &seen)
         };
         let search = self.search(onset, slide.implicit, lagged.now, guess);
@@ -288,7 +289,7 @@ impl Element {
     /// The state after a slide that ends with slip speed `u`; the contact was last seen at `seen_at`.
     #[inline(always)]
     fn arrive(&self, slide: &Slide, u: f64, seen: &Resistance, seen_at: f64) -> State {
-        let Slide { z, q, side, s, motion, arms, .. } = slide;
+        let Slide { z, q, direction, s, motion, arms, .. } = slide;
         let deflection = slide.reached(u);
         let (elastic, yield_force) = self.params.deformation.reach(*z, *q, deflection);
         let force = elastic + arms.force(deflection - z) + self.params.damping.force(motion.velocity - s * u); // EMS (14)
@@ -296,8 +297,11 @@ impl Element {
         let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
         // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a state to be finite numbers.
         let contact_slope = seen.slope.max(-f64::MAX);
-        let rise =
-            if self.params.friction_lag > 0.0 { seen.rise_beside(self.sliding(*side), u - seen_at) } else { seen.rise };
+        let rise = if self.params.friction_lag > 0.0 {
+            seen.rise_beside(self.sliding(*direction), u - seen_at)
+        } else {
+            seen.rise
+        };
         State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, rise, arms, mode }
     }
 
@@ -307,10 +311,10 @@ impl Element {
     /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
     /// side, is the stable one.
     fn search(&self, onset: &Onset, implicit: f64, now: f64, guess: f64) -> Search {
-        let sliding = self.sliding(onset.side);
+        let sliding = self.sliding(onset.direction);
         let residual = RESIDUAL * sliding.static_force;
-        let folds = self.folds(onset.side, now);
-        let softens = self.least_stiffness * implicit + self.least_drag(onset.side, now) <= 0.0;
+        let folds = self.folds(onset.direction, now);
+        let softens = self.least_stiffness * implicit + self.least_drag(onset.direction, now) <= 0.0;
         if !folds && !softens {
             return Search { guess, stride: f64::INFINITY, residual };
         }
@@ -327,7 +331,7 @@ impl Element {
     /// A creeping contact is slow and may let go within the step: there θ follows the drag of sliding, which is exact for
     /// what comes, and costs nothing where the slip is small.
     fn predict(&self, onset: &Onset, motion: Motion, arms: StepArms) -> (f64, f64) {
-        let s = onset.side.sign();
+        let s = onset.direction.sign();
         let deformation_velocity = motion.velocity - s * onset.speed;
         let stiffness = self.one_sided_stiffness(onset, deformation_velocity) + arms.stiffness;
         let stiffening = stiffness * motion.time;
@@ -337,7 +341,7 @@ impl Element {
         let theta = match self.creeps {
             true => {
                 let sliding =
-                    self.sliding(onset.side).viscous_damping + self.params.damping.slope(deformation_velocity);
+                    self.sliding(onset.direction).viscous_damping + self.params.damping.slope(deformation_velocity);
                 fit_theta(stiffening / sliding.min(onset.drag))
             }
             false => fit_theta(stiffening / onset.drag),

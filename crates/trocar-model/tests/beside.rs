@@ -73,7 +73,7 @@ fn changed(mut params: ElementParams, k: usize, factor: f64) -> Stages {
 
 /// The deformation with its width, its forces, the bend of a piece and the place of a join changed.
 fn reshaped(params: &ElementParams, [width, force, bend, join]: [f64; 4]) -> DeformationForce {
-    let (rising, falling) = (params.deformation.rising(), params.deformation.falling());
+    let (insertion, withdrawal) = (params.deformation.insertion(), params.deformation.withdrawal());
     let branch = |branch: &Branch, bend: f64, join: f64| {
         let piece = |piece: &Piece, from: f64, to: f64, bend: f64| {
             let mut legendre = [0.0; 8];
@@ -87,7 +87,7 @@ fn reshaped(params: &ElementParams, [width, force, bend, join]: [f64; 4]) -> Def
         let (left, right, at) = (branch.left(), branch.right(), join * branch.join());
         Branch::new(piece(left, left.from(), at, bend), piece(right, at, right.to(), 1.0)).unwrap()
     };
-    DeformationForce::new(branch(rising, bend, join), branch(falling, 1.0, 1.0), None).unwrap()
+    DeformationForce::new(branch(insertion, bend, join), branch(withdrawal, 1.0, 1.0), None).unwrap()
 }
 
 const NUMBERS: usize = 13;

@@ -652,29 +652,38 @@ fn overflow_is_not_committed() {
 fn bad_parameters_are_refused_by_name() {
     let good = DahlParams { stiffness: 1e3, coulomb_force: 3.0, exponent: 1.0, viscous_damping: 0.0 };
     let paper = published();
-    let falling = SlidingFriction { static_force: 0.5, ..paper.sliding };
+    let withdrawal = SlidingFriction { static_force: 0.5, ..paper.sliding };
     let refusals: [(Option<ParamError>, &str); 9] = [
-        (Dahl::new(DahlParams { stiffness: 0.0, ..good }).err(), "stiffness must be positive, got 0 N/m"),
-        (Dahl::new(DahlParams { coulomb_force: -3.0, ..good }).err(), "coulomb_force must be positive, got -3 N"),
-        (Dahl::new(DahlParams { exponent: 0.0, ..good }).err(), "exponent must be positive, got 0"),
+        (
+            Dahl::new(DahlParams { stiffness: 0.0, ..good }).err(),
+            "stiffness_n_m must be finite and above 0 N/m, got 0 N/m",
+        ),
+        (
+            Dahl::new(DahlParams { coulomb_force: -3.0, ..good }).err(),
+            "coulomb_force_n must be finite and above 0 N, got -3 N",
+        ),
+        (Dahl::new(DahlParams { exponent: 0.0, ..good }).err(), "exponent must be finite and above 0, got 0"),
         (
             Dahl::new(DahlParams { viscous_damping: f64::INFINITY, ..good }).err(),
-            "viscous_damping must be finite, got inf",
+            "viscous_damping_n_s_m must be finite and at least 0 N s/m, got inf N s/m",
         ),
-        (LuGre::new(LuGreParams { stiffness: f64::NAN, ..paper }).err(), "stiffness must be finite, got NaN"),
+        (
+            LuGre::new(LuGreParams { stiffness: f64::NAN, ..paper }).err(),
+            "stiffness_n_m must be finite and above 0 N/m, got NaN N/m",
+        ),
         (
             LuGre::new(LuGreParams { micro_damping: -1.0, ..paper }).err(),
-            "micro_damping must not be negative, got -1 N s/m",
+            "micro_damping_n_s_m must be finite and at least 0 N s/m, got -1 N s/m",
         ),
         (
             LuGre::new(LuGreParams { damping_velocity: 0.0, ..paper }).err(),
-            "damping_velocity must be positive, got 0 m/s",
+            "damping_velocity_m_s must be above 0 m/s, got 0 m/s",
         ),
         (
-            LuGre::new(LuGreParams { sliding: falling, ..paper }).err(),
-            "static_force must be at least coulomb_force = 1 N, got 0.5 N",
+            LuGre::new(LuGreParams { sliding: withdrawal, ..paper }).err(),
+            "static_force_n must be at least coulomb_force_n = 1 N, got 0.5 N",
         ),
-        (StaticFriction::new(falling).err(), "static_force must be at least coulomb_force = 1 N, got 0.5 N"),
+        (StaticFriction::new(withdrawal).err(), "static_force_n must be at least coulomb_force_n = 1 N, got 0.5 N"),
     ];
     for (refusal, message) in refusals {
         assert_eq!(refusal.map(|error| error.to_string()).as_deref(), Some(message));

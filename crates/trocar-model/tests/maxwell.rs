@@ -494,19 +494,19 @@ fn gms_with_limited_rate_loses_energy_on_the_same_cycle() {
 /// Mean force above the sliding curve at 15 mm/s, while the speed rises and while it falls, N: 15 ± 12 mm/s at 1 Hz.
 fn lag<M: Friction>(model: &M, curve: &SlidingFriction) -> (f64, f64) {
     let mut state = model.rest_at_force(0.0);
-    let (mut rising, mut falling) = (Vec::new(), Vec::new());
+    let (mut insertion, mut withdrawal) = (Vec::new(), Vec::new());
     let step = 1e-4;
     for k in 0..60_000 {
         let phase = 2.0 * std::f64::consts::PI * f64::from(k) * step;
         let v = 0.015 + 0.012 * phase.sin();
         let force = model.step(&mut state, v * step, step);
         if k > 20_000 && (v - 0.015).abs() < 5e-4 {
-            let side = if phase.cos() > 0.0 { &mut rising } else { &mut falling };
+            let side = if phase.cos() > 0.0 { &mut insertion } else { &mut withdrawal };
             side.push(force);
         }
     }
     let above = |forces: &[f64]| forces.iter().sum::<f64>() / forces.len() as f64 - curve.force(0.015);
-    (above(&rising), above(&falling))
+    (above(&insertion), above(&withdrawal))
 }
 
 #[test]
@@ -518,9 +518,9 @@ fn gms_lags_behind_the_sliding_curve() {
         damping: 0.0,
     });
     let curve = stribeck(2.0, 3.0, 0.0);
-    let (rising, falling) = lag(&Gms::new(&elements, curve, SlipRate::Free).unwrap(), &curve);
+    let (insertion, withdrawal) = lag(&Gms::new(&elements, curve, SlipRate::Free).unwrap(), &curve);
     // An independent script: 2.2625 N and 2.1820 N; the curve has 2.1054 N.
-    assert!((rising - 0.1571).abs() < 5e-4 && (falling - 0.0766).abs() < 5e-4, "{rising} {falling}");
+    assert!((insertion - 0.1571).abs() < 5e-4 && (withdrawal - 0.0766).abs() < 5e-4, "{insertion} {withdrawal}");
 }
 
 // Modified Leuven
@@ -716,8 +716,8 @@ fn leuven_does_not_jump_where_an_inner_loop_closes() {
 #[test]
 fn leuven_lags_behind_the_sliding_curve() {
     let curve = stribeck(1.2, 1.9, 0.0);
-    let (rising, falling) = lag(&leuven(&FOUR, curve, 1.0, 0.0), &curve);
-    assert!(rising > 5e-3 && falling < -5e-3, "{rising} {falling}");
+    let (insertion, withdrawal) = lag(&leuven(&FOUR, curve, 1.0, 0.0), &curve);
+    assert!(insertion > 5e-3 && withdrawal < -5e-3, "{insertion} {withdrawal}");
 }
 
 /// F_h after each motion of a fixed history, cut into `parts`.
@@ -1011,10 +1011,10 @@ fn shares_that_miss_one_and_weak_banks_are_refused_in_plain_words() {
     assert!(refused.starts_with("the shares of the elements must add up to 1, got 0.89"), "{refused}");
     let params = LeuvenParams { sliding: stribeck(1.5, 2.0, 0.0), exponent: 1.0, micro_damping: 0.0 };
     let refused = Leuven::new(&FOUR, params).unwrap_err().to_string();
-    assert!(refused.contains("at least static_force = 2 N, got 1.95"), "{refused}");
+    assert!(refused.contains("at least static_force_n = 2 N, got 1.95"), "{refused}");
     let refused = Leuven::new(&FOUR, LeuvenParams { exponent: f64::NAN, ..params }).unwrap_err().to_string();
-    assert_eq!(refused, "exponent must be finite, got NaN");
+    assert_eq!(refused, "exponent must be finite and above 0, got NaN");
     let bad = SlipElement { stiffness: 0.0, limit_force: 1.0 };
     let refused = MaxwellSlip::new(&[FOUR[0], bad], 0.0).unwrap_err().to_string();
-    assert_eq!(refused, "stiffness of element 2 must be finite and above 0, got 0 N/m");
+    assert_eq!(refused, "element_2_stiffness_n_m must be finite and above 0 N/m, got 0 N/m");
 }

@@ -27,12 +27,12 @@ fn work(element: &Element, state: &mut State, steps: &[f64], period: f64) -> f64
     steps.iter().map(|&dx| element.step(state, dx, period) * dx).sum()
 }
 
-/// The rising branch nowhere below the falling one, looked at ever more closely towards both ends, where they meet.
+/// The insertion branch nowhere below the withdrawal one, looked at ever more closely towards both ends, where they meet.
 fn branches_do_not_cross(deformation: &DeformationForce) -> bool {
     let c = deformation.half_width();
     let inside = (1..200).map(|k| f64::from(k) / 100.0 - 1.0);
     let near_ends = (1..30).flat_map(|k| [1.0 - 0.5f64.powi(k), 0.5f64.powi(k) - 1.0]);
-    inside.chain(near_ends).all(|u| deformation.rising().force(u * c) >= deformation.falling().force(u * c))
+    inside.chain(near_ends).all(|u| deformation.insertion().force(u * c) >= deformation.withdrawal().force(u * c))
 }
 
 /// A closed motion: there and back through random turning points, in small steps.
@@ -123,7 +123,7 @@ proptest! {
         prop_assume!(branches_do_not_cross(deformation));
         prop_assume!(is_confined(&seal));
         let mut state = element.state(-seal.half_width, 0.0);
-        for (sign, branch) in [(1.0, deformation.rising()), (-1.0, deformation.falling())] {
+        for (sign, branch) in [(1.0, deformation.insertion()), (-1.0, deformation.withdrawal())] {
             for _ in 0..400 {
                 let force = element.step(&mut state, sign * seal.half_width / 200.0, PERIOD);
                 prop_assert!((force - branch.force(state.deflection())).abs() < 1e-9);

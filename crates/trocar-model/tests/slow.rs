@@ -5,8 +5,8 @@ mod common;
 use common::seals;
 use proptest::prelude::*;
 use trocar_model::{
-    DeformationForce, Element, ElementParams, Friction, Mode, ParamError, Relaxation, RelaxationArm, SealDamping,
-    SlidingFriction, State,
+    DeformationForce, Element, ElementParams, Friction, Mode, ParamError, Quantity, Relaxation, RelaxationArm,
+    SealDamping, SlidingFriction, State,
 };
 
 const MILLISECOND: f64 = 1e-3;
@@ -176,9 +176,9 @@ fn a_held_seal_loses_force_and_motion_brings_it_back() {
 fn bad_values_are_named() {
     let refused = |params| Element::new(params).err();
     let creep = refused(spring(-1e-4, Relaxation::NONE));
-    assert_eq!(creep, Some(ParamError::Negative { name: "creep_velocity", value: -1e-4, unit: "m/s" }));
+    assert_eq!(creep, Some(ParamError::OutOfRange { id: Quantity::CreepVelocity.id(), value: -1e-4 }));
     let arm = refused(spring(0.0, Relaxation::single(100.0, 0.0)));
-    assert_eq!(arm, Some(ParamError::NotPositive { name: "relaxation_time", value: 0.0, unit: "s" }));
+    assert_eq!(arm, Some(ParamError::OutOfRange { id: Quantity::RelaxationTime.id(), value: 0.0 }));
     assert!(matches!(refused(spring(0.0, Relaxation::single(f64::NAN, 1.0))), Some(ParamError::NotFinite { .. })));
 }
 

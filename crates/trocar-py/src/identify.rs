@@ -103,8 +103,8 @@ impl Found {
     }
 
     /// Names of the parameters, in the order of their importance.
-    fn names(&self) -> Vec<&str> {
-        self.0.identification.parameters.iter().map(|parameter| parameter.name.as_str()).collect()
+    fn names(&self) -> Vec<String> {
+        self.0.identification.parameters.iter().map(|parameter| parameter.id.to_string()).collect()
     }
 
     /// The validation on the recordings held out, if there were any.

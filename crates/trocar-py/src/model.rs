@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyTuple};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::AtomicFile;
-use trocar_model::{Seal, Trocar};
+use trocar_model::{Declaration, Seal, Trocar};
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::shared::number;
@@ -42,14 +42,14 @@ impl From<ModelFile> for Model {
 /// A number of a model that can be turned by itself.
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct Tunable {
-    /// Name, with its unit at the end; where a model has several elements, `element_0_` and so on stands before it.
+    /// Name, with its unit at the end; where a model has several elements, it begins with `element_1_` and so on.
     pub(crate) name: String,
     /// Present value.
     value: f64,
     /// Unit in SI; "1" for a pure number.
     pub(crate) unit: &'static str,
     /// What it is.
-    description: &'static str,
+    description: String,
     /// Least value allowed.
     pub(crate) least: f64,
     /// Whether the least value itself is left out.
@@ -66,13 +66,16 @@ impl Tunable {
 }
 
 pub(crate) fn tunables(seal: &Seal) -> Vec<Tunable> {
-    let named = |t: trocar_model::Tunable| Tunable {
-        name: t.element.map_or_else(|| t.name.to_owned(), |element| format!("element_{element}_{}", t.name)),
-        value: t.value,
-        unit: t.unit,
-        description: t.description,
-        least: t.least,
-        above_least: t.above_least,
+    let named = |trocar_model::Tunable { id, value }| {
+        let Declaration { unit, range, .. } = id.declaration();
+        Tunable {
+            name: id.to_string(),
+            value,
+            unit: unit.si,
+            description: format!("{}: {}", id.symbol(), id.words()),
+            least: range.least(),
+            above_least: range.excludes_least(),
+        }
     };
     seal.tunables().map(named).collect()
 }

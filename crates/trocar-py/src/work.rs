@@ -37,7 +37,7 @@ impl Report {
 /// Does `work` without the interpreter's lock.
 ///
 /// An exception of a signal handler (`KeyboardInterrupt`) or of `progress` ends the wait at once; the work itself is
-/// called off and ends soon after, by itself.
+/// cancelled and ends soon after, by itself.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     how: How,
@@ -49,7 +49,7 @@ pub(crate) fn run<T: Send + 'static>(
     let (flag, threads) = (cancel.clone(), how.threads);
     let task = move || {
         let outcome = catch_unwind(AssertUnwindSafe(|| flag.run(threads, || work(&report))));
-        // Nobody listens any more to work that was called off.
+        // Nobody listens any more to work that was cancelled.
         let _ = sender.send(outcome);
     };
     thread().spawn(task)?;

@@ -42,8 +42,8 @@
 //!   directions cannot be distinguished from friction by a sensor outside the body.
 
 use trocar_model::{
-    Deformation, DeformationForce, Element, Friction, Mode, PartialReversals, PositionProfile, Seal, SealState, Stages,
-    Trocar,
+    Deformation, DeformationForce, Element, Friction, Mode, ParameterId, PartialReversals, PositionProfile, Quantity,
+    Seal, SealState, Stages, Trocar,
 };
 
 pub use adapt::Drift;
@@ -233,8 +233,8 @@ impl Compensator {
         // Validation recordings also contain the error of the parameters; those used for
         // identification do not.
         let shown = options.force_error_n.is_some() || error.source != ErrorSource::Identification;
-        let of = |name| if shown { 0.0 } else { relative_std(file, name) };
-        let spread = [of("coulomb_force_n"), of("viscous_damping_n_s_m")];
+        let of = |quantity: Quantity| if shown { 0.0 } else { relative_std(file, quantity) };
+        let spread = [of(Quantity::CoulombForce), of(Quantity::ViscousDamping)];
         Ok(Self {
             setup: Setup { trocar: file.trocar.with_seal(seal), offset, error, adaptation: options.adaptation },
             state: seal.rest_at_force(0.0),
@@ -477,7 +477,8 @@ impl MinorLoops {
             let at = |k: u32| force.half_gap(c * (2.0 * f64::from(k) / f64::from(Self::POINTS) - 1.0));
             let gap = 2.0 * (0..=Self::POINTS).map(at).fold(0.0, f64::max);
             let stiffness = force.yield_stiffness().max(gap / (Self::CROSSING * c));
-            params.deformation = DeformationForce::new(*force.rising(), *force.falling(), Some(stiffness)).ok()?;
+            params.deformation =
+                DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness)).ok()?;
             Element::new(params).ok()
         };
         let elements = stages.elements().iter().map(stiff).collect::<Option<Vec<Element>>>()?;
@@ -537,12 +538,12 @@ fn spread(extremes: &[SealState; 2], state: &SealState) -> f64 {
 
 /// Relative standard deviation from the 95 % intervals of a parameter, the larger of both
 /// directions; 0 without bounds.
-fn relative_std(file: &ModelFile, name: &str) -> f64 {
+fn relative_std(file: &ModelFile, quantity: Quantity) -> f64 {
     let of = |interval: &Interval| {
         let [Some(low), Some(high)] = interval.ci95 else { return 0.0 };
         if interval.value == 0.0 { 0.0 } else { ((high - low) / (2.0 * NORMAL_95 * interval.value)).abs() }
     };
-    let is_own = |key: &str| [name, &format!("insertion_{name}"), &format!("withdrawal_{name}")].contains(&key);
+    let is_own = |key: &str| key.parse().is_ok_and(|id: ParameterId| id.quantity == quantity && id.element.is_none());
     file.intervals.iter().filter(|(key, _)| is_own(key)).map(|(_, interval)| of(interval)).fold(0.0, f64::max)
 }
 

@@ -14,21 +14,23 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
 use trocar_model::{
-    Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError, Piece,
+    Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError, ParameterId, Piece,
     PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping, SlidingFriction, Stages, Trocar,
 };
 
 use crate::profile::ProfileText;
 
 use friction::{DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText};
+use object::{Object, members};
 
 mod friction;
+mod object;
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Version written. Files of versions 1 to 6 are also read: they differ only in the names of three
+/// Version written. Files of versions 1 to 7 are also read: they differ only in the names of some
 /// keys.
-pub const VERSION: u32 = 7;
+pub const VERSION: u32 = 8;
 
 /// Largest difference between a joint and the ends of its pieces, as a fraction of the half width.
 const INTERVAL_TOLERANCE: f64 = 1e-9;
@@ -242,7 +244,7 @@ pub enum ModelFileError {
     /// Keys and types are correct, but a value is not valid.
     #[error("{place}: {what}")]
     Value {
-        /// Place in the file, such as `elements[0].deformation.rising`.
+        /// Place in the file, such as `elements[0].deformation.insertion`.
         place: String,
         /// What is wrong.
         what: String,
@@ -438,39 +440,29 @@ struct Document<F> {
     force_error: Option<ForceError>,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ElementText {
-    deformation: DeformationText,
-    seal_damping: DampingText,
-    insertion: SlidingText,
-    withdrawal: SlidingText,
-    #[serde(default, skip_serializing_if = "is_zero")]
-    creep_velocity_m_s: f64,
-    #[serde(default, skip_serializing_if = "is_zero")]
-    friction_lag_s: f64,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    relaxation: Vec<ArmText>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ArmText {
-    stiffness_n_m: f64,
-    time_s: f64,
-}
-
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
+members!(ElementMembers [ALL_NUMBERS = false] {
+    deformation: DeformationText,
+    seal_damping: Object<SealDamping>,
+    insertion: Object<SlidingFriction>,
+    withdrawal: Object<SlidingFriction>,
+    relaxation [optional]: Vec<Object<RelaxationArm>>,
+});
+
+type ElementText = Object<ElementParams, ElementMembers>;
+
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct DeformationText {
+pub(super) struct DeformationText {
     half_width_m: f64,
     yield_stiffness_n_m: f64,
-    rising: BranchText,
-    falling: BranchText,
+    #[serde(alias = "rising")]
+    insertion: BranchText,
+    #[serde(alias = "falling")]
+    withdrawal: BranchText,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -486,24 +478,6 @@ struct PieceText {
     from_m: f64,
     to_m: f64,
     legendre_n: Vec<f64>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DampingText {
-    constant_n_s_m: f64,
-    linear_n_s2_m2: f64,
-    quadratic_n_s3_m3: f64,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SlidingText {
-    coulomb_force_n: f64,
-    static_force_n: f64,
-    stribeck_velocity_m_s: f64,
-    stribeck_exponent: f64,
-    viscous_damping_n_s_m: f64,
 }
 
 impl<F: FrictionText> Document<F> {
@@ -528,6 +502,7 @@ impl<F: FrictionText> Document<F> {
             check_interval(name, interval)?;
         }
         let Self { origin, position_profile, sensor, intervals, force_error, .. } = self;
+        let intervals = intervals.into_iter().map(|(name, interval)| (present_name(name), interval)).collect();
         let profile = position_profile.map(PositionProfile::try_from).transpose();
         let profile = profile.map_err(|error| impossible("position_profile", &error.to_string()))?;
         Ok(ModelFile { trocar: Trocar::new(seal, profile), origin, sensor, intervals, force_error })
@@ -550,8 +525,19 @@ impl<F: FrictionText> Document<F> {
     }
 }
 
+/// The present name of a parameter; before version 8, branches and stages had names of their own.
+fn present_name(name: String) -> String {
+    let starts = [("rising_", "insertion_"), ("falling_", "withdrawal_"), ("second_", "element_2_")];
+    let renamed = starts.iter().find_map(|(old, new)| {
+        let renamed = format!("{new}{}", name.strip_prefix(old)?);
+        renamed.parse::<ParameterId>().is_ok().then_some(renamed)
+    });
+    // The second relaxation keeps its name.
+    renamed.filter(|_| name.parse::<ParameterId>().is_err()).unwrap_or(name)
+}
+
 fn read_elements(elements: &[ElementText]) -> Result<Stages, ModelFileError> {
-    let one = |(i, element): (usize, &ElementText)| element.element(&format!("elements[{i}]"));
+    let one = |(i, element): (usize, &ElementText)| read_element(element, &format!("elements[{i}]"));
     let read: Vec<Element> = elements.iter().enumerate().map(one).collect::<Result<_, _>>()?;
     let count = read.len();
     Stages::new(&read)
@@ -584,63 +570,50 @@ fn check_interval(name: &str, interval: &Interval) -> Result<(), ModelFileError>
 impl From<&ElementParams> for ElementText {
     fn from(params: &ElementParams) -> Self {
         let force = &params.deformation;
-        let [constant, linear, quadratic] = params.damping.coefficients;
-        Self {
-            deformation: DeformationText {
-                half_width_m: force.half_width(),
-                yield_stiffness_n_m: force.yield_stiffness(),
-                rising: BranchText::from(force.rising()),
-                falling: BranchText::from(force.falling()),
-            },
-            seal_damping: DampingText {
-                constant_n_s_m: constant,
-                linear_n_s2_m2: linear,
-                quadratic_n_s3_m3: quadratic,
-            },
-            insertion: SlidingText::from(&params.insertion),
-            withdrawal: SlidingText::from(&params.withdrawal),
-            creep_velocity_m_s: params.creep_velocity,
-            friction_lag_s: params.friction_lag,
-            relaxation: params.relaxation.arms.iter().filter(|arm| arm.stiffness > 0.0).map(ArmText::from).collect(),
-        }
-    }
-}
-
-impl From<&RelaxationArm> for ArmText {
-    fn from(arm: &RelaxationArm) -> Self {
-        Self { stiffness_n_m: arm.stiffness, time_s: arm.time }
-    }
-}
-
-impl ElementText {
-    fn relaxation(&self, place: &str) -> Result<Relaxation, ModelFileError> {
-        if self.relaxation.len() > MAX_ARMS {
-            let what = format!("a seal has at most {MAX_ARMS} relaxing arms, got {}", self.relaxation.len());
-            return Err(impossible(&format!("{place}.relaxation"), &what));
-        }
-        let mut relaxation = Relaxation::NONE;
-        for (arm, text) in relaxation.arms.iter_mut().zip(&self.relaxation) {
-            *arm = RelaxationArm { stiffness: text.stiffness_n_m, time: text.time_s };
-        }
-        Ok(relaxation)
-    }
-
-    fn element(&self, place: &str) -> Result<Element, ModelFileError> {
-        let deformation = self.deformation.force(&format!("{place}.deformation"))?;
-        let damping = &self.seal_damping;
-        let params = ElementParams {
-            deformation,
-            damping: SealDamping {
-                coefficients: [damping.constant_n_s_m, damping.linear_n_s2_m2, damping.quadratic_n_s3_m3],
-            },
-            insertion: self.insertion.friction(),
-            withdrawal: self.withdrawal.friction(),
-            creep_velocity: self.creep_velocity_m_s,
-            friction_lag: self.friction_lag_s,
-            relaxation: self.relaxation(place)?,
+        let deformation = DeformationText {
+            half_width_m: force.half_width(),
+            yield_stiffness_n_m: force.yield_stiffness(),
+            insertion: BranchText::from(force.insertion()),
+            withdrawal: BranchText::from(force.withdrawal()),
         };
-        Element::new(params).map_err(parameter(place))
+        let arms: Vec<_> = params.relaxation.arms.iter().filter(|arm| arm.stiffness > 0.0).map(Object::from).collect();
+        let members = ElementMembers {
+            deformation: Some(deformation),
+            seal_damping: Some(Object::from(&params.damping)),
+            insertion: Some(Object::from(&params.insertion)),
+            withdrawal: Some(Object::from(&params.withdrawal)),
+            relaxation: Some(arms).filter(|arms| !arms.is_empty()),
+        };
+        Self::new(params, members)
     }
+}
+
+fn read_relaxation(arms: &[Object<RelaxationArm>], place: &str) -> Result<Relaxation, ModelFileError> {
+    if arms.len() > MAX_ARMS {
+        let what = format!("a seal has at most {MAX_ARMS} relaxing arms, got {}", arms.len());
+        return Err(impossible(&format!("{place}.relaxation"), &what));
+    }
+    let mut relaxation = Relaxation::NONE;
+    relaxation.arms.iter_mut().zip(arms).for_each(|(arm, text)| *arm = text.params());
+    Ok(relaxation)
+}
+
+fn read_element(text: &ElementText, place: &str) -> Result<Element, ModelFileError> {
+    let ElementMembers {
+        deformation: Some(deformation),
+        seal_damping: Some(damping),
+        insertion: Some(insertion),
+        withdrawal: Some(withdrawal),
+        relaxation,
+    } = &text.members
+    else {
+        unreachable!("reading checks that they are there")
+    };
+    let deformation = deformation.force(&format!("{place}.deformation"))?;
+    let plain = ElementParams::new(deformation, insertion.params(), withdrawal.params());
+    let relaxation = read_relaxation(relaxation.as_deref().unwrap_or_default(), place)?;
+    let params = ElementParams { damping: damping.params(), relaxation, ..text.fill(plain) };
+    Element::new(params).map_err(parameter(place))
 }
 
 /// Adds the place to the error of the model.
@@ -650,9 +623,10 @@ fn parameter(place: &str) -> impl Fn(ParamError) -> ModelFileError {
 
 impl DeformationText {
     fn force(&self, place: &str) -> Result<DeformationForce, ModelFileError> {
-        let rising = self.rising.branch(&format!("{place}.rising"))?;
-        let falling = self.falling.branch(&format!("{place}.falling"))?;
-        let force = DeformationForce::new(rising, falling, Some(self.yield_stiffness_n_m)).map_err(parameter(place))?;
+        let insertion = self.insertion.branch(&format!("{place}.insertion"))?;
+        let withdrawal = self.withdrawal.branch(&format!("{place}.withdrawal"))?;
+        let force =
+            DeformationForce::new(insertion, withdrawal, Some(self.yield_stiffness_n_m)).map_err(parameter(place))?;
         let (c, stated) = (force.half_width(), self.half_width_m);
         if (c - stated).abs() > INTERVAL_TOLERANCE * c {
             let what = format!("half_width_m is {stated}, but the pieces end at {c}");
@@ -688,29 +662,5 @@ impl BranchText {
             return Err(impossible(place, &what));
         }
         Ok(branch)
-    }
-}
-
-impl From<&SlidingFriction> for SlidingText {
-    fn from(friction: &SlidingFriction) -> Self {
-        Self {
-            coulomb_force_n: friction.coulomb_force,
-            static_force_n: friction.static_force,
-            stribeck_velocity_m_s: friction.stribeck_velocity,
-            stribeck_exponent: friction.stribeck_exponent,
-            viscous_damping_n_s_m: friction.viscous_damping,
-        }
-    }
-}
-
-impl SlidingText {
-    fn friction(&self) -> SlidingFriction {
-        SlidingFriction {
-            coulomb_force: self.coulomb_force_n,
-            static_force: self.static_force_n,
-            stribeck_velocity: self.stribeck_velocity_m_s,
-            stribeck_exponent: self.stribeck_exponent,
-            viscous_damping: self.viscous_damping_n_s_m,
-        }
     }
 }

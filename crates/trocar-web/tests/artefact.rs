@@ -68,7 +68,9 @@ fn compare(file: &Path) -> Result<(), Box<dyn Error>> {
         assert_same(name, &host(&trocar, &motion), &page.drive(&motion)?);
         // Every tunable by itself, and all at once.
         let tunables: Vec<_> = trocar.seal().tunables().collect();
-        let turned = |k: usize| 1.125 * tunables[k].value + if tunables[k].above_least { 0.0 } else { 1e-3 };
+        let turned = |k: usize| {
+            1.125 * tunables[k].value + if tunables[k].id.declaration().range.excludes_least() { 0.0 } else { 1e-3 }
+        };
         let identified: Vec<f64> = tunables.iter().map(|tunable| tunable.value).collect();
         let some = &motion[..motion.len() / 8];
         for k in 0..=tunables.len() {

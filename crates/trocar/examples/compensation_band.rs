@@ -149,7 +149,7 @@ fn seal(seed: u64) -> Result<Element, Failure> {
     // A sequence that fills [0, 1) evenly.
     let part = (seed as f64 * 0.618_033_988_75).fract();
     let stiffness = force.yield_stiffness() * STIFFEST.powf(part);
-    params.deformation = DeformationForce::new(*force.rising(), *force.falling(), Some(stiffness))?;
+    params.deformation = DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness))?;
     Ok(Element::new(params)?)
 }
 

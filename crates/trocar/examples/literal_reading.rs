@@ -115,16 +115,16 @@ fn decaying(params: ElementParams, stop: &Comparison) -> Vec<f64> {
     const PARTS: usize = 100;
     let mut force = stop.literal.clone();
     let rest = stop.position.windows(2).position(|pair| pair[0] == pair[1]).unwrap_or(force.len());
-    let rising = params.deformation.rising();
+    let insertion = params.deformation.insertion();
     // The deflection of sliding lies on the straight end of the branch.
-    let stiffness = rising.stiffness(params.deformation.half_width());
+    let stiffness = insertion.stiffness(params.deformation.half_width());
     let over = force[rest - 1] - params.insertion.static_force;
     let mut deflection = params.deformation.half_width() + over / stiffness;
     for value in &mut force[rest..] {
         for _ in 0..PARTS {
-            deflection -= rising.force(deflection) / params.insertion.viscous_damping * PERIOD / PARTS as f64;
+            deflection -= insertion.force(deflection) / params.insertion.viscous_damping * PERIOD / PARTS as f64;
         }
-        *value = rising.force(deflection);
+        *value = insertion.force(deflection);
     }
     force
 }

@@ -41,8 +41,8 @@ fn friction(direction: Direction, element: &Element) -> &SlidingFriction {
 /// Branch that the deformation force follows in `direction`.
 fn branch(direction: Direction, element: &Element) -> &Branch {
     match direction {
-        Direction::Insertion => element.params().deformation.rising(),
-        Direction::Withdrawal => element.params().deformation.falling(),
+        Direction::Insertion => element.params().deformation.insertion(),
+        Direction::Withdrawal => element.params().deformation.withdrawal(),
     }
 }
 
@@ -445,8 +445,8 @@ mod tests {
         let friction = SlidingFriction::coulomb(1.0, 5.0);
         let element = Element::new(ElementParams {
             deformation: DeformationForce::new(
-                scaled(plausible.deformation.rising()),
-                scaled(plausible.deformation.falling()),
+                scaled(plausible.deformation.insertion()),
+                scaled(plausible.deformation.withdrawal()),
                 None,
             )
             .unwrap(),

@@ -24,7 +24,7 @@ pub struct Cancel(Arc<AtomicBool>);
 #[non_exhaustive]
 pub enum Stopped {
     /// It was cancelled.
-    #[error("called off")]
+    #[error("cancelled")]
     Cancelled,
     /// No threads can be started.
     #[error("cannot start threads: {0}")]
@@ -32,7 +32,7 @@ pub enum Stopped {
 }
 
 /// Payload of the unwinding.
-struct CalledOff;
+struct Unwinding;
 
 impl Cancel {
     /// Cancels the work; it ends within milliseconds.
@@ -53,11 +53,11 @@ impl Cancel {
         let take_flag = move |_| FLAG.with(|own| drop(own.set(flag.clone())));
         let threads = threads.min(most_threads());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(take_flag).build()?;
-        let called_off_or_panic = |why: Box<dyn Any + Send>| match why.downcast::<CalledOff>() {
+        let cancelled_or_panic = |why: Box<dyn Any + Send>| match why.downcast::<Unwinding>() {
             Ok(_) => Stopped::Cancelled,
             Err(panic) => resume_unwind(panic),
         };
-        catch_unwind(AssertUnwindSafe(|| pool.install(work))).map_err(called_off_or_panic)
+        catch_unwind(AssertUnwindSafe(|| pool.install(work))).map_err(cancelled_or_panic)
     }
 }
 
@@ -73,15 +73,15 @@ pub(crate) fn processors() -> usize {
 }
 
 /// Whether the payload is a cancellation and not a panic.
-pub(crate) fn is_called_off(unwinding: &(dyn Any + Send)) -> bool {
-    unwinding.is::<CalledOff>()
+pub(crate) fn is_cancelled(unwinding: &(dyn Any + Send)) -> bool {
+    unwinding.is::<Unwinding>()
 }
 
 /// Unwinds if the work of this thread was cancelled.
 pub(crate) fn check() {
-    let is_called_off = FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)));
-    if is_called_off {
+    let is_cancelled = FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)));
+    if is_cancelled {
         // Not a panic, so no message is printed.
-        resume_unwind(Box::new(CalledOff));
+        resume_unwind(Box::new(Unwinding));
     }
 }

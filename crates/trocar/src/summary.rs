@@ -75,9 +75,9 @@ pub struct DeformationSummary<'a> {
     /// Number of full strokes that snap the seal through.
     pub traverses: usize,
     /// Branch of the insertion.
-    pub rising: BranchSummary,
+    pub insertion_branch: BranchSummary,
     /// Branch of the withdrawal.
-    pub falling: BranchSummary,
+    pub withdrawal_branch: BranchSummary,
 }
 
 /// `summary.json`.
@@ -92,9 +92,9 @@ pub struct Summary<'a> {
     /// Whether data were lost or parameters are not determined (exit code 3).
     pub doubtful: bool,
     /// Parameters of the model by name with unit.
-    pub parameters: BTreeMap<&'a str, &'a Estimate>,
+    pub parameters: BTreeMap<String, &'a Estimate>,
     /// The same from the paper's two steps alone.
-    pub two_step_parameters: BTreeMap<&'a str, &'a Estimate>,
+    pub two_step_parameters: BTreeMap<String, &'a Estimate>,
     /// Error of the model over the recordings used for identification, N.
     pub residual_rms_n: f64,
     /// The likelihood fit with its optional model terms; `None` if it was not made.
@@ -236,8 +236,8 @@ impl Summary<'_> {
     }
 }
 
-fn by_name(parameters: &[Parameter]) -> BTreeMap<&str, &Estimate> {
-    parameters.iter().map(|parameter| (parameter.name.as_str(), &parameter.estimate)).collect()
+pub(crate) fn by_name(parameters: &[Parameter]) -> BTreeMap<String, &Estimate> {
+    parameters.iter().map(|parameter| (parameter.id.to_string(), &parameter.estimate)).collect()
 }
 
 fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
@@ -251,8 +251,8 @@ fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
         half_width_spread_m: found.deflection_error,
         speed_dependence_p_value: found.speed_dependence_p_value,
         traverses: found.traverses.len(),
-        rising: branch(&found.rising),
-        falling: branch(&found.falling),
+        insertion_branch: branch(&found.insertion_branch),
+        withdrawal_branch: branch(&found.withdrawal_branch),
     }
 }
 
@@ -261,7 +261,7 @@ pub(crate) fn intervals(parameters: &[Parameter]) -> BTreeMap<String, Interval> 
     let bound = |bound: f64| bound.is_finite().then_some(bound);
     let interval = |parameter: &Parameter| {
         let Estimate { value, ci95, .. } = parameter.estimate;
-        value.is_finite().then(|| (parameter.name.clone(), Interval { value, ci95: ci95.map(bound) }))
+        value.is_finite().then(|| (parameter.id.to_string(), Interval { value, ci95: ci95.map(bound) }))
     };
     parameters.iter().filter_map(interval).collect()
 }

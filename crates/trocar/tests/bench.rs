@@ -678,8 +678,8 @@ fn random_seals_are_plausible_and_differ() {
         for i in 1..1000 {
             let z = c * (f64::from(i) / 500.0 - 1.0);
             assert!(force.half_gap(z) >= 0.0);
-            assert!(force.rising().force(z) < params.insertion.static_force);
-            assert!(force.falling().force(z) > -params.withdrawal.static_force);
+            assert!(force.insertion().force(z) < params.insertion.static_force);
+            assert!(force.withdrawal().force(z) > -params.withdrawal.static_force);
         }
     }
     assert!((75..=225).contains(&snapping_through), "{snapping_through} of 300 snap through");

@@ -22,7 +22,7 @@ fn recordings() -> Vec<Recording> {
 }
 
 #[test]
-fn called_off_work_ends_where_it_is() {
+fn cancelled_work_ends_where_it_is() {
     let recordings = recordings();
     let cancel = Cancel::default();
     // So many resamples that the work takes far longer than the test.

@@ -99,7 +99,7 @@ fn stranger(seed: u64) -> ([Element; 1], ModelFile) {
     let mut params = random_plausible_seal(1000 + seed);
     let force = params.deformation;
     let stiffness = force.yield_stiffness() * 10f64.powf((seed as f64 * 0.618).fract());
-    params.deformation = DeformationForce::new(*force.rising(), *force.falling(), Some(stiffness)).unwrap();
+    params.deformation = DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness)).unwrap();
     let seal = [Element::new(params).unwrap()];
     let config = BenchConfig::default();
     let record = |protocol, number| {

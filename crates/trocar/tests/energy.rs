@@ -21,7 +21,8 @@ fn elements() -> impl Strategy<Value = Element> {
             let mut params = *element.params();
             let deformation = &params.deformation;
             let kappa = Some(kappa * deformation.yield_stiffness());
-            params.deformation = DeformationForce::new(*deformation.rising(), *deformation.falling(), kappa).unwrap();
+            params.deformation =
+                DeformationForce::new(*deformation.insertion(), *deformation.withdrawal(), kappa).unwrap();
             params.creep_velocity = creep;
             params.relaxation = Relaxation { arms };
             Element::new(params).unwrap()

@@ -126,7 +126,7 @@ fn the_first_that_cannot_be_run_is_told() {
     let mut out = vec![0.0; 200];
     let refusal = squared_errors(&tuned, Start::Undeformed, &motion, &time, &mut out).unwrap_err();
     assert!(matches!(refusal, Refusal::Parameter { index: 77, .. }));
-    assert_eq!(refusal.to_string(), "model 77: half_width must be positive, got -0.001 m");
+    assert_eq!(refusal.to_string(), "model 77: half_width_m must be finite and above 0 m, got -0.001 m");
     let classical = models.iter().position(|model| model.stages().is_err()).unwrap();
     let files = Files(models.iter().collect());
     let mut out = vec![0.0; files.count() * motion.samples()];
@@ -135,7 +135,7 @@ fn the_first_that_cannot_be_run_is_told() {
 }
 
 #[test]
-fn work_that_is_called_off_ends() {
+fn work_that_is_cancelled_ends() {
     let model = ModelFile::plausible_10_5_mm().unwrap();
     let time: Vec<f64> = (0..100_000).map(|k| f64::from(k) * 1e-3).collect();
     let position: Vec<f64> = time.iter().map(|t| 0.02 * t.sin()).collect();

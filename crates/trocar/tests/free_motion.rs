@@ -94,7 +94,7 @@ fn two_stages_are_told_apart_where_they_differ_in_width() {
     let found = found(&[surgeon(&[wide, narrow], 40.0, 1)]);
     assert!(kept(&found, Term::SecondStage), "{:?}", found.fit);
     assert_near(&found, "half_width_m", 5e-3, 0.05);
-    assert_near(&found, "second_half_width_m", 1.5e-3, 0.05);
+    assert_near(&found, "element_2_half_width_m", 1.5e-3, 0.05);
     let total = wide.insertion.coulomb_force + narrow.insertion.coulomb_force;
     assert_near(&found, "coulomb_force_n", total, 0.01);
     let fit = found.fit.as_ref().expect("a fit to all motion");

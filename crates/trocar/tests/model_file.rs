@@ -179,11 +179,14 @@ fn every_kind_is_among_the_classical_models_tried() {
 /// Versions 1 to 6 differ from the present one in the names of three keys.
 #[test]
 fn files_of_older_versions_are_read() {
-    for version in 1..=6 {
+    for version in 1..=7 {
         for file in [complete(), slow(), with_error()].into_iter().chain(classical_files()) {
-            let text = file.to_json().replacen("\"version\": 7", &format!("\"version\": {version}"), 1);
+            let text = file.to_json().replacen("\"version\": 8", &format!("\"version\": {version}"), 1);
             let text = text.replace("\"position_profile\"", "\"travel\"").replace("\"gain\"", "\"level\"");
             let text = text.replace("\"position_delay_s\"", "\"position_lag_s\"");
+            let text = text.replace("\"insertion\": {\n          \"join_m\"", "\"rising\": {\n          \"join_m\"");
+            let text = text.replace("\"withdrawal\": {\n          \"join_m\"", "\"falling\": {\n          \"join_m\"");
+            assert_eq!(text.contains("\"rising\""), file.stages().is_ok());
             assert_eq!(ModelFile::from_json(&text).unwrap(), file);
         }
     }
@@ -296,10 +299,10 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(8)), "written by a newer trocar: model version 8, this one reads 7"),
-        ("/version", Some(json!(0)), "\"version\" must be 1 to 7, got 0"),
-        ("/version", Some(json!("1")), "\"version\" must be 1 to 7, got \"1\""),
-        ("/version", None, "\"version\" must be 1 to 7, got nothing"),
+        ("/version", Some(json!(9)), "written by a newer trocar: model version 9, this one reads 8"),
+        ("/version", Some(json!(0)), "\"version\" must be 1 to 8, got 0"),
+        ("/version", Some(json!("1")), "\"version\" must be 1 to 8, got \"1\""),
+        ("/version", None, "\"version\" must be 1 to 8, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),
@@ -313,17 +316,17 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
         (
             "/elements/1/insertion/coulomb_force_n",
             Some(json!(-0.3)),
-            "elements[1]: coulomb_force must be positive, got -0.3 N",
+            "elements[1]: coulomb_force_n must be finite and above 0 N, got -0.3 N",
         ),
         ("/elements/0/withdrawal/viscous_damping_n_s_m", Some(json!(null)), "invalid type: null"),
         ("/elements/0/withdrawal/viscous_damping_n_s_m", Some(json!(-1)), "elements[0]: viscous_damping"),
         ("/elements/0/withdrawal/viscous_damping", Some(json!(1)), "unknown field `viscous_damping`"),
-        ("/elements/0/seal_damping/constant_n_s_m", Some(json!(-1.0)), "elements[0]: seal damping"),
-        ("/elements/0/deformation/rising/pieces/0", None, "invalid length 1"),
+        ("/elements/0/seal_damping/constant_n_s_m", Some(json!(-1.0)), "elements[0]: seal_damping_n_s_m must be"),
+        ("/elements/0/deformation/insertion/pieces/0", None, "invalid length 1"),
         (
-            "/elements/0/deformation/falling/pieces/1/legendre_n",
+            "/elements/0/deformation/withdrawal/pieces/1/legendre_n",
             Some(json!([])),
-            "elements[0].deformation.falling.pieces[1]: a piece needs 1 to 8 Legendre coefficients, got 0",
+            "elements[0].deformation.withdrawal.pieces[1]: a piece needs 1 to 8 Legendre coefficients, got 0",
         ),
         ("/elements/0/deformation/half_width_m", Some(json!(-0.008)), "half_width_m is -0.008"),
         ("/sensor/moving_mass_kg", Some(json!(-0.1)), "sensor.moving_mass_kg: must not be negative"),
@@ -363,21 +366,31 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
         ("static", "/friction/sliding", None, "missing field `sliding`".into()),
         ("static", "/friction/sliding/coulomb_force_n", Some(json!("3 N")), number.into()),
         ("static", "/friction/sliding/coulomb_force", Some(json!(3)), "unknown field `coulomb_force`".into()),
-        ("dahl", "/friction/coulomb_force_n", Some(json!(-3)), "friction: coulomb_force must be positive".into()),
+        (
+            "dahl",
+            "/friction/coulomb_force_n",
+            Some(json!(-3)),
+            "friction: coulomb_force_n must be finite and above 0 N".into(),
+        ),
         ("dahl", "/friction/exponent", None, "missing field `exponent`".into()),
         ("lugre", "/friction/damping_velocity_m_s", None, "missing field `damping_velocity_m_s`".into()),
-        ("lugre", "/friction/damping_velocity_m_s", Some(json!(0)), "damping_velocity must be positive".into()),
+        ("lugre", "/friction/damping_velocity_m_s", Some(json!(0)), "damping_velocity_m_s must be above 0 m/s".into()),
         ("lugre", "/friction/damping_velocity_m_s", Some(json!("inf")), "invalid type: string \"inf\"".into()),
         ("lugre", "/friction/curve", Some(json!("gaussian")), "unknown variant `gaussian`, expected `exp".into()),
         ("lugre", "/friction/mass_kg", Some(json!(1)), "unknown field `mass_kg`, expected one of `kind`".into()),
         ("leuven", "/friction/elements", Some(json!([])), "friction: a model needs 1 to 16 elements, got 0".into()),
-        ("leuven", "/friction/micro_damping_n_s_m", Some(json!(-1)), "micro_damping must not be negative".into()),
+        (
+            "leuven",
+            "/friction/micro_damping_n_s_m",
+            Some(json!(-1)),
+            "micro_damping_n_s_m must be finite and at least 0 N s/m".into(),
+        ),
         ("maxwell-slip", "/friction/elements", Some(many), "1 to 16 elements, got 17".into()),
-        ("maxwell-slip", "/friction/elements/1/limit_force_n", Some(json!(0)), "limit_force of element 2 must".into()),
+        ("maxwell-slip", "/friction/elements/1/limit_force_n", Some(json!(0)), "element_2_limit_force_n must".into()),
         ("maxwell-slip", "/friction/elements/1/share", Some(json!(0)), "unknown field `share`".into()),
         ("gms", "/friction/slip_rate", Some(json!("bounded")), "unknown variant `bounded`, expected `free`".into()),
         ("gms", "/friction/elements/0/attraction_m_s", None, "missing field `attraction_m_s`".into()),
-        ("gms", "/friction/elements/0/damping_n_s_m", Some(json!(-1)), "damping of element 1 must be".into()),
+        ("gms", "/friction/elements/0/damping_n_s_m", Some(json!(-1)), "element_1_damping_n_s_m must be".into()),
     ];
     for (kind, pointer, replacement, message) in cases {
         let document = broken(&file_of(kind), pointer, replacement);
@@ -390,7 +403,7 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
 #[test]
 fn impossible_classical_models_are_refused_by_the_reader() {
     let cases = [
-        ("lugre", "/friction/sliding/static_force_n", json!(1.0), "friction: static_force must be at least"),
+        ("lugre", "/friction/sliding/static_force_n", json!(1.0), "friction: static_force_n must be at least"),
         ("leuven", "/friction/sliding/static_force_n", json!(3.5), "friction: the limit forces of the elements"),
         ("gms", "/friction/elements/0/share", json!(0.5), "friction: the shares of the elements must add up to 1"),
     ];
@@ -412,20 +425,20 @@ fn errors_in_classical_models_name_line_and_column() {
 #[test]
 fn impossible_seals_are_refused_by_the_reader() {
     let cases = [
-        ("/elements/0/deformation/rising/join_m", json!(0.001), "rising: join_m is 0.001, but the pieces meet"),
+        ("/elements/0/deformation/insertion/join_m", json!(0.001), "insertion: join_m is 0.001, but the pieces meet"),
         ("/elements/0/deformation/half_width_m", json!(8.0), "half_width_m is 8, but the pieces end at 0.008"),
         (
-            "/elements/0/deformation/rising/pieces/0/legendre_n/0",
+            "/elements/0/deformation/insertion/pieces/0/legendre_n/0",
             json!(1.5),
-            "deformation.rising: a branch must be continuous",
+            "deformation.insertion: a branch must be continuous",
         ),
         (
-            "/elements/0/deformation/rising/pieces/1/to_m",
+            "/elements/0/deformation/insertion/pieces/1/to_m",
             json!(-0.02),
-            "rising.pieces[1]: a piece must end right of its start",
+            "insertion.pieces[1]: a piece must end right of its start",
         ),
-        ("/elements/0/deformation/yield_stiffness_n_m", json!(1.0), "yield_stiffness must be at least"),
-        ("/elements/0/insertion/static_force_n", json!(2.0), "static_force must be at least"),
+        ("/elements/0/deformation/yield_stiffness_n_m", json!(1.0), "yield_stiffness_n_m must be at least"),
+        ("/elements/0/insertion/static_force_n", json!(2.0), "static_force_n must be at least"),
         ("/elements/0/insertion/static_force_n", json!(3.5), "both branches must pass 3.5 N"),
         ("/intervals/coulomb_force_n/value", json!(9.0), "intervals.coulomb_force_n: value 9 lies outside"),
     ];
@@ -450,15 +463,15 @@ fn errors_name_line_and_column() {
     for text in ["", "time_s,position_m\n0,0", "[1,2]", "{\"format\":1e999}", "null"] {
         assert!(ModelFile::from_json(text).is_err(), "{text:?}");
     }
-    let twice = good.replacen("\"version\": 7,", "\"version\": 7, \"version\": 7,", 1);
+    let twice = good.replacen("\"version\": 8,", "\"version\": 8, \"version\": 8,", 1);
     assert!(ModelFile::from_json(&twice).is_err());
 }
 
 #[test]
 fn a_newer_file_is_recognised_whatever_else_it_holds() {
-    let text = "{\"format\": \"trocar-model\", \"version\": 8, \"seals\": {}}";
+    let text = "{\"format\": \"trocar-model\", \"version\": 9, \"seals\": {}}";
     let error = ModelFile::from_json(text).unwrap_err();
-    assert!(matches!(error, ModelFileError::Newer { found: 8 }), "{error}");
+    assert!(matches!(error, ModelFileError::Newer { found: 9 }), "{error}");
     assert!(error.to_string().contains("hint: update"));
 }
 

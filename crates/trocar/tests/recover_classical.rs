@@ -89,7 +89,10 @@ fn bank(draw: &mut Draw, shares: &[f64], widths: &[f64]) -> Vec<SlipElement> {
 
 fn of_bank(elements: &[SlipElement]) -> Vec<(String, f64)> {
     let numbers = |(i, e): (usize, &SlipElement)| {
-        [(format!("stiffness_n_m_{}", i + 1), e.stiffness), (format!("limit_force_n_{}", i + 1), e.limit_force)]
+        [
+            (format!("element_{}_stiffness_n_m", i + 1), e.stiffness),
+            (format!("element_{}_limit_force_n", i + 1), e.limit_force),
+        ]
     };
     elements.iter().enumerate().flat_map(numbers).collect()
 }
@@ -153,7 +156,7 @@ fn bank_truth(kind: Kind, draw: &mut Draw) -> Truth {
             let mut numbers = of_sliding(&sliding);
             numbers.extend(of_bank(&bank));
             numbers.push(("attraction_n_s".to_owned(), attraction));
-            numbers.extend((1..=2).map(|i| (format!("damping_n_s_m_{i}"), damping)));
+            numbers.extend((1..=2).map(|i| (format!("element_{i}_damping_n_s_m"), damping)));
             Truth { model: Classical::Gms(Gms::new(&elements, sliding, SlipRate::Free).expect("in range")), numbers }
         }
     }
@@ -252,7 +255,7 @@ fn outcome(kind: Kind, seed: u64) -> (Vec<(String, bool, bool, f64)>, f64) {
     let entry = fitted(kind, &truth, &mut draw);
     // Elements are returned in the order of their limits, as they were created.
     let numbers = truth.numbers.iter().map(|(name, value)| {
-        let parameter = entry.estimates.iter().find(|p| p.name == *name);
+        let parameter = entry.estimates.iter().find(|p| p.id.to_string() == *name);
         let estimate = &parameter.unwrap_or_else(|| panic!("{kind}: {name} is a parameter")).estimate;
         (name.clone(), estimate.covers(*value), estimate.determined, (estimate.value / value - 1.0).abs())
     });

@@ -7,8 +7,7 @@ use rand::RngExt as _;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use trocar::report::{
-    Axis, Cell, Document, Figure, Mark, Panel, Parameter, ReportError, Role, Section, Series, Table, Tile, Width,
-    write_document,
+    Axis, Cell, Document, Figure, Mark, Panel, ReportError, Role, Section, Series, Table, Tile, Width, write_document,
 };
 
 const HOSTILE: &str = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)>&$a$\u{7}.csv";
@@ -129,13 +128,13 @@ fn deformation_velocity() -> Figure {
 fn deformation() -> Figure {
     let demo = demo(40.0, 5, 8);
     let grid: Vec<f64> = (-80..=80).map(|i| f64::from(i) / 10.0).collect();
-    let rising = grid.iter().map(|&z| deformation_force(z, 1.0)).collect();
-    let falling = grid.iter().map(|&z| deformation_force(z, -1.0)).collect();
+    let insertion = grid.iter().map(|&z| deformation_force(z, 1.0)).collect();
+    let withdrawal = grid.iter().map(|&z| deformation_force(z, -1.0)).collect();
     let single = grid.iter().map(|&z| deformation_force(z, 1.0) + 0.15 * (z * 1.9).sin()).collect();
     let panel = Panel::new(Axis::new("deflection z", "mm"), Axis::new("deformation force F", "N"))
         .series(Series::line("measured, five cycles", Role::Measured, demo.deflection, demo.force))
-        .series(Series::line("two joined polynomials", Role::Fit, grid.clone(), rising))
-        .series(Series::line("two joined polynomials", Role::Fit, grid.clone(), falling))
+        .series(Series::line("two joined polynomials", Role::Fit, grid.clone(), insertion))
+        .series(Series::line("two joined polynomials", Role::Fit, grid.clone(), withdrawal))
         .series(Series::line("one polynomial of degree 7", Role::Alternative, grid, single))
         .mark(Mark::x(2.4, "join"))
         .mark(Mark::x(2.9, "join, falling"));
@@ -214,20 +213,21 @@ fn loops(id: &str, number: u32, speed: f64) -> Figure {
 }
 
 fn parameters() -> Table {
-    let row = |name: &str, symbol: &str, value, interval, unit: &str| Parameter {
-        name: name.into(),
-        symbol: symbol.into(),
-        value,
-        interval,
-        unit: unit.into(),
+    let row = |name: &str, symbol: &str, value: f64, [low, high]: [f64; 2], unit: &str| {
+        [
+            name.into(),
+            symbol.into(),
+            Cell::Estimate { value, interval: [low, high] },
+            Cell::Interval { low, high },
+            unit.into(),
+        ]
     };
-    let all = [
-        row("Coulomb force", "F_c", 2.1034, [2.0891, 2.1177], "N"),
-        row("Viscous damping", "β", 4.02, [3.61, 4.43], "N·s/m"),
-        row("Half width of the deformation", "c", 8.01, [7.93, 8.09], "mm"),
-        row("Stribeck velocity", "v_s", 7.0, [f64::NEG_INFINITY, f64::INFINITY], "mm/s"),
-    ];
-    Table::parameters("Parameters", all)
+    let undetermined = Cell::Number { value: 7.0, digits: 3 };
+    Table::new("Parameters", ["Parameter", "Symbol", "Value", "95 % interval", "Unit"])
+        .row(row("Coulomb force", "F_c", 2.1034, [2.0891, 2.1177], "N"))
+        .row(row("Viscous damping", "β", 4.02, [3.61, 4.43], "N·s/m"))
+        .row(row("Half width of the deformation", "c", 8.01, [7.93, 8.09], "mm"))
+        .row(["Stribeck velocity".into(), "v_s".into(), undetermined, Cell::Undetermined, "mm/s".into()])
 }
 
 fn document() -> Document {

@@ -609,7 +609,7 @@ fn levels_and_speeds_are_chosen() {
     assert!(velocity.caption.contains("at two deflections"), "{}", velocity.caption);
     // The force at the deflection on the branch of the measured deformations.
     let force = &bench.truth[0].params().deformation;
-    for (series, expected) in [(0, force.rising().force(-6e-3)), (4, force.rising().force(5e-3))] {
+    for (series, expected) in [(0, force.insertion().force(-6e-3)), (4, force.insertion().force(5e-3))] {
         let found = &velocity.panels[0].series[series];
         let mean = found.y.iter().sum::<f64>() / found.y.len() as f64;
         assert!((mean - expected).abs() < 0.15, "{mean} N, expected {expected} N");

@@ -19,7 +19,7 @@ fn model() -> LiveModel {
     let knob = |tunable: trocar_model::Tunable| Knob {
         name: HOSTILE.to_owned(),
         symbol: String::new(),
-        unit: tunable.unit.to_owned(),
+        unit: tunable.id.unit().si.to_owned(),
         scale: 1.0,
         value: tunable.value,
         range: None,

@@ -124,7 +124,7 @@ fn a_run_without_a_model_is_a_row_with_its_reason() {
     assert!(failed > 0 && failed == summary.failed);
     let peaks = numbers(&table, "peak_force_n");
     assert!(failures.iter().zip(peaks).all(|(failure, peak)| failure.is_some() == peak.is_nan()));
-    assert!(summary.first_failure.is_some_and(|why| why.contains("half_width must be positive")));
+    assert!(summary.first_failure.is_some_and(|why| why.contains("half_width_m must be finite and above 0 m")));
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn a_recording_is_compared_with_and_traces_are_written() {
 }
 
 #[test]
-fn a_sweep_that_is_called_off_writes_no_more_traces() {
+fn a_sweep_that_is_cancelled_writes_no_more_traces() {
     const THREADS: usize = 2;
     let shared = "runs = 100000\n[motion]\nprotocol = \"step\"\n[seal]\nhalf_width_m = { uniform = [0.004, 0.006] }\n";
     let rigs = "runs = 100000\n[motion]\nprotocol = \"validation\"\n[rig]\n\"rod.mass_kg\" = 0.05\n";

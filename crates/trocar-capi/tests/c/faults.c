@@ -191,7 +191,7 @@ static void models(const char *newer)
     REFUSED(MODEL_INVALID, trocar_model_parse("\xff\xfe", 2, &made, message, sizeof message));
     REFUSED(MODEL_INVALID, trocar_model_parse("", 0, &made, NULL, 100));
     REFUSED(MODEL_INVALID, trocar_model_tuned(model, &negative, 1, &made, message, sizeof message));
-    CHECK(strstr(message, "half_width must be positive, got -1 m") != NULL);
+    CHECK(strstr(message, "half_width_m must be finite and above 0 m, got -1 m") != NULL);
 
     /* What is no model. */
     REFUSED(OK, trocar_state_init(model, &state, 0.0));

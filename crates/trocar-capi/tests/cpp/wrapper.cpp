@@ -64,7 +64,7 @@ static void tuning(const trocar::Model &model) {
 
     trocar::Refusal why;
     CHECK(!model.try_tuned({-1.0}, &why) && why.status == TROCAR_STATUS_MODEL_INVALID);
-    CHECK(why.text.find("half_width must be positive") != std::string::npos);
+    CHECK(why.text.find("half_width_m must be finite and above 0 m") != std::string::npos);
 }
 
 static void refusals() {

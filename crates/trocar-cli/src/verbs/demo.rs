@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use trocar::bench::{self, BenchConfig, Protocol};
 use trocar::identify::IdentifyOptions;
+use trocar::identify::Parameter;
 use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::FigureChoice;
 use trocar::workflow::{MovingMass, Workflow};
-use trocar_model::ElementParams;
+use trocar_model::{ElementParams, ParameterId, Quantity, Unit};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -78,15 +79,16 @@ fn record(
 /// Ten lines: the estimates next to the true values.
 fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> String {
     let mut table = Table::headed(["parameter", "truth", "found", "95 % interval", "unit"]);
-    for row in identify::main_parameters(&found.identification) {
-        let Some(true_value) = true_value(row.name, truth, config) else { continue };
-        let bounds = row.estimate.ci95.map(|bound| row.scale * bound);
+    for Parameter { id, estimate } in identify::main_parameters(&found.identification) {
+        let Some(true_value) = true_value(*id, truth, config) else { continue };
+        let Unit { scale, shown, .. } = id.unit();
+        let bounds = estimate.ci95.map(|bound| scale * bound);
         table.row([
-            row.words,
-            number(row.scale * true_value),
-            number(row.scale * row.estimate.value),
+            identify::in_words(*id),
+            number(scale * true_value),
+            number(scale * estimate.value),
             interval(bounds),
-            row.unit.to_owned(),
+            shown.to_owned(),
         ]);
     }
     let mut text = table.to_text();
@@ -96,19 +98,13 @@ fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> St
     text
 }
 
-/// The true value of the recordings, in the unit of the name.
-fn true_value(name: &str, truth: &ElementParams, config: &BenchConfig) -> Option<f64> {
+/// The true value of the recordings, SI.
+fn true_value(id: ParameterId, truth: &ElementParams, config: &BenchConfig) -> Option<f64> {
+    if id.quantity != Quantity::Offset {
+        return truth.value(id);
+    }
+    // Reading at rest without the seal: gas, weight of the rod, tare.
     let rod = &config.rod;
     let area = std::f64::consts::PI * (0.5 * rod.diameter_m).powi(2);
-    Some(match name {
-        "coulomb_force_n" => truth.insertion.coulomb_force,
-        "viscous_damping_n_s_m" => truth.insertion.viscous_damping,
-        "half_width_m" => truth.deformation.half_width(),
-        "rising_join_m" => truth.deformation.rising().join(),
-        "falling_join_m" => truth.deformation.falling().join(),
-        "seal_damping_n_s_m" => truth.damping.coefficient(0.0),
-        // Reading at rest without the seal: gas, weight of the rod, tare.
-        "offset_n" => config.force_sensor.tare_n + area * rod.gas_pressure_pa - rod.mass_kg * rod.gravity_m_s2,
-        _ => return None,
-    })
+    Some(config.force_sensor.tare_n + area * rod.gas_pressure_pa - rod.mass_kg * rod.gravity_m_s2)
 }

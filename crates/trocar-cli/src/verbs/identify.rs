@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use trocar::identify::{Estimate, Identification, IdentifyOptions, Term, Warning};
+use trocar::identify::{Identification, IdentifyOptions, Parameter, Term, Warning};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
 use trocar::survey::Survey;
 use trocar::workflow::{MovingMass, Workflow};
-use trocar_model::MAX_DEGREE;
+use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
 use crate::Done;
 use crate::console::{self, Console};
@@ -212,9 +212,10 @@ fn print_warnings(console: &Console, done: &Workflow) {
 /// The main parameters and the errors as text.
 fn in_brief(done: &Workflow) -> String {
     let mut table = Table::headed(["parameter", "value", "95 % interval", "unit"]);
-    for row in main_parameters(&done.identification) {
-        let [low, high] = row.estimate.ci95.map(|bound| row.scale * bound);
-        table.row([row.words, number(row.scale * row.estimate.value), interval([low, high]), row.unit.to_owned()]);
+    for Parameter { id, estimate } in main_parameters(&done.identification) {
+        let Unit { scale, shown, .. } = id.unit();
+        let bounds = estimate.ci95.map(|bound| scale * bound);
+        table.row([in_words(*id), number(scale * estimate.value), interval(bounds), shown.to_owned()]);
     }
     let mut text = table.to_text();
     text.push_str(&format!(
@@ -251,44 +252,13 @@ fn along_in_words(found: &Identification) -> String {
     lag.into_iter().chain(along).collect()
 }
 
-/// One line of the table.
-pub(crate) struct Row<'a> {
-    pub(crate) name: &'a str,
-    pub(crate) words: String,
-    pub(crate) estimate: &'a Estimate,
-    pub(crate) scale: f64,
-    pub(crate) unit: &'static str,
+/// Words and symbol of a parameter.
+pub(crate) fn in_words(id: ParameterId) -> String {
+    format!("{} {}", id.words(), id.symbol())
 }
 
-/// The main parameters, in common units.
-pub(crate) fn main_parameters(found: &Identification) -> Vec<Row<'_>> {
-    const MAIN: [(&str, &str, f64, &str); 21] = [
-        ("coulomb_force_n", "Coulomb force F_c", 1.0, "N"),
-        ("viscous_damping_n_s_m", "viscous damping β", 1.0, "N s/m"),
-        ("insertion_viscous_damping_n_s_m", "  β of insertion", 1.0, "N s/m"),
-        ("withdrawal_viscous_damping_n_s_m", "  β of withdrawal", 1.0, "N s/m"),
-        ("static_force_n", "static force F_s", 1.0, "N"),
-        ("stribeck_velocity_m_s", "Stribeck velocity v_s", 1e3, "mm/s"),
-        ("half_width_m", "half width c", 1e3, "mm"),
-        ("rising_join_m", "join a, insertion", 1e3, "mm"),
-        ("falling_join_m", "join a, withdrawal", 1e3, "mm"),
-        ("seal_damping_n_s_m", "seal damping σ", 1.0, "N s/m"),
-        ("offset_n", "sensor offset F_0", 1.0, "N"),
-        ("unmodelled_mass_kg", "unmodelled mass", 1e3, "g"),
-        ("yield_stiffness_n_m", "yield stiffness κ", 1e-3, "N/mm"),
-        ("creep_velocity_m_s", "creep velocity v_c", 1e3, "mm/s"),
-        ("friction_lag_s", "lag of the Stribeck curve T", 1e3, "ms"),
-        ("relaxation_stiffness_n_m", "relaxing stiffness E", 1e-3, "N/mm"),
-        ("relaxation_time_s", "relaxation time τ", 1.0, "s"),
-        ("second_relaxation_stiffness_n_m", "relaxing stiffness E_2", 1e-3, "N/mm"),
-        ("second_relaxation_time_s", "relaxation time τ_2", 1.0, "s"),
-        ("second_coulomb_force_n", "F_c of the second stage", 1.0, "N"),
-        ("second_half_width_m", "c of the second stage", 1e3, "mm"),
-    ];
-    MAIN.into_iter()
-        .filter_map(|(name, words, scale, unit)| {
-            let estimate = found.parameter(name)?;
-            Some(Row { name, words: words.to_owned(), estimate, scale, unit })
-        })
-        .collect()
+/// The parameters of the table: all but forces at the joins and the coefficients of the branches.
+pub(crate) fn main_parameters(found: &Identification) -> impl Iterator<Item = &Parameter> {
+    let is_main = |p: &&Parameter| !p.is_coefficient() && p.id.quantity != Quantity::JoinForce;
+    found.parameters.iter().filter(is_main)
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use trocar_model::Tunable;
 
 use anyhow::Context;
 use trocar::model_file::ModelFile;
@@ -83,9 +84,8 @@ fn parameters(model: &Path) -> anyhow::Result<String> {
         _ => ModelFile::read(model)?,
     };
     let seal = *file.trocar.seal();
-    let line = |own: trocar_model::Tunable| {
-        let place = own.element.map_or(String::new(), |element| format!("@{}", element + 1));
-        format!("{:36} {:>12}  {}\n", format!("{}{place}", own.name), number(own.value), own.description)
+    let line = |Tunable { id, value }: Tunable| {
+        format!("{:44} {:>12}  {}: {}\n", id.to_string(), number(value), id.symbol(), id.words())
     };
     Ok(seal.tunables().map(line).collect())
 }

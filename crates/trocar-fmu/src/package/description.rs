@@ -25,7 +25,7 @@ const UNITS: [(&str, [i32; 3]); 7] = [
     ("m/s", [0, 1, -1]),
     ("N", [1, 1, -2]),
     ("N/m", [1, 0, -2]),
-    ("N.s/m", [1, 0, -1]),
+    ("N s/m", [1, 0, -1]),
 ];
 
 /// Lines of XML with indentation.

@@ -13,8 +13,9 @@
 use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
 use crate::damping::SealDamping;
+use crate::direction::Direction;
 use crate::elastic::{Place, ShapeDifference};
-use crate::ems::{Element, Side, State};
+use crate::ems::{Element, State};
 use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
 use crate::relaxation::{ArmForces, MAX_ARMS};
@@ -167,7 +168,7 @@ struct ArmSlopes {
 
 /// A slide from slip speed `start.speed` to `end.speed`.
 struct Slide {
-    side: Side,
+    direction: Direction,
     /// s·dt·(1 - θ) and s·dt·θ, s.
     explicit: f64,
     implicit: f64,
@@ -282,16 +283,17 @@ impl Element {
     }
 
     fn slid(&self, before: &State, after: &State, motion: Motion, speed: f64, theta: f64) -> Course {
-        let (side, lag) = (Side::of(after.slip_velocity), self.params.friction_lag);
+        let (direction, lag) = (Direction::of(after.slip_velocity), self.params.friction_lag);
         let bend = self.bend(before, after, motion);
-        let (start, start_contact) = self.contact_at(side, motion.velocity, speed, Rise::at_start(before.rise, lag));
+        let (start, start_contact) =
+            self.contact_at(direction, motion.velocity, speed, Rise::at_start(before.rise, lag));
         let lagged = Rise::after(before.rise, lag, motion.time, || start.curve);
-        let (end, end_contact) = self.contact_at(side, motion.velocity, after.slip_velocity.abs(), lagged);
+        let (end, end_contact) = self.contact_at(direction, motion.velocity, after.slip_velocity.abs(), lagged);
         let steep = bend.mid_slope + bend.yield_slope + bend.arm_stiffness;
         let slide = Slide {
-            side,
-            explicit: side.sign() * motion.time * (1.0 - theta),
-            implicit: side.sign() * motion.time * theta,
+            direction,
+            explicit: direction.sign() * motion.time * (1.0 - theta),
+            implicit: direction.sign() * motion.time * theta,
             start_drag: start_contact.slope + start.damping_slope,
             end_drag: end_contact.slope + end.damping_slope + motion.time * theta * steep,
             lag: LagSlopes::new(before.rise, lag, motion.time, &start, &end),
@@ -303,8 +305,8 @@ impl Element {
     }
 
     /// The contact at slip speed `u`, m/s, with the part of λ that `rise` tells.
-    fn contact_at(&self, side: Side, velocity: f64, u: f64, rise: Rise) -> (At, Resistance) {
-        let (sliding, creep) = (self.sliding(side), self.params.creep_velocity);
+    fn contact_at(&self, direction: Direction, velocity: f64, u: f64, rise: Rise) -> (At, Resistance) {
+        let (sliding, creep) = (self.sliding(direction), self.params.creep_velocity);
         let surplus = sliding.static_force - sliding.coulomb_force;
         let ratio = u / sliding.stribeck_velocity;
         let logarithm = if surplus > 0.0 && ratio > 0.0 { logarithm(ratio) } else { 0.0 };
@@ -327,7 +329,7 @@ impl Element {
         } else {
             (1.0, 0.0)
         };
-        let deformation_velocity = velocity - side.sign() * u; // EMS (8)
+        let deformation_velocity = velocity - direction.sign() * u; // EMS (8)
         let at = At {
             speed: u,
             deformation_velocity,
@@ -419,10 +421,10 @@ impl Lead<'_> {
 
     #[inline(always)]
     fn slide(&self, bend: &Bend, slide: &Slide, different: &Different, apart: &Apart) -> Option<Apart> {
-        let Slide { side, start, end, lag, .. } = slide;
-        let s = side.sign();
-        let by = &different.sliding[usize::from(*side == Side::Insertion)];
-        let small = LARGEST * self.leader.sliding(*side).static_force;
+        let Slide { direction, start, end, lag, .. } = slide;
+        let s = direction.sign();
+        let by = &different.sliding[usize::from(*direction == Direction::Insertion)];
+        let small = LARGEST * self.leader.sliding(*direction).static_force;
         let curve = start.curve_apart(by);
         let speed = if slide.is_damped || !different.damping.is_zero() {
             let rise = if lag.is_lagged { apart.rise } else { curve };

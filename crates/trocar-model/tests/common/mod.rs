@@ -37,10 +37,10 @@ impl Seal {
             Branch::new(left, right).unwrap()
         };
         let [b0, b1, b2, b3] = self.bends;
-        let rising = branch(a, up, [-b0, b1]);
-        let falling = branch(-a, down, [-b2, b3]);
+        let insertion = branch(a, up, [-b0, b1]);
+        let withdrawal = branch(-a, down, [-b2, b3]);
         ElementParams {
-            deformation: DeformationForce::new(rising, falling, None).unwrap(),
+            deformation: DeformationForce::new(insertion, withdrawal, None).unwrap(),
             damping: SealDamping::ZERO,
             insertion: SlidingFriction::coulomb(self.insertion_force, self.viscous[0]),
             withdrawal: SlidingFriction::coulomb(self.withdrawal_force, self.viscous[1]),
@@ -167,11 +167,11 @@ pub(crate) fn humped(beta: f64) -> ElementParams {
         let right = Piece::new(join, 8e-3, &cubic(middle, 1.0, right, 0.0)).unwrap();
         Branch::new(left, right).unwrap()
     };
-    let rising = branch(-2e-3, 1.0, -0.7, 0.4);
-    let falling = branch(2e-3, -1.0, -0.4, 0.7);
+    let insertion = branch(-2e-3, 1.0, -0.7, 0.4);
+    let withdrawal = branch(2e-3, -1.0, -0.4, 0.7);
     let sliding = SlidingFriction::coulomb(1.0, beta);
     ElementParams {
-        deformation: DeformationForce::new(rising, falling, None).unwrap(),
+        deformation: DeformationForce::new(insertion, withdrawal, None).unwrap(),
         damping: SealDamping::ZERO,
         insertion: sliding,
         withdrawal: sliding,

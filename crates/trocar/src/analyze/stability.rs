@@ -71,7 +71,7 @@ pub(super) fn rate(element: &Element, direction: Direction, speed: f64, deflecti
     } else if deflection <= -deformation.half_width() {
         negative
     } else {
-        deformation.rising().stiffness(deflection).min(deformation.falling().stiffness(deflection))
+        deformation.insertion().stiffness(deflection).min(deformation.withdrawal().stiffness(deflection))
     };
     let drag = drag(element, direction, speed);
     Rate { eigenvalue: -stiffness / drag, stable: stiffness > 0.0 && drag >= 0.0 }

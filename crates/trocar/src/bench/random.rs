@@ -1,7 +1,6 @@
 //! Random plausible seals: known parameters for tests of the identification.
 
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece};
-use trocar_model::{Relaxation, SealDamping, SlidingFriction};
+use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SlidingFriction};
 
 use super::noise::{Noise, Source};
 
@@ -74,17 +73,9 @@ pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
     loop {
         let shape = Shape::draw(&mut noise);
         let other = shape.perturbed(ranges.branch_asymmetry, &mut noise);
-        let levels = (withdrawal.static_force, insertion.static_force);
-        let params = deformation(half_width, levels, &shape, &other).map(|deformation| ElementParams {
-            deformation,
-            damping: SealDamping::ZERO,
-            insertion,
-            withdrawal,
-            creep_velocity: 0.0,
-            friction_lag: 0.0,
-            relaxation: Relaxation::NONE,
-        });
-        if let Ok(params) = params
+        let forces = [insertion.static_force, withdrawal.static_force];
+        if let Ok(deformation) = deformation(half_width, forces, [&shape, &other])
+            && let params = ElementParams::new(deformation, insertion, withdrawal)
             && plausible(&params)
             && Element::new(params).is_ok()
         {
@@ -193,18 +184,13 @@ impl Quartic {
     }
 }
 
-/// Rising branch of shape `rising`; falling branch of shape `falling`, reflected through the
-/// origin.
-fn deformation(
-    c: f64,
-    (withdrawal, insertion): (f64, f64),
-    rising: &Shape,
-    falling: &Shape,
-) -> Result<DeformationForce, ParamError> {
-    let (left, right) = rising.pieces(c, (-withdrawal, insertion))?;
-    let (first, last) = falling.pieces(c, (-insertion, withdrawal))?;
-    let falling = Branch::new(turned(&last)?, turned(&first)?)?;
-    DeformationForce::new(Branch::new(left, right)?, falling, None)
+/// Branches with these static forces and shapes, insertion first; the shape of the withdrawal is
+/// reflected through the origin.
+fn deformation(c: f64, forces: [f64; 2], shapes: [&Shape; 2]) -> Result<DeformationForce, ParamError> {
+    let (left, right) = shapes[0].pieces(c, (-forces[1], forces[0]))?;
+    let (first, last) = shapes[1].pieces(c, (-forces[0], forces[1]))?;
+    let withdrawal = Branch::new(turned(&last)?, turned(&first)?)?;
+    DeformationForce::new(Branch::new(left, right)?, withdrawal, None)
 }
 
 /// -F(-z).
@@ -223,9 +209,9 @@ fn plausible(params: &ElementParams) -> bool {
     let (lowest, highest) = (-params.withdrawal.static_force, params.insertion.static_force);
     (1..CHECK_POINTS).all(|i| {
         let z = c * (2.0 * f64::from(i) / f64::from(CHECK_POINTS) - 1.0);
-        let (rising, falling) = (force.rising().force(z), force.falling().force(z));
+        let (insertion, withdrawal) = (force.insertion().force(z), force.withdrawal().force(z));
         let part = if z < 0.9 * c { HIGHEST_INSIDE } else { 1.0 };
         let mirrored = if z > -0.9 * c { HIGHEST_INSIDE } else { 1.0 };
-        rising > falling && rising < part * highest && falling > mirrored * lowest
+        insertion > withdrawal && insertion < part * highest && withdrawal > mirrored * lowest
     })
 }

@@ -9,10 +9,10 @@ use serde::Serialize;
 
 use trocar_model::Trocar;
 
-use crate::identify::{Estimate, Identification, Parameter, Warning};
+use crate::identify::{Estimate, Identification, Warning};
 use crate::model_file::{ModelFile, Origin};
 use crate::recording::Recording;
-use crate::summary::{PROGRAM, intervals};
+use crate::summary::{PROGRAM, by_name, intervals};
 use crate::validate::{Phases, RecordingValidation, validate};
 use crate::workflow::MovingMass;
 
@@ -96,7 +96,7 @@ pub struct ModelSummary<'a> {
     /// Sensor offset F_0, N.
     pub offset_n: f64,
     /// Parameters by name with unit.
-    pub estimates: BTreeMap<&'a str, &'a Estimate>,
+    pub estimates: BTreeMap<String, &'a Estimate>,
     /// Warnings about the fit, beginning with their subject.
     pub warnings: Vec<String>,
 }
@@ -206,7 +206,6 @@ impl Summary<'_> {
 fn model<'a>(entry: &'a Entry, validation: &'a [Recording]) -> ModelSummary<'a> {
     let scores = &entry.scores;
     let errors = validation.iter().zip(&scores.by_recording_n);
-    let name = |parameter: &'a Parameter| (parameter.name.as_str(), &parameter.estimate);
     ModelSummary {
         name: entry.name,
         elements: entry.elements,
@@ -223,7 +222,7 @@ fn model<'a>(entry: &'a Entry, validation: &'a [Recording]) -> ModelSummary<'a> 
         ns_per_sample: entry.ns_per_sample,
         fit_s: entry.fit_s,
         offset_n: entry.offset,
-        estimates: entry.estimates.iter().map(name).collect(),
+        estimates: by_name(&entry.estimates),
         warnings: entry
             .warnings
             .iter()

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::row::{Cell, DEGREES, Row, parameter_names};
+use super::row::{Cell, DEGREES, Row};
 use crate::cancel;
 use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Warning, identify};
 use crate::recording::rows::Crop;
@@ -177,7 +177,7 @@ pub fn identify_one(input: &Input, config: &Config) -> Row {
     let failure = match outcome {
         Ok(Ok(())) => return row,
         Ok(Err(failure)) => failure,
-        Err(panic) if cancel::is_called_off(&*panic) => resume_unwind(panic),
+        Err(panic) if cancel::is_cancelled(&*panic) => resume_unwind(panic),
         Err(panic) => Failure { kind: "panic", message: words_of(&*panic) },
     };
     fail(&mut row, failure);
@@ -340,10 +340,8 @@ fn parameter(row: &mut Row, name: &str, estimate: &Estimate) {
 }
 
 fn result(row: &mut Row, found: &Identification, recording: &Recording, method: &str) {
-    for name in parameter_names() {
-        if let Some(estimate) = found.parameter(&name) {
-            parameter(row, &name, estimate);
-        }
+    for p in &found.parameters {
+        parameter(row, &p.id.to_string(), &p.estimate);
     }
     let lost = !recording.quality.warnings.is_empty();
     let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };

@@ -2,7 +2,9 @@
 //! combine them.
 
 use serde::{Deserialize, Serialize};
+use trocar_model::ParameterId;
 
+use crate::identify;
 use crate::table::{Field, Kind};
 
 /// A cell; empty without a value.
@@ -83,36 +85,6 @@ impl From<Option<f64>> for Cell {
     }
 }
 
-/// Names, without the suffixes `_lower`, `_upper` and `_determined`, of all parameters that an
-/// element can have.
-const PARAMETERS: [&str; 25] = [
-    "offset_n",
-    "coulomb_force_n",
-    "insertion_coulomb_force_with_offset_n",
-    "withdrawal_coulomb_force_with_offset_n",
-    "viscous_damping_n_s_m",
-    "insertion_viscous_damping_n_s_m",
-    "withdrawal_viscous_damping_n_s_m",
-    "static_force_n",
-    "stribeck_velocity_m_s",
-    "half_width_m",
-    "seal_damping_n_s_m",
-    "unmodelled_mass_kg",
-    "yield_stiffness_n_m",
-    "creep_velocity_m_s",
-    "friction_lag_s",
-    "relaxation_stiffness_n_m",
-    "relaxation_time_s",
-    "second_relaxation_stiffness_n_m",
-    "second_relaxation_time_s",
-    "second_coulomb_force_n",
-    "second_half_width_m",
-    "rising_join_m",
-    "rising_join_force_n",
-    "falling_join_m",
-    "falling_join_force_n",
-];
-
 /// Degrees of the polynomials of both branches, EMS (25); the table has a fixed set of columns.
 pub(super) const DEGREES: [usize; 2] = [4, 4];
 
@@ -173,24 +145,16 @@ const BEHIND: [(&str, Kind); 36] = [
     ("moving_mass_kg", Kind::Number),
 ];
 
-/// The paper's θ (25) of both branches, followed by all other parameters.
-pub(super) fn parameter_names() -> Vec<String> {
-    const UNITS: [&str; 8] = ["n", "n_m1", "n_m2", "n_m3", "n_m4", "n_m5", "n_m6", "n_m7"];
-    let mut all: Vec<String> = PARAMETERS.map(str::to_owned).into();
-    for side in ["rising", "falling"] {
-        for (piece, degree) in DEGREES.into_iter().enumerate() {
-            let theta = |(power, unit): (usize, &&str)| format!("{side}_theta{}_{power}_{unit}", piece + 1);
-            all.extend(UNITS.iter().enumerate().take(degree + 1).map(theta));
-        }
-    }
-    all
+/// All parameters that an identification may report.
+pub(super) fn parameters() -> Vec<ParameterId> {
+    identify::reported(DEGREES)
 }
 
 /// The columns of every [`Row`], in order.
 pub fn columns() -> Vec<Field> {
     let fixed = |(name, kind): &(&str, Kind)| Field::new(*name, *kind);
     let mut all: Vec<Field> = BEFORE.iter().map(fixed).collect();
-    for name in parameter_names() {
+    for name in parameters() {
         let end = |(end, kind)| Field::new(format!("{name}{end}"), kind);
         let ends =
             [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_determined", Kind::Boolean)];

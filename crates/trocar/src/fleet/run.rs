@@ -3,8 +3,10 @@
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::path::Path;
+use std::sync::LazyLock;
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use trocar_model::{Direction, ParameterId, Quantity};
 
 use super::dataset::{Dataset, Job, Metadata};
 use super::journal::{Entry, Journal, Place, journal_path};
@@ -72,9 +74,14 @@ pub struct Record {
 }
 
 impl Record {
+    /// The cell in a column.
+    pub fn cell(&self, name: &str) -> Option<&Cell> {
+        self.cells.get(name)
+    }
+
     /// The number in a column.
     pub fn number(&self, name: &str) -> Option<f64> {
-        self.cells.get(name)?.as_number()
+        self.cell(name)?.as_number()
     }
 
     /// The text in a column.
@@ -84,40 +91,33 @@ impl Record {
 }
 
 /// Columns kept in records.
-pub(crate) const KEPT: [&str; 33] = [
-    "path",
-    "status",
-    "reason_kind",
-    "reason",
-    "method",
-    "warning_count",
-    "samples",
-    "residual_rms_n",
-    "force_rms_n",
-    "offset_n",
-    "offset_n_lower",
-    "offset_n_upper",
-    "coulomb_force_n",
-    "coulomb_force_n_lower",
-    "coulomb_force_n_upper",
-    "insertion_coulomb_force_with_offset_n",
-    "insertion_coulomb_force_with_offset_n_lower",
-    "insertion_coulomb_force_with_offset_n_upper",
-    "withdrawal_coulomb_force_with_offset_n",
-    "withdrawal_coulomb_force_with_offset_n_lower",
-    "withdrawal_coulomb_force_with_offset_n_upper",
-    "viscous_damping_n_s_m",
-    "viscous_damping_n_s_m_lower",
-    "viscous_damping_n_s_m_upper",
-    "half_width_m",
-    "half_width_m_lower",
-    "half_width_m_upper",
-    "coulomb_force_n_determined",
-    "viscous_damping_n_s_m_determined",
-    "half_width_m_determined",
-    "offset_n_determined",
-    "depth",
-    "duration_s",
+pub(crate) static KEPT: LazyLock<Vec<String>> = LazyLock::new(|| {
+    let plain = [
+        "path",
+        "status",
+        "reason_kind",
+        "reason",
+        "method",
+        "warning_count",
+        "samples",
+        "residual_rms_n",
+        "force_rms_n",
+        "depth",
+        "duration_s",
+    ];
+    let with_ends = |id: ParameterId| ["", "_lower", "_upper", "_determined"].map(|end| format!("{id}{end}"));
+    let parameters = KEPT_PARAMETERS.into_iter().flat_map(with_ends);
+    plain.into_iter().map(str::to_owned).chain(parameters).collect()
+});
+
+/// Parameters kept in records.
+const KEPT_PARAMETERS: [ParameterId; 6] = [
+    Quantity::Offset.id(),
+    Quantity::CoulombForce.id(),
+    Quantity::CoulombForceWithOffset.of(Direction::Insertion),
+    Quantity::CoulombForceWithOffset.of(Direction::Withdrawal),
+    Quantity::ViscousDamping.id(),
+    Quantity::HalfWidth.id(),
 ];
 
 /// Position in the table: index of the source, and of the recording in it.
@@ -379,7 +379,7 @@ impl Gathered {
             let cells = metadata.iter().map(|(name, _)| own.get(name).unwrap_or(&empty));
             let (first, rest) = row.cells.split_at(1);
             first.iter().chain(cells).chain(rest).zip(&mut piece).for_each(|(cell, column)| push(column, cell));
-            let kept = KEPT.iter().filter_map(|name| Some((*name, row.get(name)?.clone())));
+            let kept = KEPT.iter().filter_map(|name| Some((name.as_str(), row.get(name)?.clone())));
             records.push(Record { cells: kept.filter(|(_, cell)| *cell != Cell::Empty).collect(), metadata: own });
             if piece[0].len() == PIECE {
                 writer.write(&piece)?;

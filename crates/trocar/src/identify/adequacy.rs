@@ -9,7 +9,7 @@
 //! - The residual of each phase is compared with the sensor noise and the scatter between strokes.
 
 use serde::Serialize;
-use trocar_model::Trocar;
+use trocar_model::{ParameterId, Quantity, Trocar};
 
 use super::candidate::Candidate;
 use super::element::Input;
@@ -62,15 +62,21 @@ pub(super) enum Group {
 
 impl Group {
     /// Whether a parameter belongs to the group.
-    pub(super) fn holds(self, name: &str) -> bool {
-        let starts = |all: &[&str]| all.iter().any(|start| name.starts_with(start));
+    pub(super) fn holds(self, id: ParameterId) -> bool {
+        use Quantity as Q;
+        let stribeck = matches!(id.quantity, Q::StribeckVelocity | Q::StribeckExponent);
+        let sliding = stribeck
+            || matches!(id.quantity, Q::CoulombForce | Q::CoulombForceWithOffset | Q::StaticForce | Q::ViscousDamping);
         match self {
-            Self::Sliding => {
-                starts(&["coulomb_force", "static_force", "viscous_damping", "stribeck", "second_coulomb"])
-            }
-            Self::Speed => starts(&["coulomb_force", "static_force", "viscous_damping", "stribeck"]),
-            Self::Stribeck => starts(&["stribeck"]),
-            Self::Shape => starts(&["half_width", "rising", "falling", "yield_stiffness", "second_", "seal_damping"]),
+            Self::Sliding => sliding,
+            Self::Speed => sliding && id.element.is_none(),
+            Self::Stribeck => stribeck,
+            Self::Shape => match id.quantity {
+                Q::HalfWidth | Q::Join | Q::JoinForce | Q::Coefficient { .. } | Q::YieldStiffness => true,
+                Q::SealDamping | Q::SecondRelaxationStiffness | Q::SecondRelaxationTime => true,
+                Q::CoulombForce => id.element.is_some(),
+                _ => false,
+            },
         }
     }
 }

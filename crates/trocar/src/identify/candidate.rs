@@ -3,8 +3,8 @@
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use trocar_model::{
-    Beside, DeformationForce, Element, ElementParams, Friction, ParamError, Relaxation, SealDamping, SlidingFriction,
-    Stages, StagesState,
+    Beside, DeformationForce, Direction, Element, ElementParams, Friction, MAX_ARMS, ParamError, ParameterId,
+    Parameters, Quantity, Relaxation, SealDamping, SlidingFriction, Stages, StagesState,
 };
 
 use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
@@ -26,9 +26,9 @@ pub struct Candidate {
     /// c, m.
     pub half_width: f64,
     /// Branch of the insertion.
-    pub rising: BranchShape,
+    pub insertion_branch: BranchShape,
     /// Branch of the withdrawal.
-    pub falling: BranchShape,
+    pub withdrawal_branch: BranchShape,
     /// σ, N s/m.
     pub seal_damping: f64,
     /// κ relative to its least value, the steepest change of the half gap; >= 1.
@@ -57,29 +57,94 @@ impl Candidate {
         Pins { low: -self.withdrawal.static_force, high: self.insertion.static_force }
     }
 
+    /// Sliding force in `direction`.
+    pub fn sliding(&self, direction: Direction) -> &SlidingFriction {
+        match direction {
+            Direction::Insertion => &self.insertion,
+            Direction::Withdrawal => &self.withdrawal,
+        }
+    }
+
+    /// Branch in `direction`.
+    pub fn branch(&self, direction: Direction) -> &BranchShape {
+        match direction {
+            Direction::Insertion => &self.insertion_branch,
+            Direction::Withdrawal => &self.withdrawal_branch,
+        }
+    }
+
+    /// The value of a parameter, SI; NaN for what the candidate does not have. Sliding and damping of
+    /// all stages together, in both directions on average, unless `id` names one of them.
+    pub fn value(&self, id: ParameterId) -> f64 {
+        use Quantity as Q;
+        let ParameterId { element, direction, quantity } = id;
+        let all_stages = |sliding: &SlidingFriction| match quantity {
+            Q::StribeckVelocity | Q::StribeckExponent => sliding.value(quantity),
+            _ => sliding.value(quantity).map(|value| self.stage_factor() * value),
+        };
+        let [first, second] = &self.relaxation.arms;
+        let of_second = |of: fn(&SecondStage) -> f64| self.second.as_ref().map(of);
+        let value = match (element, direction, quantity) {
+            (Some(2), None, Q::CoulombForce) => {
+                let whole = self.value(Q::CoulombForce.id());
+                of_second(|stage| stage.share).map(|share| whole * share / self.stage_factor())
+            }
+            (Some(2), None, Q::HalfWidth) => of_second(|stage| stage.half_width),
+            (Some(_), ..) => None,
+            (None, Some(direction), Q::CoulombForceWithOffset) => {
+                let level = self.stage_factor() * self.sliding(direction).coulomb_force;
+                Some(level + direction.sign() * self.offset)
+            }
+            (None, Some(direction), Q::Join) => Some(self.branch(direction).join * self.half_width),
+            (None, Some(direction), Q::JoinForce) => Some(self.branch(direction).join_force),
+            (None, Some(direction), Q::Coefficient { piece, power }) => self.coefficient(direction, piece, power),
+            (None, Some(direction), _) => all_stages(self.sliding(direction)),
+            (None, None, Q::Offset) => Some(self.offset),
+            (None, None, Q::UnmodelledMass) => Some(self.unmodelled_mass),
+            (None, None, Q::HalfWidth) => Some(self.half_width),
+            (None, None, Q::SealDamping) => Some(self.stage_factor() * self.seal_damping),
+            (None, None, Q::YieldStiffness) => self.params().ok().map(|params| params.deformation.yield_stiffness()),
+            (None, None, Q::CreepVelocity) => Some(self.creep_velocity),
+            (None, None, Q::FrictionLag) => Some(self.friction_lag),
+            (None, None, Q::SecondRelaxationStiffness) => Some(second.stiffness),
+            (None, None, Q::SecondRelaxationTime) => Some(second.time),
+            (None, None, Q::StribeckVelocity | Q::StribeckExponent) => self.insertion.value(quantity),
+            (None, None, _) => first.number(quantity).or_else(|| {
+                let both = self.insertion.value(quantity)? + self.withdrawal.value(quantity)?;
+                Some(0.5 * self.stage_factor() * both)
+            }),
+        };
+        value.unwrap_or(f64::NAN)
+    }
+
+    /// θ of EMS (25).
+    fn coefficient(&self, direction: Direction, piece: u8, power: u8) -> Option<f64> {
+        let branch = self.branch(direction).branch(self.half_width, self.pins()).ok()?;
+        let piece = if piece == 1 { branch.left() } else { branch.right() };
+        piece.monomial().get(usize::from(power)).copied()
+    }
+
     /// The model's parameters.
     ///
     /// # Errors
     /// When the parameters do not form a valid model.
     pub fn params(&self) -> Result<ElementParams, ParamError> {
         let pins = self.pins();
-        let rising = self.rising.branch(self.half_width, pins)?;
-        let falling = self.falling.branch(self.half_width, pins)?;
-        let softest = DeformationForce::new(rising, falling, None)?;
+        let insertion_branch = self.insertion_branch.branch(self.half_width, pins)?;
+        let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, pins)?;
+        let softest = DeformationForce::new(insertion_branch, withdrawal_branch, None)?;
         let deformation = if self.yield_ratio > Self::DEFAULT_YIELD_RATIO {
             let stiffness = softest.yield_stiffness() * self.yield_ratio / Self::DEFAULT_YIELD_RATIO;
-            DeformationForce::new(rising, falling, Some(stiffness))?
+            DeformationForce::new(insertion_branch, withdrawal_branch, Some(stiffness))?
         } else {
             softest
         };
         Ok(ElementParams {
-            deformation,
             damping: SealDamping { coefficients: [self.seal_damping, 0.0, 0.0] },
-            insertion: self.insertion,
-            withdrawal: self.withdrawal,
             creep_velocity: self.creep_velocity,
             friction_lag: if self.creep_velocity > 0.0 { self.friction_lag } else { 0.0 },
             relaxation: self.relaxation,
+            ..ElementParams::new(deformation, self.insertion, self.withdrawal)
         })
     }
 
@@ -166,6 +231,21 @@ impl Layout {
         arms: 0,
         second: false,
     };
+
+    /// Every parameter that a fit may have.
+    pub(super) const EVERY: Self = Self {
+        unmodelled_mass: true,
+        own_levels: true,
+        own_slopes: true,
+        stribeck: true,
+        damping: true,
+        yielding: true,
+        creep: true,
+        lag: true,
+        arms: MAX_ARMS,
+        second: true,
+        ..Self::PAPER
+    };
 }
 
 /// Step of the difference quotient of a free parameter, its range, and its prior.
@@ -239,7 +319,7 @@ impl Layout {
         if self.shape {
             let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
             on(&mut candidate.half_width, Span::new(1e-4 * width, low, high));
-            for shape in [&mut candidate.rising, &mut candidate.falling] {
+            for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
                 shape.visit(force, [sliding, bend], &mut on);
             }
         }
@@ -265,7 +345,7 @@ impl Layout {
         if let (true, Some(second)) = (self.second, &mut candidate.second) {
             on_log(&mut second.share, SHARE_RANGE, &mut on);
             on_log(&mut second.half_width, [0.02 * width, 5.0 * width], &mut on);
-            for shape in [&mut second.rising, &mut second.falling] {
+            for shape in [&mut second.insertion_branch, &mut second.withdrawal_branch] {
                 shape.visit(force, [sliding, bend], &mut on);
             }
         }
@@ -326,7 +406,7 @@ impl EmsTrial {
         candidate.half_width *= by(0.2).exp();
         candidate.creep_velocity *= by(0.5).exp();
         let force = 0.2 * candidate.insertion.static_force;
-        for shape in [&mut candidate.rising, &mut candidate.falling] {
+        for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
             shape.join += by(0.2);
             shape.join_force += by(force);
             shape.left.iter_mut().chain(&mut shape.right).for_each(|bend| *bend += by(force));

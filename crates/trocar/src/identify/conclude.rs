@@ -1,6 +1,6 @@
 //! Assembly of the result from the results of the stages.
 
-use trocar_model::Trocar;
+use trocar_model::{Direction, ParameterId, Quantity, Trocar};
 
 use super::adequacy::{self, Adequacy, Group, Model};
 use super::along::Profile;
@@ -90,9 +90,9 @@ pub(super) fn conclude(
 fn fitted_parameters(fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale) -> Vec<Parameter> {
     let mut all = numbers::parameters(&fit.fitted);
     let layout = fit.fitted.best.layout;
-    all.extend(fit.left.damping.clone().map(|most| numbers::named("seal_damping_n_s_m", most)));
+    all.extend(fit.left.damping.clone().map(|most| Parameter::new(Quantity::SealDamping, most)));
     for p in &mut all {
-        let why = judged.undetermined.iter().find(|(group, _)| group.holds(&p.name)).map(|(_, why)| why);
+        let why = judged.undetermined.iter().find(|(group, _)| group.holds(p.id)).map(|(_, why)| why);
         if let (Some(why), true) = (why, p.estimate.determined) {
             p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why.clone());
         }
@@ -110,7 +110,8 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
     }
     let counted = || scale.strokes.iter().filter(|s| s.counted).map(|s| s.scale);
     let (low, high) = counted().fold((1.0f64, 1.0f64), |(l, h), u| (l.min(u), h.max(u)));
-    if Group::Sliding.holds(&p.name) && p.estimate.determined {
+    let is_sum = p.id.quantity == Quantity::CoulombForceWithOffset;
+    if Group::Sliding.holds(p.id) && !is_sum && p.estimate.determined {
         let value = p.estimate.value;
         p.estimate.ci95 =
             [p.estimate.ci95[0] + (low - 1.0) * value.abs(), p.estimate.ci95[1] + (high - 1.0) * value.abs()];
@@ -121,7 +122,7 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
 
 /// The sensor offset cannot be separated from a difference of the sliding forces.
 fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
-    for p in all.iter_mut().filter(|p| p.name == "offset_n" && is_free) {
+    for p in all.iter_mut().filter(|p| p.id == Quantity::Offset.id() && is_free) {
         p.estimate = match own_slopes {
             true => Estimate::undetermined(
                 p.estimate.value,
@@ -136,15 +137,15 @@ fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
 
 /// The order of tables: forces first, then lengths, then coefficients.
 fn sort(parameters: &mut [Parameter]) {
-    const FIRST: [&str; 6] = [
-        "coulomb_force_n",
-        "viscous_damping_n_s_m",
-        "offset_n",
-        "insertion_coulomb_force_with_offset_n",
-        "insertion_viscous_damping_n_s_m",
-        "withdrawal_coulomb_force_with_offset_n",
+    const FIRST: [ParameterId; 6] = [
+        Quantity::CoulombForce.id(),
+        Quantity::ViscousDamping.id(),
+        Quantity::Offset.id(),
+        Quantity::CoulombForceWithOffset.of(Direction::Insertion),
+        Quantity::ViscousDamping.of(Direction::Insertion),
+        Quantity::CoulombForceWithOffset.of(Direction::Withdrawal),
     ];
-    parameters.sort_by_key(|p| FIRST.iter().position(|name| *name == p.name).unwrap_or(FIRST.len()));
+    parameters.sort_by_key(|p| FIRST.iter().position(|id| *id == p.id).unwrap_or(FIRST.len()));
 }
 
 fn warnings(
@@ -163,7 +164,7 @@ fn warnings(
     }
     // One line for all coefficients of a polynomial.
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.is_coefficient());
-    all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, p.name != "offset_n")));
+    all.extend(undetermined.map(|p| Warning::undetermined(p, p.id != Quantity::Offset.id())));
     let mut say = |subject: &str, message: String, doubtful: bool| {
         all.push(Warning { subject: subject.to_owned(), message, doubtful });
     };

@@ -173,9 +173,9 @@ pub struct DeformationFit {
     /// p value of c being independent of speed; `None` with too few speeds.
     pub speed_dependence_p_value: Option<f64>,
     /// Branch of the insertion (z rising).
-    pub rising: BranchFit,
+    pub insertion_branch: BranchFit,
     /// Branch of the withdrawal (z falling).
-    pub falling: BranchFit,
+    pub withdrawal_branch: BranchFit,
     /// Influence of the deformation velocity; `None` when all traverses have one speed.
     pub damping: Option<DampingTest>,
     /// The traverses.
@@ -309,15 +309,15 @@ pub(super) struct Sensors {
 }
 
 /// Least slope, N/m, at which the deformation force meets the sliding limits.
-pub(super) fn end_stiffness(rising: &BranchFit, falling: &BranchFit, half_width: f64) -> f64 {
+pub(super) fn end_stiffness(insertion_branch: &BranchFit, withdrawal_branch: &BranchFit, half_width: f64) -> f64 {
     let end = |curve: &[f64], high: bool| {
         let (a, b) = if high { (BINS - 11, BINS - 1) } else { (0, 10) };
         (curve[b] - curve[a]) / (10.0 * 2.0 * half_width / BINS as f64)
     };
-    let least = end(&rising.mean_curve, true).min(end(&falling.mean_curve, false));
+    let least = end(&insertion_branch.mean_curve, true).min(end(&withdrawal_branch.mean_curve, false));
     // A flat end is as uncertain as its slope: never less than a twentieth of the slope at the
     // other end.
-    least.max(0.05 * end(&rising.mean_curve, false).abs()).max(1.0)
+    least.max(0.05 * end(&insertion_branch.mean_curve, false).abs()).max(1.0)
 }
 
 /// Fits half width, branches and damping to the traverses.
@@ -333,10 +333,10 @@ pub(super) fn fit(
     let lsb = sensors.position_step;
     let traverses = without_outliers(traverses);
     let count = |d| traverses.iter().filter(|t| t.direction == d).count();
-    let (rising, falling) = (count(Direction::Insertion), count(Direction::Withdrawal));
-    if rising + falling < FEWEST_TRAVERSES || rising == 0 || falling == 0 {
+    let (insertions, withdrawals) = (count(Direction::Insertion), count(Direction::Withdrawal));
+    if insertions + withdrawals < FEWEST_TRAVERSES || insertions == 0 || withdrawals == 0 {
         return Err(format!(
-            "{rising} insertions and {falling} withdrawals deform the seal from one sliding limit to the other; at least \
+            "{insertions} insertions and {withdrawals} withdrawals deform the seal from one sliding limit to the other; at least \
              {FEWEST_TRAVERSES} in all and one in each direction are needed (longer strokes, or more of them)"
         ));
     }
@@ -352,13 +352,16 @@ pub(super) fn fit(
         ));
     }
     let branch = |d| branch_fit(&curves_of(&traverses, d), limits.pins(), degrees);
-    let (Some(rising), Some(falling)) = (branch(Direction::Insertion), branch(Direction::Withdrawal)) else {
+    let (Some(insertion_branch), Some(withdrawal_branch)) =
+        (branch(Direction::Insertion), branch(Direction::Withdrawal))
+    else {
         return Err("the deformation force could not be fitted by joined polynomials".to_owned());
     };
     // A switch is detected when the smoothed noise first reaches the limit: an error common to all
     // traverses.
-    let switching = sensors.force_noise / (SMOOTHING as f64).sqrt() / end_stiffness(&rising, &falling, mean);
-    let scatter = mean_square(&rising.scatter).max(mean_square(&falling.scatter)).sqrt();
+    let switching =
+        sensors.force_noise / (SMOOTHING as f64).sqrt() / end_stiffness(&insertion_branch, &withdrawal_branch, mean);
+    let scatter = mean_square(&insertion_branch.scatter).max(mean_square(&withdrawal_branch.scatter)).sqrt();
     let swing = limits.insertion + limits.withdrawal;
     if scatter > LARGEST_SCATTER * swing {
         return Err(format!(
@@ -378,8 +381,8 @@ pub(super) fn fit(
         half_width,
         deflection_error: spread,
         speed_dependence_p_value: speed_dependence(&traverses),
-        rising,
-        falling,
+        insertion_branch,
+        withdrawal_branch,
         damping,
         traverses,
     })

@@ -512,7 +512,7 @@ fn is_assumed(input: &Input) -> bool {
 fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
     const POINTS: usize = 100;
     let seal = ElementParams::plausible_10_5_mm().ok()?.deformation;
-    let (c, end) = (seal.half_width(), seal.rising().force(seal.half_width()));
+    let (c, end) = (seal.half_width(), seal.insertion().force(seal.half_width()));
     let pins = candidate.pins();
     let force = pins.high.min(-pins.low) / end;
     let fitted = |branch: &Branch| {
@@ -520,7 +520,11 @@ fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
         let points: Vec<(f64, f64)> = (0..POINTS).map(|k| (at(k), force * branch.force(c * at(k)))).collect();
         BranchShape::fit(degrees, pins, &points).map(|found| found.0)
     };
-    Some(Candidate { rising: fitted(seal.rising())?, falling: fitted(seal.falling())?, ..candidate.clone() })
+    Some(Candidate {
+        insertion_branch: fitted(seal.insertion())?,
+        withdrawal_branch: fitted(seal.withdrawal())?,
+        ..candidate.clone()
+    })
 }
 
 /// Positions within c that resolve it, and that resolve branches of any degree.
@@ -561,7 +565,7 @@ fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
 pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
     let pins = candidate.pins();
     let branch = BranchShape { join_force: 0.5 * (pins.low + pins.high), ..BranchShape::straight(degrees) };
-    Candidate { half_width, rising: branch.clone(), falling: branch, ..candidate.clone() }
+    Candidate { half_width, insertion_branch: branch.clone(), withdrawal_branch: branch, ..candidate.clone() }
 }
 
 /// The start with the best fit: a short fit of all, a longer one of the best two.

@@ -16,7 +16,7 @@
 //! a warning.
 
 use serde::Serialize;
-use trocar_model::{Element, Stages, Trocar};
+use trocar_model::{Element, ParameterId, Quantity, Stages, Trocar};
 
 use crate::profile::ProfileFit;
 use crate::recording::{Recording, RecordingError, range};
@@ -28,6 +28,7 @@ pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Trav
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use free_motion::FreeMotion;
+pub use numbers::reported;
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;
 pub use scale::{FrictionScale, Jump, StrokeFriction};
@@ -184,10 +185,10 @@ impl Warning {
     /// Start of the message about an undetermined parameter.
     const UNDETERMINED: &str = "not determined: ";
 
-    /// Warning that the data do not determine the parameter `subject`.
-    pub(crate) fn undetermined(subject: &str, estimate: &Estimate, doubtful: bool) -> Self {
-        let why = estimate.note.as_deref().unwrap_or("not identifiable from these data");
-        Self { subject: subject.to_owned(), message: format!("{}{why}", Self::UNDETERMINED), doubtful }
+    /// Warning that the data do not determine `parameter`.
+    pub(crate) fn undetermined(parameter: &Parameter, doubtful: bool) -> Self {
+        let why = parameter.estimate.note.as_deref().unwrap_or("not identifiable from these data");
+        Self { subject: parameter.id.to_string(), message: format!("{}{why}", Self::UNDETERMINED), doubtful }
     }
 
     /// Whether it reports that the data do not determine a parameter.
@@ -212,22 +213,24 @@ pub struct FitSummary {
     pub converged: bool,
 }
 
-/// A named parameter.
+/// An estimated parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Name with unit, as in `summary.json`.
-    pub name: String,
+    /// Which; its name in `summary.json` is that of the id.
+    pub id: ParameterId,
     /// Value and interval.
     pub estimate: Estimate,
 }
 
 impl Parameter {
-    /// What the name of a coefficient θ of a branch (EMS (25)) holds.
-    const COEFFICIENT: &str = "_theta";
+    /// A parameter with its estimate.
+    pub(super) fn new(id: impl Into<ParameterId>, estimate: Estimate) -> Self {
+        Self { id: id.into(), estimate }
+    }
 
-    /// Whether it is a coefficient of a branch: determined together with the others only.
+    /// Whether it is a coefficient of a branch (EMS (25)): determined together with the others only.
     pub fn is_coefficient(&self) -> bool {
-        self.name.contains(Self::COEFFICIENT)
+        matches!(self.id.quantity, Quantity::Coefficient { .. })
     }
 }
 
@@ -281,9 +284,15 @@ impl Identification {
         self.stages.first()
     }
 
-    /// The parameter of this name.
+    /// The estimate of a parameter.
+    pub fn estimate(&self, id: impl Into<ParameterId>) -> Option<&Estimate> {
+        let id = id.into();
+        self.parameters.iter().find(|p| p.id == id).map(|p| &p.estimate)
+    }
+
+    /// The estimate of the parameter of this name, such as `half_width_m`.
     pub fn parameter(&self, name: &str) -> Option<&Estimate> {
-        self.parameters.iter().find(|p| p.name == name).map(|p| &p.estimate)
+        self.estimate(name.parse::<ParameterId>().ok()?)
     }
 
     /// The model, with its position profile.

@@ -5,13 +5,13 @@
 //! intervals. A comparison by squared error asks for the best fit of a single element, which this
 //! module computes.
 
-use trocar_model::Stages;
+use trocar_model::{Direction, Quantity, Stages};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ClassicalData, LONG, SHORT, doubts};
 use super::element::straight;
 use super::likelihood::{self, Fitted};
-use super::numbers::{Quantity, parameter_or_held};
+use super::numbers::{OnLogarithm, parameter_or_held};
 use super::spread::Spread;
 use super::{Identification, Parameter, Warning};
 
@@ -63,24 +63,20 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
     Ok(EmsRefit { model, stages, parameters, free_parameters, warnings })
 }
 
-fn quantities(layout: Layout) -> Vec<Quantity> {
-    const ANY: f64 = f64::NEG_INFINITY;
-    let mut all: Vec<Quantity> = vec![
-        ("offset_n", "N", ANY, false, |c| c.offset),
-        ("coulomb_force_n", "N", 0.0, true, |c| c.insertion.coulomb_force),
-        ("viscous_damping_n_s_m", "N s/m", 0.0, false, |c| c.insertion.viscous_damping),
-        ("half_width_m", "m", 0.0, true, |c| c.half_width),
-        ("seal_damping_n_s_m", "N s/m", 0.0, false, |c| c.seal_damping),
-        ("rising_join_m", "m", ANY, false, |c| c.rising.join * c.half_width),
-        ("falling_join_m", "m", ANY, false, |c| c.falling.join * c.half_width),
-    ];
+/// What is reported, and whether its interval is taken on the logarithm.
+fn quantities(layout: Layout) -> Vec<OnLogarithm> {
+    use Quantity as Q;
+    let [insertion, withdrawal] = Direction::BOTH;
+    let damping = match layout.own_slopes {
+        true => Direction::BOTH.map(|direction| Q::ViscousDamping.of(direction)).to_vec(),
+        false => vec![Q::ViscousDamping.id()],
+    };
+    let mut all = vec![(Q::Offset.id(), false), (Q::CoulombForce.id(), true)];
+    all.extend(damping.into_iter().map(|id| (id, false)));
+    all.push((Q::HalfWidth.id(), true));
+    all.extend([Q::SealDamping.id(), Q::Join.of(insertion), Q::Join.of(withdrawal)].map(|id| (id, false)));
     if layout.stribeck {
-        all.push(("static_force_n", "N", 0.0, true, |c| c.insertion.static_force));
-        all.push(("stribeck_velocity_m_s", "m/s", 0.0, true, |c| c.insertion.stribeck_velocity));
-    }
-    if layout.own_slopes {
-        all[2].0 = "insertion_viscous_damping_n_s_m";
-        all.push(("withdrawal_viscous_damping_n_s_m", "N s/m", 0.0, false, |c| c.withdrawal.viscous_damping));
+        all.extend([Q::StaticForce, Q::StribeckVelocity].map(|quantity| (quantity.id(), true)));
     }
     all
 }

@@ -1,6 +1,6 @@
 //! A second stage: its parameters relative to the first, and the start of a fit of two stages.
 
-use trocar_model::{DeformationForce, ElementParams, ParamError, Relaxation, SealDamping, SlidingFriction};
+use trocar_model::{DeformationForce, ElementParams, ParamError, SealDamping, SlidingFriction};
 
 use super::candidate::Candidate;
 use super::shape::{BranchShape, Pins};
@@ -17,9 +17,9 @@ pub struct SecondStage {
     /// c of the second stage, m.
     pub half_width: f64,
     /// Branch of the insertion.
-    pub rising: BranchShape,
+    pub insertion_branch: BranchShape,
     /// Branch of the withdrawal.
-    pub falling: BranchShape,
+    pub withdrawal_branch: BranchShape,
 }
 
 impl SecondStage {
@@ -42,16 +42,15 @@ impl SecondStage {
 
     pub(super) fn params(&self, first: &Candidate) -> Result<ElementParams, ParamError> {
         let pins = self.pins(first);
-        let rising = self.rising.branch(self.half_width, pins)?;
-        let falling = self.falling.branch(self.half_width, pins)?;
+        let insertion_branch = self.insertion_branch.branch(self.half_width, pins)?;
+        let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, pins)?;
+        let deformation = DeformationForce::new(insertion_branch, withdrawal_branch, None)?;
+        let [insertion, withdrawal] = [&first.insertion, &first.withdrawal].map(|own| self.sliding(own));
         Ok(ElementParams {
-            deformation: DeformationForce::new(rising, falling, None)?,
             damping: SealDamping { coefficients: [self.share * first.seal_damping, 0.0, 0.0] },
-            insertion: self.sliding(&first.insertion),
-            withdrawal: self.sliding(&first.withdrawal),
             creep_velocity: first.creep_velocity,
             friction_lag: if first.creep_velocity > 0.0 { first.friction_lag } else { 0.0 },
-            relaxation: Relaxation::NONE,
+            ..ElementParams::new(deformation, insertion, withdrawal)
         })
     }
 }
@@ -91,8 +90,8 @@ fn scaled(sliding: &mut SlidingFriction, factor: f64) {
 impl Candidate {
     fn branch_of(&self, direction: Direction) -> &BranchShape {
         match direction {
-            Direction::Insertion => &self.rising,
-            Direction::Withdrawal => &self.falling,
+            Direction::Insertion => &self.insertion_branch,
+            Direction::Withdrawal => &self.withdrawal_branch,
         }
     }
 
@@ -105,8 +104,8 @@ impl Candidate {
     fn second_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
         let Some(second) = &self.second else { return Some(0.0) };
         let shape = match direction {
-            Direction::Insertion => &second.rising,
-            Direction::Withdrawal => &second.falling,
+            Direction::Insertion => &second.insertion_branch,
+            Direction::Withdrawal => &second.withdrawal_branch,
         };
         upon_stroke(shape, second.half_width, second.pins(self), direction, travel)
     }
@@ -123,9 +122,10 @@ impl Candidate {
         [&mut whole.insertion, &mut whole.withdrawal].into_iter().for_each(|s| scaled(s, factor));
         whole.seal_damping *= factor;
         let ends = (half_width, whole.pins());
-        let degrees = self.rising.degrees();
-        let [rising, falling] = DIRECTIONS.map(|d| fitted(degrees, ends, d, |travel| force(d, travel)));
-        Some(Candidate { rising: rising?, falling: falling?, ..whole })
+        let degrees = self.insertion_branch.degrees();
+        let [insertion_branch, withdrawal_branch] =
+            DIRECTIONS.map(|d| fitted(degrees, ends, d, |travel| force(d, travel)));
+        Some(Candidate { insertion_branch: insertion_branch?, withdrawal_branch: withdrawal_branch?, ..whole })
     }
 
     /// The candidate with another half width, m, and the same force over full strokes.
@@ -139,13 +139,17 @@ impl Candidate {
     pub(super) fn divided(&self, width: f64, share_of_force: f64) -> Option<Candidate> {
         let straight = BranchShape::straight(SecondStage::DEGREES);
         let share = share_of_force / (1.0 - share_of_force);
-        let mut second =
-            SecondStage { share, half_width: width * self.half_width, rising: straight.clone(), falling: straight };
+        let mut second = SecondStage {
+            share,
+            half_width: width * self.half_width,
+            insertion_branch: straight.clone(),
+            withdrawal_branch: straight,
+        };
         let smaller =
             self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| self.first_upon_stroke(d, travel))?;
         let pins = second.pins(&smaller);
-        second.rising.join_force = 0.5 * (pins.low + pins.high);
-        second.falling.join_force = second.rising.join_force;
+        second.insertion_branch.join_force = 0.5 * (pins.low + pins.high);
+        second.withdrawal_branch.join_force = second.insertion_branch.join_force;
         let with = Candidate { second: Some(second), ..smaller };
         let first_alone = |d, travel| Some(self.first_upon_stroke(d, travel)? - with.second_upon_stroke(d, travel)?);
         let rest = self.rebuilt(1.0 - share_of_force, self.half_width, first_alone)?;

@@ -18,7 +18,7 @@
 
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::RelaxationArm;
+use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::estimate::{f_p_value, t_p_value};
@@ -104,17 +104,20 @@ impl Term {
     }
 
     /// The parameters without which the term is not determined; the first gives its magnitude.
-    pub(super) fn parameters(self) -> &'static [&'static str] {
+    pub(super) fn parameters(self) -> &'static [ParameterId] {
+        use Quantity as Q;
+        const RELAXATION: [ParameterId; 2] = [Q::RelaxationStiffness.id(), Q::RelaxationTime.id()];
+        const SECOND: [ParameterId; 2] = [Q::SecondRelaxationStiffness.id(), Q::SecondRelaxationTime.id()];
         match self {
-            Self::Stribeck => &["static_force_n"],
-            Self::SealDamping => &["seal_damping_n_s_m"],
-            Self::MinorLoops => &["yield_stiffness_n_m"],
-            Self::Creep => &["creep_velocity_m_s"],
-            Self::Relaxation => &["relaxation_stiffness_n_m", "relaxation_time_s"],
-            Self::SecondRelaxation => &["second_relaxation_stiffness_n_m", "second_relaxation_time_s"],
-            Self::UnmodelledMass => &["unmodelled_mass_kg"],
-            Self::Asymmetry => &["insertion_viscous_damping_n_s_m"],
-            Self::SecondStage => &["second_coulomb_force_n"],
+            Self::Stribeck => const { &[Q::StaticForce.id()] },
+            Self::SealDamping => const { &[Q::SealDamping.id()] },
+            Self::MinorLoops => const { &[Q::YieldStiffness.id()] },
+            Self::Creep => const { &[Q::CreepVelocity.id()] },
+            Self::Relaxation => &RELAXATION,
+            Self::SecondRelaxation => &SECOND,
+            Self::UnmodelledMass => const { &[Q::UnmodelledMass.id()] },
+            Self::Asymmetry => const { &[Q::ViscousDamping.of(Direction::Insertion)] },
+            Self::SecondStage => const { &[Q::CoulombForce.id().of_element(1)] },
         }
     }
 

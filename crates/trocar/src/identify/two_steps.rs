@@ -6,12 +6,12 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use trocar_model::{Relaxation, SlidingFriction};
+use trocar_model::{ParameterId, Quantity, Relaxation, SlidingFriction};
 
 use super::candidate::Candidate;
 use super::deformation::{self, DampingTest, DeformationFit, Limits, Sensors, Traverse, curves_of, mean_points};
 use super::estimate::Estimate;
-use super::numbers::{BranchNumber, BranchQuantity, branch_quantities, named};
+use super::numbers::branch_ids;
 use super::replicates::Replicates;
 use super::shape::BranchShape;
 use super::steady::{self, DirectionLine, PassMean, SteadyFit};
@@ -127,7 +127,8 @@ fn sensors(recordings: &[Recording]) -> Sensors {
 /// Travel, m, after a reversal beyond which sliding at `speed`, m/s, has settled: the deformation
 /// and five time constants β/K.
 fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
-    let stiffness = deformation::end_stiffness(&found.rising, &found.falling, found.half_width.value);
+    let stiffness =
+        deformation::end_stiffness(&found.insertion_branch, &found.withdrawal_branch, found.half_width.value);
     let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
     2.2 * found.half_width.value + 5.0 * time_constant * speed
 }
@@ -156,8 +157,8 @@ fn with_transients(plateaus: Vec<PassMean>, recordings: &[Recording], segments: 
 fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
     let x = &recording.position;
     let middle = 0.5 * (x[stretch.start] + x[stretch.end - 1]);
-    let rising = x[stretch.end - 1] > x[stretch.start];
-    let behind = |i: &usize| if rising { x[*i] >= middle } else { x[*i] <= middle };
+    let inserting = x[stretch.end - 1] > x[stretch.start];
+    let behind = |i: &usize| if inserting { x[*i] >= middle } else { x[*i] <= middle };
     let start = (stretch.start..stretch.end).find(behind).unwrap_or(stretch.start);
     Stretch { start, ..*stretch }
 }
@@ -233,10 +234,10 @@ fn candidate_of(
         right: vec![0.0],
     };
     let step = sensors(recordings).position_step;
-    let (half_width, rising, falling, seal_damping) = match deformation {
+    let (half_width, insertion_branch, withdrawal_branch, seal_damping) = match deformation {
         Ok(found) => {
             let kept = found.damping.as_ref().filter(|d| d.kept).map_or(0.0, |d| d.seal_damping_n_s_m.value);
-            (found.half_width.value, found.rising.shape.clone(), found.falling.shape.clone(), kept)
+            (found.half_width.value, found.insertion_branch.shape.clone(), found.withdrawal_branch.shape.clone(), kept)
         }
         Err(_) => ((20.0 * step).max(5e-5), straight(), straight(), 0.0),
     };
@@ -246,8 +247,8 @@ fn candidate_of(
         insertion,
         withdrawal,
         half_width,
-        rising,
-        falling,
+        insertion_branch,
+        withdrawal_branch,
         seal_damping,
         yield_ratio: Candidate::DEFAULT_YIELD_RATIO,
         creep_velocity: 0.0,
@@ -260,13 +261,13 @@ fn candidate_of(
 
 /// Lines of both directions from the steady state, through the readings including the offset.
 fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
-    let lines = [("insertion", &steady.insertion), ("withdrawal", &steady.withdrawal)];
-    let found = lines.into_iter().filter_map(|(name, line)| Some((name, line.as_ref()?)));
+    let lines = Direction::BOTH.into_iter().zip([&steady.insertion, &steady.withdrawal]);
+    let found = lines.filter_map(|(direction, line)| Some((direction, line.as_ref()?)));
     found
-        .flat_map(|(name, line)| {
+        .flat_map(|(direction, line)| {
             [
-                named(format!("{name}_coulomb_force_with_offset_n"), line.coulomb_force_n.clone()),
-                named(format!("{name}_viscous_damping_n_s_m"), line.viscous_damping_n_s_m.clone()),
+                Parameter::new(Quantity::CoulombForceWithOffset.of(direction), line.coulomb_force_n.clone()),
+                Parameter::new(Quantity::ViscousDamping.of(direction), line.viscous_damping_n_s_m.clone()),
             ]
         })
         .collect()
@@ -275,26 +276,29 @@ fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
 pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Parameter> {
     let steady = &two.steady;
     let mut all = vec![
-        named("coulomb_force_n", steady.coulomb_force_n.clone()),
-        named("viscous_damping_n_s_m", steady.viscous_damping_n_s_m.clone()),
-        named("offset_n", steady.offset_n.clone()),
+        Parameter::new(Quantity::CoulombForce, steady.coulomb_force_n.clone()),
+        Parameter::new(Quantity::ViscousDamping, steady.viscous_damping_n_s_m.clone()),
+        Parameter::new(Quantity::Offset, steady.offset_n.clone()),
     ];
     all.extend(direction_parameters(steady));
     if let Some(s) = &steady.stribeck {
-        all.push(named("static_force_n", s.static_force_n.clone()));
-        all.push(named("stribeck_velocity_m_s", s.stribeck_velocity_m_s.clone()));
+        all.push(Parameter::new(Quantity::StaticForce, s.static_force_n.clone()));
+        all.push(Parameter::new(Quantity::StribeckVelocity, s.stribeck_velocity_m_s.clone()));
     }
     match &two.deformation {
         Ok(found) => {
-            all.push(named("half_width_m", found.half_width.clone()));
+            all.push(Parameter::new(Quantity::HalfWidth, found.half_width.clone()));
             if let Some(test) = &found.damping {
-                all.push(named("seal_damping_n_s_m", tested_damping(test)));
+                all.push(Parameter::new(Quantity::SealDamping, tested_damping(test)));
             }
             let replicates = two_step_replicates(two, found, options);
             all.extend(branch_parameters(&two.candidate, &replicates));
         }
         Err(why) => {
-            all.push(named("half_width_m", Estimate::undetermined(two.candidate.half_width, "m", why.clone())));
+            all.push(Parameter::new(
+                Quantity::HalfWidth,
+                Estimate::undetermined(two.candidate.half_width, "m", why.clone()),
+            ));
         }
     }
     all
@@ -310,15 +314,19 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
         BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
     let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.traverses, d).len());
-    let with = |rising, falling| Candidate { rising, falling, ..two.candidate.clone() };
+    let with = |insertion_branch, withdrawal_branch| Candidate {
+        insertion_branch,
+        withdrawal_branch,
+        ..two.candidate.clone()
+    };
     if options.bootstrap == 0 {
         let n = up.min(down);
         let left_out = |g: usize| {
             cancel::check();
             let skip = |k: usize| if k < g { k } else { k + 1 };
             with(
-                refit(Direction::Insertion, &two.candidate.rising, &skip, up.max(2) - 1),
-                refit(Direction::Withdrawal, &two.candidate.falling, &skip, down.max(2) - 1),
+                refit(Direction::Insertion, &two.candidate.insertion_branch, &skip, up.max(2) - 1),
+                refit(Direction::Withdrawal, &two.candidate.withdrawal_branch, &skip, down.max(2) - 1),
             )
         };
         return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect());
@@ -330,8 +338,8 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
         let drawn: Vec<usize> = (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();
         let chosen = |k: usize| drawn[k];
         with(
-            refit(Direction::Insertion, &two.candidate.rising, &chosen, up),
-            refit(Direction::Withdrawal, &two.candidate.falling, &chosen, down),
+            refit(Direction::Insertion, &two.candidate.insertion_branch, &chosen, up),
+            refit(Direction::Withdrawal, &two.candidate.withdrawal_branch, &chosen, down),
         )
     };
     Replicates::Bootstrap((0..options.bootstrap).into_par_iter().map(resampled).collect())
@@ -355,13 +363,14 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
 /// Join and coefficients of both branches; a join at the end of its range is not determined,
 /// whatever its replicates.
 fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Vec<Parameter> {
-    let parameter = |quantity: BranchQuantity| {
-        let estimate = if quantity.kind == BranchNumber::Join && (quantity.side)(best).join_at_bound() {
-            Estimate::undetermined((quantity.of)(best), quantity.unit, "no best join inside the range searched")
+    let at_bound = |direction: Direction| best.branch(direction).join_at_bound();
+    let parameter = |id: ParameterId| {
+        let estimate = if id.quantity == Quantity::Join && id.direction.is_some_and(at_bound) {
+            Estimate::undetermined(best.value(id), id.unit().si, "no best join inside the range searched")
         } else {
-            replicates.estimate(best, quantity.unit, &quantity.of)
+            replicates.estimate(best, id.unit().si, &|candidate| candidate.value(id))
         };
-        named(quantity.name, estimate)
+        Parameter::new(id, estimate)
     };
-    branch_quantities(best).into_iter().map(parameter).collect()
+    branch_ids(best).into_iter().map(parameter).collect()
 }

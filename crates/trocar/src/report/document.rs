@@ -394,13 +394,6 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
         self
     }
-
-    /// The parameter table: name, symbol, value, 95 % interval, unit; parameters that the data do
-    /// not determine are marked.
-    pub fn parameters(caption: impl Into<String>, parameters: impl IntoIterator<Item = Parameter>) -> Self {
-        let empty = Self::new(caption, ["Parameter", "Symbol", "Value", "95 % interval", "Unit"]);
-        parameters.into_iter().fold(empty, |table, parameter| table.row(parameter.into_cells()))
-    }
 }
 
 /// One cell of a table.
@@ -446,34 +439,6 @@ impl From<&str> for Cell {
 impl From<String> for Cell {
     fn from(text: String) -> Self {
         Cell::Text(text)
-    }
-}
-
-/// An estimated parameter.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    /// Name in words, for example "Coulomb force".
-    pub name: String,
-    /// Symbol, Unicode, for example "F_c" written as "Fₙ".
-    pub symbol: String,
-    /// Value in `unit`.
-    pub value: f64,
-    /// 95 % interval in `unit`; an infinite or undefined end means that the data do not determine
-    /// the parameter.
-    pub interval: [f64; 2],
-    /// Unit, for example "N·s/m".
-    pub unit: String,
-}
-
-impl Parameter {
-    fn into_cells(self) -> [Cell; 5] {
-        let [low, high] = self.interval;
-        let (value, interval) = if low.is_finite() && high.is_finite() {
-            (Cell::Estimate { value: self.value, interval: self.interval }, Cell::Interval { low, high })
-        } else {
-            (Cell::Number { value: self.value, digits: 3 }, Cell::Undetermined)
-        };
-        [Cell::Text(self.name), Cell::Text(self.symbol), value, interval, Cell::Text(self.unit)]
     }
 }
 

@@ -2,9 +2,10 @@
 
 use super::document::{Document, Section, Tile};
 use super::figures::fleet as figures;
-use super::figures::fleet::ByType;
+use super::figures::fleet::{ByType, Shown};
 use crate::fleet::{Cell, Config, Fleet};
 use crate::summary::PROGRAM;
+use trocar_model::Quantity;
 
 /// Metadata columns for the comparisons of the report; those not given are found by their usual
 /// names.
@@ -78,14 +79,11 @@ fn tiles(fleet: &Fleet) -> Vec<Tile> {
         Tile::new("Identified without doubt", count("ok").to_string(), doubtful),
         Tile::new("Samples", format!("{:.1} million", 1e-6 * fleet.tally.samples as f64), ""),
     ];
-    let shown = [
-        ("Coulomb force", "coulomb_force_n", 1.0, "N"),
-        ("Half width", "half_width_m", 1e3, "mm"),
-        ("Residual (rms)", "residual_rms_n", 1.0, "N"),
-    ];
-    for (name, column, scale, unit) in shown {
-        if let Some([median, low, high]) = figures::median_in_words(fleet, column, scale) {
-            tiles.push(Tile::new(name, format!("{median} {unit}"), format!("median; quartiles {low} and {high}")));
+    let parameters = [Quantity::CoulombForce, Quantity::HalfWidth].map(|quantity| Shown::Parameter(quantity.id()));
+    for shown in parameters.into_iter().chain([Shown::Residual]) {
+        if let Some([median, low, high]) = figures::median_in_words(fleet, shown) {
+            let value = format!("{median} {}", shown.unit().shown);
+            tiles.push(Tile::new(shown.name(), value, format!("median; quartiles {low} and {high}")));
         }
     }
     tiles

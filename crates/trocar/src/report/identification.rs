@@ -4,7 +4,7 @@
 //! This module estimates nothing. It simulates the identified model over the recordings again,
 //! because the results contain scores but no time series.
 
-use trocar_model::Element;
+use trocar_model::{Element, Quantity};
 
 use super::document::{Document, Section, Tile};
 use super::figures::{self, Scored};
@@ -181,11 +181,10 @@ fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
         Tile::new(error, format!("{} N", significant(scored.validation.rms_n, 3)), error_note(scored)),
         Tile::new(fit, format!("{} %", fixed(scored.validation.fit_percent, 1)), "100·(1 − rms/sd of the readings)"),
     ];
-    for name in ["coulomb_force_n", "viscous_damping_n_s_m", "half_width_m", "offset_n"] {
-        if let Some(estimate) = found.parameter(name) {
-            let (words, symbol) = figures::name_of(name);
-            let (value, interval) = figures::value_and_interval(estimate);
-            tiles.push(Tile::new(format!("{words} {symbol}"), value, interval));
+    for quantity in [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth, Quantity::Offset] {
+        if let Some(estimate) = found.estimate(quantity) {
+            let (id, (value, interval)) = (quantity.id(), figures::value_and_interval(estimate));
+            tiles.push(Tile::new(format!("{} {}", figures::name_of(id), id.symbol()), value, interval));
         }
     }
     tiles
@@ -207,7 +206,7 @@ fn warnings(found: &Identification, scored: &Scored) -> Vec<String> {
     let doubts = found.warnings.iter().filter(|w| w.doubtful);
     let remarks = found.warnings.iter().filter(|w| !w.doubtful);
     for Warning { subject, message, .. } in doubts.chain(remarks) {
-        let subject = figures::name_of(subject).0;
+        let subject = figures::subject_in_words(subject);
         match lines.iter_mut().find(|(_, said)| said == message) {
             Some((subjects, _)) => subjects.push(subject),
             None => lines.push((vec![subject], message)),

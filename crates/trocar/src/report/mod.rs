@@ -34,8 +34,8 @@ use rayon::prelude::*;
 use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Family, Figure, Kind, Knob, LiveModel, Mark, Panel, Parameter, Role, Section,
-    Series, Stretch, Table, Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Family, Figure, Kind, Knob, LiveModel, Mark, Panel, Role, Section, Series,
+    Stretch, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.

@@ -26,7 +26,7 @@ use std::path::{Path as FilePath, PathBuf};
 use rayon::prelude::*;
 use thiserror::Error;
 use trocar_model::batch::Many;
-use trocar_model::{Element, Friction, ParamError, Seal};
+use trocar_model::{Element, Friction, ParamError, ParameterId, Seal, Tunable};
 
 use crate::bench::{self, BenchConfig, Protocol};
 use crate::cancel;
@@ -170,7 +170,6 @@ fn at(line: usize) -> String {
 pub struct Sweep {
     config: SweepConfig,
     model: ModelFile,
-    seal: Seal,
     protocol: Option<Protocol>,
     rig: toml::Table,
     /// The motion shared by all runs; none if each run has its own rig.
@@ -238,7 +237,7 @@ impl Sweep {
             present.push(number_at(&rig, key).ok_or_else(unknown)?);
         }
         let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
-        let mut sweep = Self { config, model, seal, protocol, rig, shared: None, places, present };
+        let mut sweep = Self { config, model, protocol, rig, shared: None, places, present };
         sweep.shared = sweep.shared_path(folder)?;
         Ok(sweep)
     }
@@ -255,8 +254,8 @@ impl Sweep {
             }
             (Seal::Classical(_), Some(protocol), _) => {
                 let stand_in = ModelFile::plausible_10_5_mm()?;
-                let elements = stand_in.stages()?.elements();
-                Ok(Some(self.path_of_rig(&self.rig, protocol, elements, self.config.seed)?.without_readings()))
+                let path = self.path_of_rig(&self.rig, protocol, stand_in.stages()?.elements(), self.config.seed)?;
+                Ok(Some(path.without_readings()))
             }
             (_, None, Some(file)) => read_path(&folder.join(file)).map(Some),
             (_, None, None) => Ok(None),
@@ -378,11 +377,11 @@ impl Sweep {
     }
 
     fn tuned(&self, drawn: &Drawn) -> Result<Seal, String> {
-        let mut values: Vec<f64> = self.seal.tunables().map(|tunable| tunable.value).collect();
+        let mut values: Vec<f64> = self.model.trocar.seal().tunables().map(|tunable| tunable.value).collect();
         for (places, value) in self.places.iter().zip(&drawn.seal) {
             places.iter().for_each(|place| values[*place] = *value);
         }
-        self.seal.tuned(&values).map_err(|error| error.to_string())
+        self.model.trocar.seal().tuned(&values).map_err(|error| error.to_string())
     }
 
     /// Runs all `seals` along one path in parallel.
@@ -494,24 +493,22 @@ fn single(seal: &Seal) -> Option<Element> {
     }
 }
 
-/// The indices of [`Seal::tunables`] named `name`, and the value of the first; `name@2` is that of
-/// the second element.
+/// The indices of [`Seal::tunables`] named `name`, of all elements if it names none, and the value of
+/// the first.
 fn places_of(seal: &Seal, name: &str) -> Option<(Vec<usize>, f64)> {
-    let (name, element) = match name.split_once('@') {
-        Some((name, number)) => (name, Some(number.parse::<usize>().ok()?.checked_sub(1)?)),
-        None => (name, None),
-    };
-    let fits = |own: &trocar_model::Tunable| own.name == name && (element.is_none() || own.element == element);
+    let id: ParameterId = name.parse().ok()?;
+    let fits = |own: &Tunable| own.id == id || ParameterId { element: None, ..own.id } == id;
     let found: Vec<_> = seal.tunables().enumerate().filter(|(_, tunable)| fits(tunable)).collect();
     let value = found.first()?.1.value;
     Some((found.iter().map(|(place, _)| *place).collect(), value))
 }
 
 fn unknown_parameter(text: &str, seal: &Seal, key: &str) -> SweepError {
-    let mut known: Vec<&str> = Vec::new();
-    for tunable in seal.tunables() {
-        if !known.contains(&tunable.name) {
-            known.push(tunable.name);
+    let mut known: Vec<String> = Vec::new();
+    for Tunable { id, .. } in seal.tunables() {
+        let name = ParameterId { element: None, ..id }.to_string();
+        if !known.contains(&name) {
+            known.push(name);
         }
     }
     SweepError::UnknownParameter { line: line_of(text, key), key: key.to_owned(), known: known.join(", ") }

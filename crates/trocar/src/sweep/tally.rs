@@ -238,7 +238,7 @@ mod tests {
     use trocar_model::{Element, ElementParams};
 
     #[test]
-    fn a_long_motion_is_left_where_it_is_called_off() {
+    fn a_long_motion_is_left_where_it_is_cancelled() {
         let params = ElementParams::plausible_10_5_mm().expect("made for it");
         let element = Element::new(params).expect("in range");
         let numbers = |step: f64| (0..3 * LOOK).map(|k| step * k as f64).collect();

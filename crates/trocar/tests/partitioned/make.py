@@ -34,10 +34,10 @@ def motion():
     for speed in [0.02, 0.05, 0.1]:
         ramp, cruise = speed / ACCELERATION_M_S2, (STROKE_M - speed**2 / ACCELERATION_M_S2) / speed
         t = np.arange(0, 2 * ramp + cruise, INTERVAL_US * 1e-6)
-        rising = np.where(t < ramp, t**2 / 2 * ACCELERATION_M_S2, speed * (t - ramp / 2))
+        insertion = np.where(t < ramp, t**2 / 2 * ACCELERATION_M_S2, speed * (t - ramp / 2))
         left = np.maximum(2 * ramp + cruise - t, 0)
-        rising = np.where(t > ramp + cruise, STROKE_M - left**2 / 2 * ACCELERATION_M_S2, rising)
-        all_positions += 2 * [rising, STROKE_M - rising]
+        insertion = np.where(t > ramp + cruise, STROKE_M - left**2 / 2 * ACCELERATION_M_S2, insertion)
+        all_positions += 2 * [insertion, STROKE_M - insertion]
     return np.concatenate(all_positions)
 
 

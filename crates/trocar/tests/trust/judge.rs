@@ -112,10 +112,10 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
     let doubts = found.warnings.iter().filter(|w| w.doubtful);
     outcome.doubts = doubts.map(|w| format!("{}: {}", w.subject, w.message)).collect();
     let listed = found.parameters.iter().filter_map(|p| {
-        let truth = *truths.get(p.name.as_str())?;
+        let truth = *truths.get(p.id.to_string().as_str())?;
         let verdict = Verdict::of(&p.estimate, truth, found.is_doubtful());
         let (value, ci95) = (Some(p.estimate.value), Some(p.estimate.ci95));
-        Some(Judged { parameter: p.name.clone(), truth, value, ci95, verdict })
+        Some(Judged { parameter: p.id.to_string(), truth, value, ci95, verdict })
     });
     let absent = truths.iter().filter(|(name, _)| found.parameter(name).is_none()).filter_map(|(name, truth)| {
         let verdict = unlisted(name, *truth, &truths)?;

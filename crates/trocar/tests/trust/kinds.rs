@@ -74,8 +74,8 @@ fn seal(half_width: f64, insertion: SlidingFriction, withdrawal: SlidingFriction
         Piece::new(width * p.from(), width * p.to(), &legendre)
     };
     let branch = |b: &Branch| Branch::new(piece(b.left())?, piece(b.right())?);
-    let (rising, falling) = (branch(model.deformation.rising())?, branch(model.deformation.falling())?);
-    let deformation = DeformationForce::new(rising, falling, None)?;
+    let old = &model.deformation;
+    let deformation = DeformationForce::new(branch(old.insertion())?, branch(old.withdrawal())?, None)?;
     Ok(ElementParams { deformation, insertion, withdrawal, ..model })
 }
 
@@ -136,7 +136,7 @@ fn two_stages() -> Result<Bench, AnyError> {
         seal(half_width, friction, friction)
     };
     let mut bench = Bench::of(vec![stage(8e-3, 0.65)?, stage(3e-3, 0.35)?]);
-    bench.others = vec![("second_coulomb_force_n", [1.05; 2]), ("second_half_width_m", [3e-3; 2])];
+    bench.others = vec![("element_2_coulomb_force_n", [1.05; 2]), ("element_2_half_width_m", [3e-3; 2])];
     Ok(bench)
 }
 
@@ -232,7 +232,7 @@ impl Bench {
     pub(crate) fn truths(&self) -> BTreeMap<&'static str, Range> {
         let sum = |of: fn(&ElementParams) -> f64| self.seal.iter().map(of).sum::<f64>();
         let first = &self.seal[0];
-        let (rising, falling) = (first.deformation.rising(), first.deformation.falling());
+        let branches = [first.deformation.insertion(), first.deformation.withdrawal()];
         let drift = 1.0 + self.config.fluctuation.drift_fraction;
         let wet = &self.config.lubrication;
         let range = |end: f64, value: f64| [value.min(end * value), value.max(end * value)];
@@ -257,7 +257,7 @@ impl Bench {
             ("friction_lag_s", [first.friction_lag; 2]),
             ("relaxation_stiffness_n_m", force(first.relaxation.arms[0].stiffness)),
             ("second_relaxation_stiffness_n_m", [0.0; 2]),
-            ("second_coulomb_force_n", [0.0; 2]),
+            ("element_2_coulomb_force_n", [0.0; 2]),
         ]);
         if first.relaxation.arms[0].stiffness > 0.0 {
             all.insert("relaxation_time_s", [first.relaxation.arms[0].time; 2]);
@@ -272,10 +272,11 @@ impl Bench {
             all.insert("stribeck_velocity_m_s", [first.insertion.stribeck_velocity; 2]);
         }
         if self.seal.len() == 1 {
-            all.insert("rising_join_m", width(rising.join()));
-            all.insert("falling_join_m", width(falling.join()));
-            all.insert("rising_join_force_n", force(rising.force(rising.join())));
-            all.insert("falling_join_force_n", force(falling.force(falling.join())));
+            let [insertion, withdrawal] = branches;
+            all.insert("insertion_join_m", width(insertion.join()));
+            all.insert("withdrawal_join_m", width(withdrawal.join()));
+            all.insert("insertion_join_force_n", force(insertion.force(insertion.join())));
+            all.insert("withdrawal_join_force_n", force(withdrawal.force(withdrawal.join())));
             all.insert("yield_stiffness_n_m", range(drift, first.deformation.yield_stiffness()));
         }
         all.extend(self.others.iter().copied());

@@ -48,8 +48,8 @@ fn find_features(elements: &[Element], constants: &[ElementConstants], filling: 
     filling.set("arms", general.iter().any(|params| !params.relaxation.is_none()));
     filling.set("means", filling.has("lag") || filling.has("arms"));
     let slidings = general.iter().flat_map(|params| [&params.withdrawal, &params.insertion]);
-    let falling = slidings.filter(|sliding| !sliding.is_constant());
-    stribeck_shapes(falling.map(|sliding| sliding.stribeck_exponent), filling);
+    let withdrawal = slidings.filter(|sliding| !sliding.is_constant());
+    stribeck_shapes(withdrawal.map(|sliding| sliding.stribeck_exponent), filling);
 }
 
 /// Number of terms of the longest power series, at least 3.

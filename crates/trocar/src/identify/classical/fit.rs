@@ -11,7 +11,7 @@ use crate::identify::{Parameter, Warning};
 use trocar_model::Classical;
 
 use super::data::ClassicalData;
-use super::kind::{Coordinate, Kind, Quantity, build, coordinates, quantities};
+use super::kind::{self, Coordinate, Kind, build, coordinates, reported};
 use super::starts;
 
 /// Stopping criteria of the short fits from every start, and of the final fit.
@@ -164,17 +164,17 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let best = &found.best;
     let spread = Spread::new(found);
     let scale_of = |j: &usize| SCALE * best.coordinates[*j].step;
-    let estimate = |q: Quantity| {
+    let estimate = |q: kind::Reported| {
         let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
         let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
-        let how = Reported { unit: q.unit, log: q.log, scale, least: q.least(&best.numbers()), factor: 1.0 };
+        let how = Reported { unit: q.id.unit().si, log: q.log, scale, least: q.least(&best.numbers()), factor: 1.0 };
         let estimate = match q.from.iter().any(|j| found.held[*j]) {
-            true => Estimate::undetermined(of(best), q.unit, "the fit holds it at an end of its range"),
+            true => Estimate::undetermined(of(best), q.id.unit().si, "the fit holds it at an end of its range"),
             false => spread.estimate(how, &of),
         };
-        Parameter { estimate, name: q.name }
+        Parameter::new(q.id, estimate)
     };
-    quantities(best.kind, &best.coordinates).into_iter().map(estimate).collect()
+    reported(best.kind, &best.coordinates).into_iter().map(estimate).collect()
 }
 
 /// Warnings about a fit: lack of convergence, and parameters that the data do not determine.
@@ -184,7 +184,7 @@ pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> V
         all.push(Warning { subject: "fit".to_owned(), message, doubtful: true });
     }
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined);
-    all.extend(undetermined.map(|p| Warning::undetermined(&p.name, &p.estimate, true)));
+    all.extend(undetermined.map(|p| Warning::undetermined(p, true)));
     all
 }
 

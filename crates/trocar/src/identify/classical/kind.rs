@@ -2,12 +2,11 @@
 
 use std::fmt;
 
+use trocar_model::Quantity as Q;
 use trocar_model::{
-    Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError,
-    SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    Classical, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError,
+    ParameterId, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
-
-use trocar_model::Classical;
 
 /// A classical friction model, with its number of elements where that is variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -120,11 +119,28 @@ pub(crate) struct Scales {
     pub(crate) speeds: [f64; 2],
 }
 
+/// What a free parameter is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Number {
+    /// A parameter that is reported as it is.
+    Reported(ParameterId),
+    /// F_s − F_c, N.
+    Rise,
+    /// Deflection at which the element of this id slips, m; the free parameter before it is the
+    /// stiffness.
+    LimitDeflection(ParameterId),
+}
+
+impl<T: Into<ParameterId>> From<T> for Number {
+    fn from(id: T) -> Self {
+        Self::Reported(id.into())
+    }
+}
+
 /// One free parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Coordinate {
-    pub(super) name: String,
-    pub(super) unit: &'static str,
+    pub(super) number: Number,
     /// Whether the fit uses the logarithm.
     pub(super) log: bool,
     /// Range of the parameter itself.
@@ -134,12 +150,12 @@ pub(super) struct Coordinate {
 }
 
 impl Coordinate {
-    fn log(name: impl Into<String>, unit: &'static str, range: [f64; 2]) -> Self {
-        Self { name: name.into(), unit, log: true, range, step: 1e-4 }
+    fn log(number: impl Into<Number>, range: [f64; 2]) -> Self {
+        Self { number: number.into(), log: true, range, step: 1e-4 }
     }
 
-    fn linear(name: impl Into<String>, unit: &'static str, range: [f64; 2], step: f64) -> Self {
-        Self { name: name.into(), unit, log: false, range, step }
+    fn linear(number: impl Into<Number>, range: [f64; 2], step: f64) -> Self {
+        Self { number: number.into(), log: false, range, step }
     }
 }
 
@@ -147,49 +163,48 @@ impl Coordinate {
 pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
     let Scales { force, stroke, half_width, speeds: [slowest, fastest], .. } = *scales;
     let most = 1e3 * force / fastest;
-    let coulomb = || Coordinate::log("coulomb_force_n", "N", [1e-2 * force, 1e2 * force]);
-    let rise = || Coordinate::linear("rise_n", "N", [0.0, 20.0 * force], 1e-4 * force);
-    let velocity = || Coordinate::log("stribeck_velocity_m_s", "m/s", [0.1 * slowest, 3.0 * fastest]);
-    let damping = |name: &str| Coordinate::linear(name, "N s/m", [0.0, most], 1e-3 * force / fastest);
-    let viscous = || damping("viscous_damping_n_s_m");
-    let stiffness = |name: String| Coordinate::log(name, "N/m", [1e-4 * force / stroke, 1e4 * force / half_width]);
-    let limit = |name: String| Coordinate::log(name, "m", [1e-3 * half_width, 0.5 * stroke]);
-    let mut all = vec![Coordinate::linear("offset_n", "N", [f64::NEG_INFINITY, f64::INFINITY], 1e-4 * force)];
+    let coulomb = || Coordinate::log(Q::CoulombForce, [1e-2 * force, 1e2 * force]);
+    let rise = || Coordinate::linear(Number::Rise, [0.0, 20.0 * force], 1e-4 * force);
+    let velocity = || Coordinate::log(Q::StribeckVelocity, [0.1 * slowest, 3.0 * fastest]);
+    let damping = |id: ParameterId| Coordinate::linear(id, [0.0, most], 1e-3 * force / fastest);
+    let [viscous, micro] = [Q::ViscousDamping, Q::MicroDamping].map(|q| move || damping(q.id()));
+    let stiffness = |id: ParameterId| Coordinate::log(id, [1e-4 * force / stroke, 1e4 * force / half_width]);
+    let limit = |i: usize| {
+        let id = Q::LimitForce.id().of_element(i);
+        Coordinate::log(Number::LimitDeflection(id), [1e-3 * half_width, 0.5 * stroke])
+    };
+    let element = |i: usize| [stiffness(Q::Stiffness.id().of_element(i)), limit(i)];
+    let mut all = vec![Coordinate::linear(Q::Offset, [f64::NEG_INFINITY, f64::INFINITY], 1e-4 * force)];
     match kind {
         Kind::Coulomb => all.push(coulomb()),
         Kind::CoulombViscous => all.extend([coulomb(), viscous()]),
         Kind::Stribeck => {
-            let exponent = Coordinate::log("stribeck_exponent", "", [0.2, 8.0]);
+            let exponent = Coordinate::log(Q::StribeckExponent, [0.2, 8.0]);
             all.extend([coulomb(), rise(), velocity(), exponent, viscous()]);
         }
         Kind::Dahl => {
-            let exponent = Coordinate::log("exponent", "", [0.05, 8.0]);
-            all.extend([stiffness("stiffness_n_m".into()), coulomb(), exponent, viscous()]);
+            let exponent = Coordinate::log(Q::Exponent, [0.05, 8.0]);
+            all.extend([stiffness(Q::Stiffness.id()), coulomb(), exponent, viscous()]);
         }
         Kind::LuGre | Kind::LuGreRational => {
-            let micro = damping("micro_damping_n_s_m");
-            all.extend([stiffness("stiffness_n_m".into()), micro, coulomb(), rise(), velocity(), viscous()]);
+            all.extend([stiffness(Q::Stiffness.id()), micro(), coulomb(), rise(), velocity(), viscous()]);
         }
         Kind::Leuven(n) => {
-            let exponent = Coordinate::log("exponent", "", [0.1, 20.0]);
-            all.extend([coulomb(), rise(), velocity(), exponent, damping("micro_damping_n_s_m"), viscous()]);
-            for i in 1..n {
-                all.extend([stiffness(format!("stiffness_n_m_{i}")), limit(format!("limit_deflection_m_{i}"))]);
-            }
-            all.push(stiffness(format!("stiffness_n_m_{n}")));
+            let exponent = Coordinate::log(Q::Exponent, [0.1, 20.0]);
+            all.extend([coulomb(), rise(), velocity(), exponent, micro(), viscous()]);
+            all.extend((0..n - 1).flat_map(element));
+            all.push(stiffness(Q::Stiffness.id().of_element(n - 1)));
         }
         Kind::MaxwellSlip(n) => {
             all.push(viscous());
-            for i in 1..=n {
-                all.extend([stiffness(format!("stiffness_n_m_{i}")), limit(format!("limit_deflection_m_{i}"))]);
-            }
+            all.extend((0..n).flat_map(element));
         }
         Kind::Gms(n) => {
-            let attraction = Coordinate::log("attraction_n_s", "N/s", [1e-3 * force, 1e4 * force]);
+            let attraction = Coordinate::log(Q::AttractionRate, [1e-3 * force, 1e4 * force]);
             all.extend([viscous(), rise(), velocity(), attraction]);
-            for i in 1..=n {
-                all.extend([stiffness(format!("stiffness_n_m_{i}")), limit(format!("limit_deflection_m_{i}"))]);
-                all.push(damping(&format!("damping_n_s_m_{i}")));
+            for i in 0..n {
+                all.extend(element(i));
+                all.push(damping(Q::Damping.id().of_element(i)));
             }
         }
     }
@@ -266,9 +281,8 @@ fn gms_elements(n: usize, p: &[f64]) -> Vec<GmsElement> {
 type Formula = Box<dyn Fn(&[f64]) -> f64>;
 
 /// A reported quantity as a function of the free parameters, the offset first.
-pub(super) struct Quantity {
-    pub(super) name: String,
-    pub(super) unit: &'static str,
+pub(super) struct Reported {
+    pub(super) id: ParameterId,
     /// Whether its interval is taken on the logarithm.
     pub(super) log: bool,
     pub(super) of: Formula,
@@ -276,7 +290,7 @@ pub(super) struct Quantity {
     pub(super) from: Vec<usize>,
 }
 
-impl Quantity {
+impl Reported {
     /// Least meaningful value: the value at the lower bound of the parameter that it represents.
     pub(super) fn least(&self, numbers: &[f64]) -> f64 {
         let [only] = self.from[..] else { return f64::NEG_INFINITY };
@@ -289,18 +303,14 @@ impl Quantity {
     }
 }
 
-/// The reported quantities of a kind: its free parameters, some replaced by the customary ones.
-pub(super) fn quantities(kind: Kind, coordinates: &[Coordinate]) -> Vec<Quantity> {
-    let usual = |(j, c): (usize, &Coordinate)| match c.name.strip_prefix("limit_deflection_m_") {
-        Some(i) => Quantity {
-            name: format!("limit_force_n_{i}"),
-            unit: "N",
-            log: true,
-            of: Box::new(move |p| p[j - 1] * p[j]),
-            from: vec![j - 1, j],
-        },
-        None if c.name == "rise_n" => static_force(kind, j),
-        None => Quantity { name: c.name.clone(), unit: c.unit, log: c.log, of: Box::new(move |p| p[j]), from: vec![j] },
+/// The reported parameters of a kind: its free parameters, some replaced by the customary ones.
+pub(super) fn reported(kind: Kind, coordinates: &[Coordinate]) -> Vec<Reported> {
+    let usual = |(j, c): (usize, &Coordinate)| match c.number {
+        Number::LimitDeflection(id) => {
+            Reported { id, log: true, of: Box::new(move |p| p[j - 1] * p[j]), from: vec![j - 1, j] }
+        }
+        Number::Rise => static_force(kind, j),
+        Number::Reported(id) => Reported { id, log: c.log, of: Box::new(move |p| p[j]), from: vec![j] },
     };
     let sum = match kind {
         Kind::MaxwellSlip(n) => Some(bank_force(n, 2, 2)),
@@ -312,15 +322,15 @@ pub(super) fn quantities(kind: Kind, coordinates: &[Coordinate]) -> Vec<Quantity
 
 /// Σ k_i·Δ_i, N, of a bank whose elements start at parameter `first`, with `stride` parameters
 /// each.
-fn bank_force(n: usize, first: usize, stride: usize) -> Quantity {
+fn bank_force(n: usize, first: usize, stride: usize) -> Reported {
     let of = move |p: &[f64]| (0..n).map(|i| p[first + stride * i] * p[first + stride * i + 1]).sum();
-    Quantity { name: "coulomb_force_n".into(), unit: "N", log: true, of: Box::new(of), from: Vec::new() }
+    Reported { id: Q::CoulombForce.id(), log: true, of: Box::new(of), from: Vec::new() }
 }
 
-fn static_force(kind: Kind, rise: usize) -> Quantity {
+fn static_force(kind: Kind, rise: usize) -> Reported {
     let of: Formula = match kind {
         Kind::Gms(n) => Box::new(move |p| gms_coulomb_force(n, &p[1..]) + p[rise]),
         _ => Box::new(move |p| p[rise - 1] + p[rise]),
     };
-    Quantity { name: "static_force_n".into(), unit: "N", log: false, of, from: vec![rise] }
+    Reported { id: Q::StaticForce.id(), log: false, of, from: vec![rise] }
 }

@@ -94,8 +94,8 @@ impl Level {
 
 fn fit_of(deformation: &DeformationFit, direction: Direction) -> &BranchFit {
     match direction {
-        Direction::Insertion => &deformation.rising,
-        Direction::Withdrawal => &deformation.falling,
+        Direction::Insertion => &deformation.insertion_branch,
+        Direction::Withdrawal => &deformation.withdrawal_branch,
     }
 }
 
@@ -140,7 +140,9 @@ pub(in super::super) fn deformation_force(found: &Identification, truth: Option<
     for series in branch_series(found, deformation, truth) {
         branches = branches.series(series);
     }
-    for (label, branch) in [("join, insertion", rising(found)), ("join, withdrawal", falling(found))] {
+    for (label, branch) in
+        [("join, insertion", insertion_branch(found)), ("join, withdrawal", withdrawal_branch(found))]
+    {
         branches = branches.mark(Mark::x(MM * branch.join(), label));
     }
     let residual = |title: &str, fit: &BranchFit, shape: &BranchShape| {
@@ -158,8 +160,8 @@ pub(in super::super) fn deformation_force(found: &Identification, truth: Option<
     };
     Ok(Figure::new("deformation-force", 0, "Deformation force")
         .panel(branches)
-        .panel(residual("insertion", &deformation.rising, &deformation.rising.shape))
-        .panel(residual("withdrawal", &deformation.falling, &deformation.falling.shape))
+        .panel(residual("insertion", &deformation.insertion_branch, &deformation.insertion_branch.shape))
+        .panel(residual("withdrawal", &deformation.withdrawal_branch, &deformation.withdrawal_branch.shape))
         .linked_x()
         .caption(force_caption(found, deformation, truth)))
 }
@@ -167,12 +169,12 @@ pub(in super::super) fn deformation_force(found: &Identification, truth: Option<
 const JOINED: &str = "joined polynomials (25)";
 const SINGLE: &str = "single polynomial, degree 7";
 
-fn rising(found: &Identification) -> &Branch {
-    found.element().params().deformation.rising()
+fn insertion_branch(found: &Identification) -> &Branch {
+    found.element().params().deformation.insertion()
 }
 
-fn falling(found: &Identification) -> &Branch {
-    found.element().params().deformation.falling()
+fn withdrawal_branch(found: &Identification) -> &Branch {
+    found.element().params().deformation.withdrawal()
 }
 
 /// The two-step fit of a branch.
@@ -188,7 +190,7 @@ fn single(fit: &BranchFit, u: f64) -> f64 {
 fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> Vec<Series> {
     let c = deformation.half_width.value;
     let mut all = Vec::new();
-    for fit in [&deformation.rising, &deformation.falling] {
+    for fit in [&deformation.insertion_branch, &deformation.withdrawal_branch] {
         let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
         let edge = |sign: f64| fit.mean_curve.iter().zip(&fit.scatter).map(|(f, s)| f + sign * s).collect::<Vec<f64>>();
         all.push(Series::band("measured, mean ± 1 sd", Role::Measured, x.clone(), edge(-1.0), edge(1.0)));
@@ -204,7 +206,7 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
     if let Some([element]) = truth {
         let force = &element.params().deformation;
         all.extend(
-            [force.rising(), force.falling()].map(|branch| drawn("truth of the bench", Role::Reference, branch)),
+            [force.insertion(), force.withdrawal()].map(|branch| drawn("truth of the bench", Role::Reference, branch)),
         );
     }
     all
@@ -249,7 +251,7 @@ fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
 
 fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> String {
     let count = |d| deformation.traverses.iter().filter(|t| t.direction == d).count();
-    let [left, right] = deformation.rising.shape.degrees();
+    let [left, right] = deformation.insertion_branch.shape.degrees();
     let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
     let refined = if found.fit.is_some() {
         format!(
@@ -273,9 +275,9 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
          of degree 7, in insertion and withdrawal.{true_branches}",
         count(Direction::Insertion),
         count(Direction::Withdrawal),
-        deformation.rising.rms,
-        deformation.falling.rms,
-        deformation.rising.single_polynomial_rms,
-        deformation.falling.single_polynomial_rms,
+        deformation.insertion_branch.rms,
+        deformation.withdrawal_branch.rms,
+        deformation.insertion_branch.single_polynomial_rms,
+        deformation.withdrawal_branch.single_polynomial_rms,
     )
 }

@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 
 use super::super::document::{Axis, Cell, Figure, Panel, Role, Series, Table};
 use super::super::number::significant;
+use super::tables::name_of;
 use crate::fleet::mixed::{self, MixedEffects, Observation};
 use crate::fleet::summary::{OUTLYING, Trend, modified_scores, quantile};
 use crate::fleet::{Fleet, Record};
+use trocar_model::{Direction, ParameterId, Quantity, Unit};
 
 /// Most points of one type drawn in a panel.
 const MOST_POINTS: usize = 400;
@@ -15,59 +17,80 @@ const MOST_OUTLIERS: usize = 40;
 /// Most types distinguished.
 const MOST_TYPES: usize = 12;
 
-/// A quantity of the report: column, columns of its standard error, name, unit, and factor from the
-/// column's unit.
+/// A quantity of the report.
 #[derive(Debug, Clone, Copy)]
-pub(in super::super) struct Shown {
-    pub(in super::super) column: &'static str,
-    words: &'static str,
-    unit: &'static str,
-    scale: f64,
-}
-
-const fn shown(column: &'static str, words: &'static str, unit: &'static str, scale: f64) -> Shown {
-    Shown { column, words, unit, scale }
+pub(in super::super) enum Shown {
+    Parameter(ParameterId),
+    /// Root mean square residual, N.
+    Residual,
 }
 
 /// Quantities with a figure.
 pub(in super::super) const SHOWN: [Shown; 6] = [
-    shown("insertion_coulomb_force_with_offset_n", "F_c + F_0, insertion", "N", 1.0),
-    shown("withdrawal_coulomb_force_with_offset_n", "F_c − F_0, withdrawal", "N", 1.0),
-    shown("viscous_damping_n_s_m", "viscous damping β", "N·s/m", 1.0),
-    shown("half_width_m", "half width c", "mm", 1e3),
-    shown("offset_n", "sensor offset F_0", "N", 1.0),
-    shown("residual_rms_n", "residual (rms)", "N", 1.0),
+    Shown::Parameter(Quantity::CoulombForceWithOffset.of(Direction::Insertion)),
+    Shown::Parameter(Quantity::CoulombForceWithOffset.of(Direction::Withdrawal)),
+    Shown::Parameter(Quantity::ViscousDamping.id()),
+    Shown::Parameter(Quantity::HalfWidth.id()),
+    Shown::Parameter(Quantity::Offset.id()),
+    Shown::Residual,
 ];
 
 /// Quantities analysed over use and between specimens.
 const FOLLOWED: [Shown; 4] = [
-    shown("coulomb_force_n", "Coulomb force F_c", "N", 1.0),
-    shown("viscous_damping_n_s_m", "viscous damping β", "N·s/m", 1.0),
-    shown("half_width_m", "half width c", "mm", 1e3),
-    shown("residual_rms_n", "residual (rms)", "N", 1.0),
+    Shown::Parameter(Quantity::CoulombForce.id()),
+    Shown::Parameter(Quantity::ViscousDamping.id()),
+    Shown::Parameter(Quantity::HalfWidth.id()),
+    Shown::Residual,
 ];
 
 impl Shown {
+    /// Its column in the table.
+    fn column(self) -> String {
+        match self {
+            Self::Parameter(id) => id.to_string(),
+            Self::Residual => "residual_rms_n".to_owned(),
+        }
+    }
+
+    /// In words, capitalised.
+    pub(in super::super) fn name(self) -> String {
+        match self {
+            Self::Parameter(id) => name_of(id),
+            Self::Residual => "Residual (rms)".to_owned(),
+        }
+    }
+
+    /// In words, with its symbol.
+    fn words(self) -> String {
+        match self {
+            Self::Parameter(id) => format!("{} {}", id.words(), id.symbol()),
+            Self::Residual => "residual (rms)".to_owned(),
+        }
+    }
+
+    pub(in super::super) fn unit(self) -> Unit {
+        match self {
+            Self::Parameter(id) => id.unit(),
+            Self::Residual => Unit::NEWTON,
+        }
+    }
+
     /// The value in the displayed unit, if the recording determines it.
     fn value(self, record: &Record) -> Option<f64> {
-        let determined = format!("{}_determined", self.column);
-        let known = record.cells.iter().find(|(name, _)| **name == determined);
-        let is_determined = known.is_none_or(|(_, cell)| *cell == crate::fleet::Cell::Boolean(true));
-        record.number(self.column).filter(|_| is_determined).map(|value| self.scale * value)
+        let known = record.cell(&format!("{}_determined", self.column()));
+        let is_determined = known.is_none_or(|cell| *cell == crate::fleet::Cell::Boolean(true));
+        record.number(&self.column()).filter(|_| is_determined).map(|value| self.unit().scale * value)
     }
 
     /// Standard error, from the 95 % interval; zero where there is none.
     fn error(self, record: &Record) -> f64 {
-        let end = |end: &str| {
-            let name = format!("{}{end}", self.column);
-            record.cells.iter().find(|(own, _)| **own == name).and_then(|(_, cell)| cell.as_number())
-        };
+        let end = |end: &str| record.number(&format!("{}{end}", self.column()));
         let half = end("_upper").zip(end("_lower")).map_or(0.0, |(high, low)| 0.5 * (high - low));
-        self.scale * half / 1.96
+        self.unit().scale * half / 1.96
     }
 
     fn axis(self) -> Axis {
-        Axis::new(self.words, self.unit)
+        Axis::new(self.words(), self.unit().shown)
     }
 }
 
@@ -187,11 +210,11 @@ pub(in super::super) fn drift(types: &ByType, by: &str, specimen: Option<&str>) 
             panel = with_line(panel, name, role, &trend, &points);
             let interval = [trend.slope - trend.half_width, trend.slope + trend.half_width];
             table = table.row([
-                shown.words.into(),
+                shown.words().into(),
                 name.as_str().into(),
                 Cell::Estimate { value: trend.slope, interval },
                 Cell::Interval { low: interval[0], high: interval[1] },
-                shown.unit.into(),
+                shown.unit().shown.into(),
                 Cell::Text(trend.count.to_string()),
             ]);
         }
@@ -238,9 +261,9 @@ pub(in super::super) fn outliers(types: &ByType) -> (usize, Table) {
         table.row([
             Cell::Code(record.text("path").unwrap_or_default().to_owned()),
             (*name).into(),
-            shown.words.into(),
+            shown.words().into(),
             Cell::Number { value: *value, digits: 3 },
-            shown.unit.into(),
+            shown.unit().shown.into(),
             Cell::Number { value: *score, digits: 3 },
         ])
     };
@@ -286,14 +309,14 @@ pub(in super::super) fn mixed_effects(types: &ByType, specimen: &str) -> (Table,
                 let icc = found.intraclass_correlation().map_or_else(|| "–".to_owned(), |icc| format!("{icc:.2}"));
                 let number = |value| Cell::Number { value, digits: 3 };
                 components = components.row([
-                    shown.words.into(),
+                    shown.words().into(),
                     number(found.between),
                     number(found.within),
-                    shown.unit.into(),
+                    shown.unit().shown.into(),
                     icc.into(),
                 ]);
             }
-            Err(why) => missing.push(format!("{}: {why}.", shown.words)),
+            Err(why) => missing.push(format!("{}: {why}.", shown.words())),
         }
     }
     (means, components, missing)
@@ -328,11 +351,11 @@ fn mean_rows(table: Table, types: &ByType, shown: Shown, found: &MixedEffects) -
             None => (Cell::Number { value: mean.mean, digits: 3 }, Cell::Text("too few specimens".to_owned())),
         };
         table.row([
-            shown.words.into(),
+            shown.words().into(),
             name.into(),
             value,
             interval,
-            shown.unit.into(),
+            shown.unit().shown.into(),
             mean.specimens.to_string().into(),
             mean.recordings.to_string().into(),
         ])
@@ -341,9 +364,10 @@ fn mean_rows(table: Table, types: &ByType, shown: Shown, found: &MixedEffects) -
 }
 
 /// Median with the quartiles, in words.
-pub(in super::super) fn median_in_words(fleet: &Fleet, column: &str, scale: f64) -> Option<[String; 3]> {
+pub(in super::super) fn median_in_words(fleet: &Fleet, shown: Shown) -> Option<[String; 3]> {
     let ok = fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
-    let mut values: Vec<f64> = ok.filter_map(|record| record.number(column)).map(|value| scale * value).collect();
+    let (column, scale) = (shown.column(), shown.unit().scale);
+    let mut values: Vec<f64> = ok.filter_map(|record| record.number(&column)).map(|value| scale * value).collect();
     values.sort_by(f64::total_cmp);
     (!values.is_empty()).then(|| [0.5, 0.25, 0.75].map(|part| significant(quantile(&values, part), 3)))
 }

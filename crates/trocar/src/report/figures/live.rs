@@ -3,10 +3,10 @@
 
 use std::ops::Range;
 
-use trocar_model::{Seal, Tunable};
+use trocar_model::{Direction, ParameterId, Quantity, Seal, Tunable, Unit};
 
 use super::Scored;
-use super::tables::{display, name_of};
+use super::tables::name_of;
 use crate::identify::{Estimate, Identification};
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
@@ -56,96 +56,76 @@ fn limits(values: &[f64]) -> (f64, f64) {
 fn knobs(seal: &Seal, found: &Identification) -> Vec<Knob> {
     let tunables: Vec<Tunable> = seal.tunables().collect();
     let knob = |tunable: &Tunable| {
-        let (direction, plain) = direction(tunable.name);
-        let (words, symbol) = words(plain);
-        let (scale, unit) = display(&tunable.unit.replace('.', " "));
-        let stage = tunable.element.map_or_else(String::new, |i| format!(", element {}", i + 1));
-        let (side, sign) = match direction {
-            Some("insertion_") => (", insertion", "⁺"),
-            Some(_) => (", withdrawal", "⁻"),
-            None => ("", ""),
-        };
+        let Tunable { id, value } = *tunable;
+        let Unit { shown, scale, .. } = id.unit();
         Knob {
-            name: format!("{words}{side}{stage}"),
-            symbol: format!("{symbol}{sign}"),
-            unit: if unit == "1" { String::new() } else { unit },
+            name: name_of(id),
+            symbol: id.symbol().to_string(),
+            unit: shown.to_owned(),
             scale,
-            value: tunable.value,
-            range: range(tunable, plain, &tunables),
-            interval: interval(tunable, plain, found),
-            follows: (direction == Some("withdrawal_")).then(|| other_direction(tunable, &tunables)).flatten(),
-            is_main: tunable.element.is_none_or(|element| element == 0) && is_main(plain),
+            value,
+            range: range(tunable, &tunables),
+            interval: interval(tunable, found),
+            follows: other_direction(tunable, &tunables),
+            is_main: id.element.is_none_or(|element| element == 1) && is_main(id.quantity),
         }
     };
     tunables.iter().map(knob).collect()
 }
 
-/// `insertion_coulomb_force_n`: the direction and the remaining name.
-fn direction(name: &str) -> (Option<&'static str>, &str) {
-    let sides = ["insertion_", "withdrawal_"];
-    let side = sides.into_iter().find(|side| name.starts_with(side));
-    (side, side.map_or(name, |side| &name[side.len()..]))
-}
-
-/// Index of the same parameter on insertion, if it has the same value.
+/// For withdrawal: index of the same parameter on insertion, if it has the same value.
 fn other_direction(tunable: &Tunable, all: &[Tunable]) -> Option<usize> {
-    let name = tunable.name.replacen("withdrawal_", "insertion_", 1);
-    all.iter().position(|one| one.name == name && one.element == tunable.element && one.value == tunable.value)
+    let Tunable { id, value } = *tunable;
+    let insertion = ParameterId { direction: Some(Direction::Insertion), ..id };
+    let of_withdrawal = id.direction == Some(Direction::Withdrawal);
+    all.iter().position(|one| of_withdrawal && one.id == insertion && one.value == value)
 }
 
-/// Short name and the symbol used in the table of parameters.
-fn words(plain: &str) -> (String, String) {
-    let (long, symbol) = name_of(plain);
-    let short = match plain {
-        "half_width_m" => "Half width",
-        "static_ratio" => return ("Static ratio".to_owned(), "F_s/F_c".to_owned()),
-        "creep_velocity_m_s" => "Creep velocity",
-        "friction_lag_s" => "Stribeck lag",
-        "relaxation_stiffness_n_m" => "Relaxing stiffness",
-        _ => &long,
-    };
-    (short.to_owned(), symbol)
-}
-
-fn is_main(plain: &str) -> bool {
-    ["half_width_m", "coulomb_force_n", "static_ratio", "viscous_damping_n_s_m", "seal_damping_n_s_m"].contains(&plain)
+fn is_main(quantity: Quantity) -> bool {
+    use Quantity::{CoulombForce, HalfWidth, SealDamping, StaticRatio, ViscousDamping};
+    [HalfWidth, CoulombForce, StaticRatio, ViscousDamping, SealDamping].contains(&quantity)
 }
 
 /// Ends of a slider, SI. A present parameter ranges from a quarter to twice its value, an absent
 /// one up to a value with a noticeable effect.
-fn range(tunable: &Tunable, plain: &str, all: &[Tunable]) -> Option<[f64; 2]> {
-    let Tunable { value, least, .. } = *tunable;
+fn range(tunable: &Tunable, all: &[Tunable]) -> Option<[f64; 2]> {
+    let Tunable { id, value } = *tunable;
     if !value.is_finite() {
         return None;
     }
-    let of = |name: &str| all.iter().find(|one| one.element == tunable.element && one.name == name);
-    let is_there = |name: &str| of(name).is_some_and(|one| one.value > 0.0);
+    let of = |other: ParameterId| {
+        let same_element = ParameterId { element: id.element, ..other };
+        all.iter().find(|one| one.id == same_element).map(|one| one.value)
+    };
+    let is_there = |quantity: Quantity| of(quantity.id()).is_some_and(|value| value > 0.0);
     // The friction lag applies only to a creeping contact.
-    if plain == "friction_lag_s" && !is_there("creep_velocity_m_s") {
+    if id.quantity == Quantity::FrictionLag && !is_there(Quantity::CreepVelocity) {
         return None;
     }
-    let half_width = of("half_width_m").map_or(0.01, |one| one.value);
-    let coulomb = of("insertion_coulomb_force_n").map_or(1.0, |one| one.value);
-    let felt = match plain {
-        "static_ratio" => least + (2.0 * (value - least)).max(1.0),
-        "viscous_damping_n_s_m" | "seal_damping_n_s_m" => (2.0 * value).max(10.0 * coulomb),
-        "creep_velocity_m_s" => (4.0 * value).max(1e-3),
-        "friction_lag_s" => (4.0 * value).max(0.1),
-        "relaxation_stiffness_n_m" => (2.0 * value).max(coulomb / half_width),
-        "stribeck_velocity_m_s" | "relaxation_time_s" => 4.0 * value,
+    let half_width = of(Quantity::HalfWidth.id()).unwrap_or(0.01);
+    let coulomb = of(Quantity::CoulombForce.of(Direction::Insertion)).unwrap_or(1.0);
+    let (least, range) = (id.declaration().range.least(), id.declaration().range);
+    let felt = match id.quantity {
+        Quantity::StaticRatio => least + (2.0 * (value - least)).max(1.0),
+        Quantity::ViscousDamping | Quantity::SealDamping => (2.0 * value).max(10.0 * coulomb),
+        Quantity::CreepVelocity => (4.0 * value).max(1e-3),
+        Quantity::FrictionLag => (4.0 * value).max(0.1),
+        Quantity::RelaxationStiffness => (2.0 * value).max(coulomb / half_width),
+        Quantity::StribeckVelocity | Quantity::RelaxationTime => 4.0 * value,
         _ => 2.0 * value,
     };
-    let is_needed = plain == "creep_velocity_m_s" && is_there("friction_lag_s");
-    let low = if tunable.above_least || is_needed { 0.25 * value } else { least };
+    let is_needed = id.quantity == Quantity::CreepVelocity && is_there(Quantity::FrictionLag);
+    let low = if range.excludes_least() || is_needed { 0.25 * value } else { least };
     Some([low, felt])
 }
 
-/// The interval of the estimate of a parameter; `None` if the model's number differs from the
-/// estimate.
-fn interval(tunable: &Tunable, plain: &str, found: &Identification) -> Option<[f64; 2]> {
-    let names = [plain, tunable.name];
-    let is_same = |e: &&Estimate| (e.value - tunable.value).abs() <= SAME * tunable.value.abs() && e.determined;
-    let estimate = names.iter().filter_map(|name| found.parameter(name)).find(is_same)?;
+/// The interval of the estimate of a parameter, of its direction or of both; `None` if the model's
+/// number differs from the estimate.
+fn interval(tunable: &Tunable, found: &Identification) -> Option<[f64; 2]> {
+    let Tunable { id, value } = *tunable;
+    let ids = [id.quantity.id(), id];
+    let is_same = |e: &&Estimate| (e.value - value).abs() <= SAME * value.abs() && e.determined;
+    let estimate = ids.into_iter().filter_map(|id| found.estimate(id)).find(is_same)?;
     estimate.ci95.iter().all(|end| end.is_finite()).then_some(estimate.ci95)
 }
 

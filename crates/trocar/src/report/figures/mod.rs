@@ -15,6 +15,7 @@ mod tables;
 mod validation;
 
 use std::borrow::Cow;
+use trocar_model::Unit;
 
 use super::decimate;
 use super::document::{Figure, Section};
@@ -29,7 +30,7 @@ pub(super) use motion::{friction_scale, in_words as fit_in_words, small_motion, 
 pub(super) use reversal::velocity_step;
 pub(super) use sliding::static_friction;
 pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
-pub(super) use tables::{branch_coefficients, display, name_of, parameters, resolution, sampling};
+pub(super) use tables::{branch_coefficients, name_of, parameters, resolution, sampling, subject_in_words};
 pub(super) use validation::{Scored, cross_validation, cycle_speeds, residual_statistics, residuals, scored};
 
 /// A figure, or the reason why there is none.
@@ -103,7 +104,7 @@ pub(super) fn in_words(estimate: &Estimate) -> String {
 
 /// Value with its unit, and the interval as a phrase.
 pub(super) fn value_and_interval(estimate: &Estimate) -> (String, String) {
-    let (scale, unit) = display(estimate.unit);
+    let Unit { scale, shown: unit, .. } = tables::unit_of(estimate);
     let [low, high] = estimate.ci95.map(|end| scale * end);
     match decimals_for(low, high) {
         Some(decimals) if estimate.determined => {

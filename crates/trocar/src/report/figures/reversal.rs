@@ -69,8 +69,8 @@ fn caption(found: &Identification, name: &str, shown: &Traverse, transients: &Tr
 fn branch(found: &Identification, direction: Direction) -> &Branch {
     let force = &found.element().params().deformation;
     match direction {
-        Direction::Insertion => force.rising(),
-        Direction::Withdrawal => force.falling(),
+        Direction::Insertion => force.insertion(),
+        Direction::Withdrawal => force.withdrawal(),
     }
 }
 
@@ -83,8 +83,8 @@ fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
     let middle = &by_speed[quarter..by_speed.len() - quarter];
     let unsteadiness = |t: &Traverse| {
         let mean = match t.direction {
-            Direction::Insertion => &deformation.rising.mean_curve,
-            Direction::Withdrawal => &deformation.falling.mean_curve,
+            Direction::Insertion => &deformation.insertion_branch.mean_curve,
+            Direction::Withdrawal => &deformation.withdrawal_branch.mean_curve,
         };
         let swing = mean.iter().fold(0.0f64, |most, f| most.max(f.abs())).max(f64::MIN_POSITIVE);
         let force = t.curve.iter().zip(mean).map(|(f, m)| (f - m).powi(2)).sum::<f64>().sqrt() / swing;

@@ -1,89 +1,45 @@
 //! Tables of parameters and of data quality.
 
-use trocar_model::{Branch, Element};
+use trocar_model::{Element, ParameterId, Quantity, Unit};
 
 use super::MM;
 use crate::identify::{Estimate, Identification, Parameter};
 use crate::recording::{Quality, Recording};
 use crate::report::document::{Cell, Table};
 
-/// Factor from SI, and the displayed unit.
-pub(in super::super) fn display(unit: &str) -> (f64, String) {
-    match unit {
-        "m" => (MM, "mm".to_owned()),
-        "m/s" => (MM, "mm/s".to_owned()),
-        "N s/m" => (1.0, "N·s/m".to_owned()),
-        other => {
-            let raised = ["²", "³", "⁴", "⁵", "⁶", "⁷"].iter().zip(2..);
-            (1.0, raised.fold(other.to_owned(), |text, (sign, power)| text.replace(&format!("^{power}"), sign)))
-        }
+/// The unit of an estimate, as displayed.
+pub(super) fn unit_of(estimate: &Estimate) -> Unit {
+    const OTHERS: [Unit; 8] = [
+        Unit::NEWTON,
+        Unit::METRE,
+        Unit::METRE_PER_SECOND,
+        Unit::NEWTON_SECOND_PER_METRE,
+        Unit::NEWTON_PER_METRE,
+        Unit::SECOND,
+        Unit::KILOGRAM,
+        Unit::ONE,
+    ];
+    OTHERS.into_iter().find(|unit| unit.si == estimate.unit).unwrap_or(Unit::ONE)
+}
+
+/// A parameter in words, capitalised.
+pub(in super::super) fn name_of(id: ParameterId) -> String {
+    capitalised(&id.words().to_string())
+}
+
+fn capitalised(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().into_iter().flat_map(char::to_uppercase).chain(letters).collect()
+}
+
+/// The subject of a warning: a parameter or part of the model in words; the name of a recording
+/// unchanged.
+pub(in super::super) fn subject_in_words(subject: &str) -> String {
+    match subject.parse::<ParameterId>() {
+        Ok(id) => name_of(id),
+        Err(_) if matches!(subject, "fit" | "sliding friction") => capitalised(subject),
+        Err(_) => subject.to_owned(),
     }
-}
-
-/// Name and symbol of a parameter of `summary.json`; an unknown name is returned unchanged.
-pub(in super::super) fn name_of(parameter: &str) -> (String, String) {
-    let (words, symbol) = match parameter {
-        "coulomb_force_n" => ("Coulomb force", "F_c"),
-        "insertion_coulomb_force_with_offset_n" => ("Coulomb force with offset, insertion", "F_c⁺ + F_0"),
-        "withdrawal_coulomb_force_with_offset_n" => ("Coulomb force with offset, withdrawal", "F_c⁻ − F_0"),
-        "viscous_damping_n_s_m" => ("Viscous damping", "β"),
-        "insertion_viscous_damping_n_s_m" => ("Viscous damping, insertion", "β⁺"),
-        "withdrawal_viscous_damping_n_s_m" => ("Viscous damping, withdrawal", "β⁻"),
-        "offset_n" => ("Sensor offset", "F_0"),
-        "static_force_n" => ("Static force", "F_s"),
-        "stribeck_velocity_m_s" => ("Stribeck velocity", "v_s"),
-        "half_width_m" => ("Half width of the deformation", "c"),
-        "seal_damping_n_s_m" => ("Seal damping", "σ"),
-        "yield_stiffness_n_m" => ("Minor-loop stiffness", "κ"),
-        "creep_velocity_m_s" => ("Creep velocity of the contact", "v_c"),
-        "friction_lag_s" => ("Lag of the Stribeck curve", "T"),
-        "relaxation_stiffness_n_m" => ("Stiffness of the relaxation", "E"),
-        "relaxation_time_s" => ("Relaxation time", "τ"),
-        "second_relaxation_stiffness_n_m" => ("Stiffness of the second relaxation", "E_2"),
-        "second_relaxation_time_s" => ("Second relaxation time", "τ_2"),
-        "second_coulomb_force_n" => ("Coulomb force of the second stage, part of F_c", "F_c2"),
-        "second_half_width_m" => ("Half width of the second stage", "c_2"),
-        "sliding friction" => ("Sliding friction", "F_sl"),
-        "fit" => ("Fit", ""),
-        "unmodelled_mass_kg" => ("Unmodelled mass before the seal", "m"),
-        "rising_join_m" => ("Join, insertion", "a⁺"),
-        "falling_join_m" => ("Join, withdrawal", "a⁻"),
-        "rising_join_force_n" => ("Force at the join, insertion", "F(a⁺)"),
-        "falling_join_force_n" => ("Force at the join, withdrawal", "F(a⁻)"),
-        "stribeck_exponent" => ("Stribeck exponent", "δ"),
-        "exponent" => ("Exponent of the transition", "n"),
-        "stiffness_n_m" => ("Stiffness", "k"),
-        "micro_damping_n_s_m" => ("Micro-damping", "σ"),
-        "attraction_n_s" => ("Attraction", "C"),
-        other => {
-            let found = coefficient(other).or_else(|| of_element(other));
-            return found.unwrap_or_else(|| (other.to_owned(), String::new()));
-        }
-    };
-    (words.to_owned(), symbol.to_owned())
-}
-
-/// `rising_theta1_3_n_m3`: coefficient 3 of the polynomial left of the join.
-fn coefficient(parameter: &str) -> Option<(String, String)> {
-    let (side, rest) = parameter.split_once("_theta")?;
-    let motion = if side == "rising" { "insertion" } else { "withdrawal" };
-    let mut parts = rest.split('_');
-    let (piece, power) = (parts.next()?, parts.next()?);
-    let place = if piece == "1" { "left of the join" } else { "right of the join" };
-    Some((format!("Coefficient of z^{power}, {motion}, {place}"), format!("θ{piece}_{power}")))
-}
-
-/// `limit_force_n_3`: a parameter of element 3 of a bank.
-fn of_element(parameter: &str) -> Option<(String, String)> {
-    let (name, element) = parameter.rsplit_once('_')?;
-    let element: usize = element.parse().ok()?;
-    let (words, symbol) = match name {
-        "stiffness_n_m" => ("Stiffness", "k"),
-        "limit_force_n" => ("Limit force", "F"),
-        "damping_n_s_m" => ("Damping", "σ"),
-        _ => return None,
-    };
-    Some((format!("{words}, element {element}"), format!("{symbol}_{element}")))
 }
 
 /// The main parameters: refined beside two-step, and beside the truth if that is known.
@@ -116,16 +72,15 @@ fn table<'a>(
         columns.push("Truth");
     }
     parameters.fold(Table::new(caption, columns), |table, p| {
-        let (words, symbol) = name_of(&p.name);
-        let (scale, unit) = display(p.estimate.unit);
-        let mut cells = vec![Cell::Text(words), Cell::Text(symbol), Cell::Text(unit)];
+        let Unit { scale, shown, .. } = p.id.unit();
+        let mut cells = vec![Cell::Text(name_of(p.id)), Cell::Text(p.id.symbol().to_string()), Cell::from(shown)];
         cells.extend(cells_of(&p.estimate, scale));
         if refined {
-            let earlier = found.two_step_parameters.iter().find(|q| q.name == p.name);
+            let earlier = found.two_step_parameters.iter().find(|q| q.id == p.id);
             cells.extend(earlier.map_or_else(|| ["–", "–"].map(Cell::from), |q| cells_of(&q.estimate, scale)));
         }
         if let Some(elements) = truth {
-            let value = true_value(&p.name, elements).map_or(f64::NAN, |value| scale * value);
+            let value = true_value(p.id, elements).map_or(f64::NAN, |value| scale * value);
             cells.push(Cell::Number { value, digits: 4 });
         }
         table.row(cells)
@@ -143,42 +98,17 @@ pub(super) fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
 }
 
 /// The value used by the bench, SI; `None` if parallel elements or the rig have no such number.
-fn true_value(name: &str, elements: &[Element]) -> Option<f64> {
-    let sum = |of: &dyn Fn(&Element) -> f64| elements.iter().map(of).sum::<f64>();
-    let mean = |a: f64, b: f64| 0.5 * (a + b);
-    let single = match elements {
-        [element] => Some(element.params()),
-        _ => None,
-    };
-    let join = |branch: &Branch| branch.join();
-    match name {
-        "coulomb_force_n" => {
-            Some(sum(&|e| mean(e.params().insertion.coulomb_force, e.params().withdrawal.coulomb_force)))
+fn true_value(id: ParameterId, elements: &[Element]) -> Option<f64> {
+    match id.quantity {
+        Quantity::CoulombForce | Quantity::StaticForce | Quantity::ViscousDamping if id.element.is_none() => {
+            elements.iter().map(|element| element.params().value(id)).sum()
         }
-        "viscous_damping_n_s_m" => {
-            Some(sum(&|e| mean(e.params().insertion.viscous_damping, e.params().withdrawal.viscous_damping)))
-        }
-        "insertion_viscous_damping_n_s_m" => Some(sum(&|e| e.params().insertion.viscous_damping)),
-        "withdrawal_viscous_damping_n_s_m" => Some(sum(&|e| e.params().withdrawal.viscous_damping)),
-        "static_force_n" => Some(sum(&|e| mean(e.params().insertion.static_force, e.params().withdrawal.static_force))),
-        "stribeck_velocity_m_s" => single.map(|p| p.insertion.stribeck_velocity),
-        "seal_damping_n_s_m" => single.map(|p| p.damping.coefficients[0]),
-        "creep_velocity_m_s" => single.map(|p| p.creep_velocity),
-        "friction_lag_s" => single.map(|p| p.friction_lag),
-        "relaxation_stiffness_n_m" => single.map(|p| p.relaxation.arms[0].stiffness),
-        "relaxation_time_s" => single.map(|p| p.relaxation.arms[0].time),
-        "yield_stiffness_n_m" => single.map(|p| p.deformation.yield_stiffness()),
-        "half_width_m" => single.map(|p| p.deformation.half_width()),
-        "rising_join_m" => single.map(|p| join(p.deformation.rising())),
-        "falling_join_m" => single.map(|p| join(p.deformation.falling())),
-        "rising_join_force_n" => single.map(|p| at_join(p.deformation.rising())),
-        "falling_join_force_n" => single.map(|p| at_join(p.deformation.falling())),
-        _ => None,
+        Quantity::Offset | Quantity::UnmodelledMass => None,
+        _ => match elements {
+            [element] => element.params().value(id),
+            _ => None,
+        },
     }
-}
-
-fn at_join(branch: &Branch) -> f64 {
-    branch.force(branch.join())
 }
 
 /// Properties of the recordings, one row each.

@@ -4,8 +4,9 @@ use super::{best, by_name, family_name, model_name};
 use crate::compare::{Comparison, Entry};
 use crate::identify::Warning;
 use crate::report::document::{Cell, Table};
-use crate::report::figures::tables::{cells_of, display, name_of};
+use crate::report::figures::tables::{cells_of, name_of, subject_in_words};
 use crate::validate::Part;
+use trocar_model::{ParameterId, Unit};
 
 /// The parameters of banks with more elements than this are only in the JSON.
 const MOST_ELEMENTS: usize = 4;
@@ -100,10 +101,10 @@ pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> 
 
 fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
     entry.estimates.iter().filter(|p| !p.is_coefficient()).map(|p| {
-        let (words, symbol) = name_of(&p.name);
-        let (scale, unit) = display(p.estimate.unit);
+        let Unit { scale, shown, .. } = p.id.unit();
         let [value, interval] = cells_of(&p.estimate, scale);
-        vec![Cell::Text(model_name(entry)), Cell::Text(words), Cell::Text(symbol), value, interval, Cell::Text(unit)]
+        let [words, symbol] = [name_of(p.id), p.id.symbol().to_string()].map(Cell::Text);
+        vec![Cell::Text(model_name(entry)), words, symbol, value, interval, Cell::from(shown)]
     })
 }
 
@@ -115,7 +116,7 @@ pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Opt
             entry.warnings.iter().partition(|w| w.is_undetermined());
         let symbols: Vec<String> = undetermined.iter().map(|w| symbol_or_name(&w.subject)).collect();
         let undetermined = (!symbols.is_empty()).then(|| format!("not determined: {}", symbols.join(", ")));
-        let others = others.iter().map(|w| match name_of(&w.subject).0 {
+        let others = others.iter().map(|w| match subject_in_words(&w.subject) {
             name if is_own_name(entry, &name) => w.message.clone(),
             name => format!("{name}: {}", w.message),
         });
@@ -126,9 +127,8 @@ pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Opt
     Some(table("Warnings by model", &["Model", "Warnings"], doubted.map(row)))
 }
 
-fn symbol_or_name(parameter: &str) -> String {
-    let (words, symbol) = name_of(parameter);
-    if symbol.is_empty() { words } else { symbol }
+fn symbol_or_name(subject: &str) -> String {
+    subject.parse::<ParameterId>().map_or_else(|_| subject_in_words(subject), |id| id.symbol().to_string())
 }
 
 /// Whether a warning's subject is the model itself: `gms:4`.
