@@ -13,7 +13,6 @@ pub mod inspect;
 pub mod many;
 pub mod output;
 pub mod profile;
-pub mod recording;
 pub mod replay;
 #[cfg(feature = "report")]
 pub mod report;
@@ -27,6 +26,8 @@ pub mod table;
 pub mod validate;
 pub mod workflow;
 
+/// Reading of recordings.
+pub use trocar_recording as recording;
 pub use trocar_runtime::model_file;
 
 /// Compiles and runs the README's Rust code.
