@@ -9,13 +9,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::RecordingError;
 
-use flate2::bufread::MultiGzDecoder;
-
 /// First bytes of gzip members and of zstd frames.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
 /// Bytes read at a time.
+#[cfg(feature = "gzip")]
 const PIECE: usize = 1 << 16;
 
 /// The text in a file or from standard input.
@@ -63,8 +62,8 @@ impl<R: Read> Read for Counted<R> {
 /// form one text.
 ///
 /// # Errors
-/// The error of the operating system for the first bytes, or that the stream is zstd and this build
-/// lacks it.
+/// The error of the operating system for the first bytes, or that this build lacks the
+/// stream's compression.
 fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
     let mut head = Vec::with_capacity(ZSTD.len());
     (&mut input).take(ZSTD.len() as u64).read_to_end(&mut head)?;
@@ -72,13 +71,23 @@ fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Se
     let (gzip, zstd) = (is(&GZIP), is(&ZSTD));
     let whole = Cursor::new(head).chain(input);
     if gzip {
-        let text = MultiGzDecoder::new(io::BufReader::with_capacity(PIECE, whole));
-        return Ok(Box::new(Told { text, format: "gzip", bytes: 0 }));
+        return gzip_text(whole);
     }
     if zstd {
         return zstd_text(whole);
     }
     Ok(Box::new(whole))
+}
+
+#[cfg(feature = "gzip")]
+fn gzip_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    let text = flate2::bufread::MultiGzDecoder::new(io::BufReader::with_capacity(PIECE, input));
+    Ok(Box::new(Told { text, format: "gzip", bytes: 0 }))
+}
+
+#[cfg(not(feature = "gzip"))]
+fn gzip_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    Err(no_feature("gzip"))
 }
 
 #[cfg(feature = "zstd")]
@@ -89,17 +98,26 @@ fn zstd_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Sen
 
 #[cfg(not(feature = "zstd"))]
 fn zstd_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    let text = "compressed with zstd, and this build has no feature zstd; build with --features zstd or decompress it";
-    Err(io::Error::new(io::ErrorKind::Unsupported, text))
+    Err(no_feature("zstd"))
+}
+
+#[cfg(not(all(feature = "gzip", feature = "zstd")))]
+fn no_feature(name: &str) -> io::Error {
+    let text = format!(
+        "compressed with {name}, and this build has no feature {name}; build with --features {name} or decompress it"
+    );
+    io::Error::new(io::ErrorKind::Unsupported, text)
 }
 
 /// A decoder whose errors state the format and the position reached.
+#[cfg(any(feature = "gzip", feature = "zstd"))]
 struct Told<R> {
     text: R,
     format: &'static str,
     bytes: u64,
 }
 
+#[cfg(any(feature = "gzip", feature = "zstd"))]
 impl<R: Read> Read for Told<R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         match self.text.read(bytes) {
@@ -113,6 +131,7 @@ impl<R: Read> Read for Told<R> {
     }
 }
 
+#[cfg(any(feature = "gzip", feature = "zstd"))]
 impl<R> Told<R> {
     fn fault(&self, error: &io::Error) -> io::Error {
         let (format, bytes) = (self.format, self.bytes);

@@ -1,6 +1,7 @@
 //! From recordings of an instrument in a trocar to a validated model of the force between them.
 
 pub mod analyze;
+#[cfg(feature = "bench")]
 pub mod bench;
 pub mod cancel;
 pub mod compare;
@@ -21,6 +22,7 @@ pub mod segment;
 pub mod simulate;
 pub mod summary;
 pub mod survey;
+#[cfg(feature = "bench")]
 pub mod sweep;
 pub mod table;
 pub mod validate;

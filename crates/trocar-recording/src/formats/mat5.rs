@@ -12,8 +12,6 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::sync::Arc;
 
-use flate2::bufread::ZlibDecoder;
-
 use super::lengths::{self, Group, WIDEST};
 use super::{Source, read_at};
 use crate::RecordingError;
@@ -164,6 +162,10 @@ impl Mat5 {
                 let found = format!("a data element of {bytes} bytes, the file has {} more", length - at - 8);
                 return Err(source.damaged(place, found));
             }
+            if cfg!(not(feature = "gzip")) && kind == COMPRESSED {
+                let (file, format) = (source.file, source.format);
+                return Err(RecordingError::NoFeature { file, format, feature: "gzip" });
+            }
             let element = Element { at: at + 8, bytes, compressed: kind == COMPRESSED };
             match kind {
                 MATRIX | COMPRESSED => listing.element(&file, element)?,
@@ -223,7 +225,11 @@ fn word(bytes: &[u8], big: bool) -> u32 {
 /// The bytes of a data element, decompressed.
 fn stream(file: &Arc<File>, element: Element) -> Box<dyn Read + Send> {
     let part = BufReader::with_capacity(1 << 16, Part { file: file.clone(), at: element.at, left: element.bytes });
-    if element.compressed { Box::new(BufReader::new(ZlibDecoder::new(part))) } else { Box::new(part) }
+    #[cfg(feature = "gzip")]
+    if element.compressed {
+        return Box::new(BufReader::new(flate2::bufread::ZlibDecoder::new(part)));
+    }
+    Box::new(part)
 }
 
 /// A part of the file.
