@@ -112,7 +112,7 @@ fn pieces(path: &Path, options: &ReadOptions, samples: usize) -> Result<(), Reco
 /// The rows of a Parquet file as a data set reads them.
 fn rows_of_parquet(path: &Path) -> Result<(), RecordingError> {
     let parquet = std::sync::Arc::new(Parquet::named(path, "input")?);
-    let plan = parquet.plan(&[0..parquet.rows().min(1 << 20)]);
+    let plan = parquet.plan(&[std::ops::Range { start: 0, end: parquet.rows().min(1 << 20) }]);
     for column in 0..parquet.columns().len() {
         _ = Selected::new(parquet.clone(), column, plan.clone()).runs(&mut |_, _| true);
         let mut numbers = Vec::new();
