@@ -1,6 +1,7 @@
 //! From recordings of an instrument in a trocar to a validated model of the force between them.
 
 pub mod analyze;
+#[cfg(feature = "bench")]
 pub mod bench;
 pub mod cancel;
 pub mod compare;
@@ -13,7 +14,6 @@ pub mod inspect;
 pub mod many;
 pub mod output;
 pub mod profile;
-pub mod recording;
 pub mod replay;
 #[cfg(feature = "report")]
 pub mod report;
@@ -22,11 +22,14 @@ pub mod segment;
 pub mod simulate;
 pub mod summary;
 pub mod survey;
+#[cfg(feature = "bench")]
 pub mod sweep;
 pub mod table;
 pub mod validate;
 pub mod workflow;
 
+/// Reading of recordings.
+pub use trocar_recording as recording;
 pub use trocar_runtime::model_file;
 
 /// Compiles and runs the README's Rust code.

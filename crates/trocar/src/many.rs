@@ -8,7 +8,6 @@
 
 pub mod ensemble;
 
-use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, Squares, blocks};
 use trocar_model::{Trocar, TrocarState};
@@ -16,21 +15,44 @@ use trocar_model::{Trocar, TrocarState};
 /// Least number of models per task: several blocks, so that a task is worth its overhead.
 const TASK: usize = 4 * LANES;
 
-/// [`Batch::run`] on the current thread.
-pub fn run<M: Many>(batch: &mut Batch<'_, M>, motion: &[(f64, f64)], observer: &mut impl Observe) {
-    pulp::Arch::new().dispatch(Run { batch, motion, observer });
+/// Code compiled once for each kind of processor.
+trait Compiled {
+    fn call(self);
 }
 
-/// Code compiled once for each kind of processor.
+/// Runs `code` in the version for this processor.
+#[cfg(feature = "simd")]
+fn dispatch(code: impl Compiled) {
+    struct Run<C>(C);
+    impl<C: Compiled> pulp::NullaryFnOnce for Run<C> {
+        type Output = ();
+
+        #[inline(always)]
+        fn call(self) {
+            self.0.call();
+        }
+    }
+    pulp::Arch::new().dispatch(Run(code));
+}
+
+/// Runs `code`, which exists in one version only.
+#[cfg(not(feature = "simd"))]
+fn dispatch(code: impl Compiled) {
+    code.call();
+}
+
+/// [`Batch::run`] on the current thread.
+pub fn run<M: Many>(batch: &mut Batch<'_, M>, motion: &[(f64, f64)], observer: &mut impl Observe) {
+    dispatch(Run { batch, motion, observer });
+}
+
 struct Run<'r, 'a, M: Many, O> {
     batch: &'r mut Batch<'a, M>,
     motion: &'r [(f64, f64)],
     observer: &'r mut O,
 }
 
-impl<M: Many, O: Observe> NullaryFnOnce for Run<'_, '_, M, O> {
-    type Output = ();
-
+impl<M: Many, O: Observe> Compiled for Run<'_, '_, M, O> {
     #[inline(always)]
     fn call(self) {
         self.batch.run(self.motion.iter().copied(), self.observer);
@@ -46,10 +68,9 @@ pub fn along<K: AsRef<[f64]>>(
     durations: &[f64],
     forces: &mut [f64],
 ) {
-    pulp::Arch::new().dispatch(Along { trocar: &trocar.borrowed(), state, positions, durations, forces });
+    dispatch(Along { trocar: &trocar.borrowed(), state, positions, durations, forces });
 }
 
-/// Code compiled once for each kind of processor.
 struct Along<'r, 'a> {
     trocar: &'r Trocar<&'a [f64]>,
     state: &'r mut TrocarState,
@@ -58,9 +79,7 @@ struct Along<'r, 'a> {
     forces: &'r mut [f64],
 }
 
-impl NullaryFnOnce for Along<'_, '_> {
-    type Output = ();
-
+impl Compiled for Along<'_, '_> {
     #[inline(always)]
     fn call(self) {
         self.trocar.run(self.state, self.positions, self.durations, self.forces);

@@ -11,7 +11,7 @@ use crate::identify::{
     DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Parameter, Phase, PositionDelay,
     SteadyFit, StickSlip, Warning,
 };
-use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, SensorInfo};
+use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, RecordingInfo, SensorInfo};
 use crate::profile::ProfileFit;
 use crate::recording::{Quality, Recording};
 use crate::validate::{Validation, validate};
@@ -185,7 +185,7 @@ impl Workflow {
     /// The identified seal with its origin, sensor and intervals.
     pub fn model_file(&self) -> ModelFile {
         let found = &self.identification;
-        let mut origin = Origin::identified(self.options.seed, &self.recordings);
+        let mut origin = Origin::identified(self.options.seed, self.recordings.iter().map(origin_of));
         origin.note = found.deformation_note();
         let mut model = ModelFile::new(found.stages, origin);
         model.trocar = found.trocar().stored_as(<[f64]>::to_vec);
@@ -254,6 +254,11 @@ fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
         insertion_branch: branch(&found.insertion_branch),
         withdrawal_branch: branch(&found.withdrawal_branch),
     }
+}
+
+/// Name and hash of a recording for a model file.
+pub(crate) fn origin_of(recording: &Recording) -> RecordingInfo {
+    RecordingInfo { name: recording.name.clone(), sha256: recording.sha256.clone() }
 }
 
 /// Estimates in the form used in a model file.

@@ -16,7 +16,7 @@ const ROWS: usize = 240;
 const ROUNDING: f64 = 1e-15;
 
 fn path(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests").join(name)
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../trocar-recording/tests").join(name)
 }
 
 fn choice(columns: &str, topics: &[&str]) -> Choice {

@@ -12,7 +12,7 @@ use trocar_model::Trocar;
 use crate::identify::{Estimate, Identification, Warning};
 use crate::model_file::{ModelFile, Origin};
 use crate::recording::Recording;
-use crate::summary::{PROGRAM, by_name, intervals};
+use crate::summary::{PROGRAM, by_name, intervals, origin_of};
 use crate::validate::{Phases, RecordingValidation, validate};
 use crate::workflow::MovingMass;
 
@@ -159,7 +159,8 @@ impl<'a> Outcome<'a> {
     pub fn model_files(&self) -> Vec<(String, ModelFile)> {
         let Self { comparison, seed, moving_mass, .. } = *self;
         let file = |entry: &Entry| {
-            let mut model = ModelFile::new(*entry.trocar.seal(), Origin::identified(seed, &comparison.training));
+            let origin = Origin::identified(seed, comparison.training.iter().map(origin_of));
+            let mut model = ModelFile::new(*entry.trocar.seal(), origin);
             if entry.choice == Choice::Ems {
                 model.origin.note = comparison.ems.deformation_note();
             }

@@ -276,6 +276,9 @@ impl TableWriter {
         let failed = |source| OutputError::Write { path: path.to_owned(), source };
         let sink = match format {
             Format::Csv | Format::CsvGzip | Format::CsvZstd => {
+                if format == Format::CsvGzip && !cfg!(feature = "gzip") {
+                    return Err(refused("gzip"));
+                }
                 if format == Format::CsvZstd && !cfg!(feature = "zstd") {
                     return Err(refused("zstd"));
                 }

@@ -113,7 +113,7 @@ impl<'a> Stream<'a> {
             });
             while let Some(piece) = part.pieces.get(self.piece) {
                 let rows = block.len() + piece.rows.len();
-                if rows > BATCH_ROWS && block.len() > 0 {
+                if rows > BATCH_ROWS && !block.is_empty() {
                     break;
                 }
                 for ((selected, chosen), column) in open.iter_mut().zip(&self.chosen).zip(&mut block.columns) {
@@ -127,7 +127,7 @@ impl<'a> Stream<'a> {
                 }
                 self.piece += 1;
             }
-            if block.len() > 0 {
+            if !block.is_empty() {
                 block.count_from(0, self.rows);
                 self.rows += block.len() as u64;
                 self.check_order(&block.columns[Quantity::Time as usize])?;

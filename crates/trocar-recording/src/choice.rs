@@ -1,0 +1,143 @@
+//! What to read from a file: which columns, from which of its tables, between which times.
+
+use super::columns::{Given, Layout, Quantity};
+use super::container::{Container, Table};
+use super::{RecordingError, columns};
+
+/// What to read from a file. The default finds time, position and force by their names, from the
+/// first row to the last.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Choice {
+    /// Names of the columns: in order, `time_s,position_mm,-,force_n`, or by name,
+    /// `position_mm=x,force_n=-fz`. A minus reverses the sign, and a name that contains commas is
+    /// enclosed in double quotes. A file without a header needs the first form.
+    pub columns: Option<String>,
+    /// Topics, groups or other tables to search; all of them when empty.
+    pub topics: Vec<String>,
+    /// Rows before this time, s, counted from the first row, are omitted.
+    pub from: Option<f64>,
+    /// Rows from this time on, s, counted from the first row, are omitted.
+    pub to: Option<f64>,
+    /// Reverse the sign of the force, for a sensor mounted in the opposite direction.
+    pub flip_force: bool,
+}
+
+impl Choice {
+    /// These columns, and defaults for the rest.
+    pub fn columns(names: &str) -> Self {
+        Self { columns: Some(names.to_owned()), ..Self::default() }
+    }
+}
+
+/// Columns of one table, by their indices, and their layout once read.
+pub(super) struct Picked {
+    pub(super) table: usize,
+    pub(super) columns: Vec<usize>,
+    pub(super) layout: Layout,
+}
+
+/// Selects the one table that contains the required columns.
+pub(super) fn pick(
+    file: &str,
+    container: &dyn Container,
+    choice: &Choice,
+    needed: &[Quantity],
+) -> Result<Picked, RecordingError> {
+    let tables = container.tables();
+    let allowed = allowed(file, tables, &choice.topics)?;
+    let mut found = Vec::new();
+    let mut refused = None;
+    for table in allowed {
+        match layout_of(file, &tables[table], choice, needed) {
+            Ok(layout) => found.push((table, layout)),
+            // The table with the most numeric columns gives the most informative error.
+            Err(error) => {
+                let rank = tables[table].columns.iter().filter(|column| column.is_numeric).count();
+                if refused.as_ref().is_none_or(|(best, _)| rank > *best) {
+                    refused = Some((rank, error));
+                }
+            }
+        }
+    }
+    // Columns of the file itself take precedence over those of its groups.
+    if let Some(own) = found.iter().position(|(table, _)| tables[*table].name.is_empty()).filter(|_| found.len() > 1) {
+        let (table, mut layout) = found.swap_remove(own);
+        let others: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
+        layout.notes.push(format!("taken from the file itself, not from {}", columns::listed(&others)));
+        found = vec![(table, layout)];
+    }
+    if found.len() > 1 {
+        let tables: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
+        return Err(RecordingError::AmbiguousTable { file: file.to_owned(), found: columns::listed(&tables) });
+    }
+    let Some((table, layout)) = found.pop() else {
+        return Err(refused.map_or_else(|| RecordingError::Empty { file: file.to_owned() }, |(_, error)| error));
+    };
+    let read = layout.slots.iter().enumerate().filter(|(_, slot)| slot.is_some());
+    let columns = read.map(|(k, _)| k).collect();
+    Ok(Picked { table, columns, layout })
+}
+
+/// The tables named by `topics`: by full name, or by the part after a slash.
+pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result<Vec<usize>, RecordingError> {
+    if topics.is_empty() {
+        return Ok((0..tables.len()).collect());
+    }
+    let mut found = Vec::new();
+    for topic in topics {
+        let exact = (0..tables.len()).filter(|k| tables[*k].name == *topic);
+        let matching = (0..tables.len()).filter(|k| {
+            let front = tables[*k].name.strip_suffix(topic.as_str());
+            front.is_some_and(|front| front.ends_with('/') || topic.starts_with('/'))
+        });
+        let mut own: Vec<usize> = exact.collect();
+        if own.is_empty() {
+            own = matching.collect();
+        }
+        if own.len() != 1 {
+            let names: Vec<String> = tables.iter().map(|table| table.name.clone()).collect();
+            let nameless = names.iter().all(String::is_empty);
+            let expected = if nameless { "one table without a name".to_owned() } else { columns::listed(&names) };
+            let (file, topic) = (file.to_owned(), topic.clone());
+            return Err(RecordingError::NoSuchTable { file, topic, found: own.len(), expected });
+        }
+        found.extend(own);
+    }
+    found.sort_unstable();
+    found.dedup();
+    Ok(found)
+}
+
+/// Rejects topics if there is only one unnamed table: text, or rows of a table.
+///
+/// # Errors
+/// [`RecordingError::NoSuchTable`] if there are some.
+pub fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
+    allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
+}
+
+fn layout_of(file: &str, table: &Table, choice: &Choice, needed: &[Quantity]) -> Result<Layout, RecordingError> {
+    let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
+    let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };
+    let layout = match choice.columns.as_deref() {
+        Some(mapping) if !mapping.contains('=') => {
+            let layout = Layout::from_mapping(mapping, needed)?;
+            if layout.slots.len() != names.len() {
+                let problem = format!("for {} columns, but {file}{place} has {}", layout.slots.len(), names.len());
+                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
+            }
+            Layout { names, ..layout }
+        }
+        mapping => {
+            let units: Vec<String> = table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
+            let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
+            Layout::from_header(file, &place, names, &units, &given, needed)?
+        }
+    };
+    let read = table.columns.iter().zip(&layout.slots).find(|(column, slot)| slot.is_some() && !column.is_numeric);
+    if let Some((column, _)) = read {
+        let problem = "a column without numbers".to_owned();
+        return Err(RecordingError::BadColumns { entry: column.name.clone(), problem });
+    }
+    Ok(layout)
+}

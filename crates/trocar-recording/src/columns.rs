@@ -1,0 +1,637 @@
+//! Column names and units: which column of a file holds which quantity.
+
+use super::RecordingError;
+
+/// Quantities that a column can hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Time, in s.
+    Time,
+    /// Position, in m.
+    Position,
+    /// Force, in N.
+    Force,
+    /// Velocity, in m/s.
+    Velocity,
+}
+
+/// A unit as written in a name, and its number per SI unit.
+type Unit = (&'static str, f64);
+
+impl Quantity {
+    /// All quantities; the index of each is its number.
+    pub const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
+
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Position => "position",
+            Self::Force => "force",
+            Self::Velocity => "velocity",
+        }
+    }
+
+    fn words(self) -> &'static [&'static str] {
+        match self {
+            Self::Time => &["time", "t", "timestamp", "elapsed"],
+            Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
+            Self::Force => &["force", "f", "load", "friction"],
+            Self::Velocity => &["velocity", "vel", "v"],
+        }
+    }
+
+    /// The SI unit comes first.
+    fn units(self) -> &'static [Unit] {
+        match self {
+            Self::Time => &[("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("sec", 1.0), ("seconds", 1.0)],
+            Self::Position => &[("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("um", 1e6)],
+            Self::Force => &[("n", 1.0), ("mn", 1e3), ("kn", 1e-3)],
+            Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6)],
+        }
+    }
+
+    /// A recognised name, for messages.
+    pub(crate) fn example(self) -> &'static str {
+        match self {
+            Self::Time => "time_s",
+            Self::Position => "position_mm",
+            Self::Force => "force_n",
+            Self::Velocity => "velocity_m_s",
+        }
+    }
+}
+
+/// Interpretation of a single name.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Reading {
+    quantity: Quantity,
+    /// The name is exactly the quantity's word.
+    exact: bool,
+    /// Number of the column's units per SI unit.
+    per_si: Option<f64>,
+}
+
+/// Words in names of columns that are related to a quantity but not its measurement.
+const NOT_MEASURED: [&str; 12] = [
+    "command",
+    "commanded",
+    "cmd",
+    "setpoint",
+    "set",
+    "target",
+    "reference",
+    "ref",
+    "desired",
+    "demand",
+    "error",
+    "std",
+];
+
+/// Recognises `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
+fn recognise(name: &str) -> Option<Reading> {
+    let lower = name.to_lowercase().replace(['µ', 'μ'], "u");
+    let mut words: Vec<&str> =
+        lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty() && *word != "per").collect();
+    if words.iter().any(|word| NOT_MEASURED.contains(word)) {
+        return None;
+    }
+    let quantity = quantity_of(&words)?;
+    let per_si = take_unit(&mut words, quantity);
+    let exact = words.len() == 1;
+    Some(Reading { quantity, exact, per_si })
+}
+
+/// Interpretation of a name together with its declared unit; the unit in the name takes precedence.
+fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
+    let own = recognise(name);
+    if unit.is_empty() || own.is_none() {
+        return own;
+    }
+    let declared = recognise(&format!("{name} {unit}"));
+    match own.and_then(|own| own.per_si) {
+        None => declared,
+        Some(per_si) => {
+            let word = own.map_or("", |own| own.quantity.words()[0]);
+            let other = recognise(&format!("{word} {unit}")).and_then(|declared| declared.per_si);
+            if other.is_some_and(|other| other != per_si) {
+                notes.push(format!("column '{name}' is declared in {unit}: the unit in its name is taken"));
+            }
+            own
+        }
+    }
+}
+
+/// The quantity whose word the name contains; `None` for two different ones.
+fn quantity_of(words: &[&str]) -> Option<Quantity> {
+    let mut found = Quantity::ALL.into_iter().filter(|q| {
+        // The first word counts as itself even if it could be a unit, as in `t_ms`.
+        words.iter().any(|word| q.words().contains(word))
+    });
+    let first = found.next()?;
+    found.next().is_none().then_some(first)
+}
+
+fn take_unit(words: &mut Vec<&str>, quantity: Quantity) -> Option<f64> {
+    // `m·s^-1` leaves a single 1.
+    if words.len() > 2 && words.last() == Some(&"1") {
+        words.pop();
+    }
+    let parts = if quantity == Quantity::Velocity { 2 } else { 1 };
+    let at = words.len().checked_sub(parts).filter(|&at| at > 0)?;
+    let unit = words[at..].join("_");
+    let per_si = quantity.units().iter().find(|(name, _)| *name == unit)?.1;
+    words.truncate(at);
+    Some(per_si)
+}
+
+/// A column to read: the destination of its numbers, and the divisor that converts them to SI,
+/// negative if the sign is reversed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Slot {
+    /// A [`Quantity`], or an index of the reader's own.
+    pub(crate) output: usize,
+    pub(crate) per_si: f64,
+}
+
+impl Slot {
+    fn of(quantity: Quantity, per_si: f64) -> Self {
+        Self { output: quantity as usize, per_si }
+    }
+
+    fn is(&self, quantity: Quantity) -> bool {
+        self.output == quantity as usize
+    }
+}
+
+/// Source of a layout that reads all columns.
+const ALL_COLUMNS: &str = "the first line";
+
+/// The columns of one file.
+#[derive(Debug, Clone)]
+pub(crate) struct Layout {
+    pub(crate) names: Vec<String>,
+    pub(crate) slots: Vec<Option<Slot>>,
+    /// Source of the names, for messages.
+    pub(crate) source: &'static str,
+    /// Assumptions about them.
+    pub(crate) notes: Vec<String>,
+}
+
+impl Layout {
+    pub(crate) fn has(&self, quantity: Quantity) -> bool {
+        self.slots.iter().flatten().any(|slot| slot.is(quantity))
+    }
+
+    /// All columns unchanged.
+    pub(crate) fn all(names: Vec<String>) -> Self {
+        let slots = (0..names.len()).map(|output| Some(Slot { output, per_si: 1.0 })).collect();
+        Self { names, slots, source: ALL_COLUMNS, notes: Vec::new() }
+    }
+
+    /// Whether a non-numeric cell counts as missing: if all columns are read, most of them are
+    /// irrelevant.
+    pub(crate) fn tolerates_text(&self) -> bool {
+        self.source == ALL_COLUMNS
+    }
+
+    /// The column of each quantity, in the syntax of `--columns`.
+    pub(crate) fn words(&self) -> Vec<String> {
+        let of = |quantity: Quantity| {
+            let mut own = self.slots.iter().zip(&self.names);
+            let (slot, name) = own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
+            let unit = quantity.units().iter().find(|(_, per_si)| *per_si == slot.per_si.abs())?.0;
+            let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
+            let name = if plain { name.clone() } else { format!("\"{name}\"") };
+            Some(format!("{}_{unit}={}{name}", quantity.name(), if slot.per_si < 0.0 { "-" } else { "" }))
+        };
+        Quantity::ALL.into_iter().filter_map(of).collect()
+    }
+
+    /// Reverses the sign of the force.
+    pub(crate) fn flip_force(&mut self) {
+        let slots = self.slots.iter_mut().flatten();
+        slots.filter(|slot| slot.is(Quantity::Force)).for_each(|slot| slot.per_si = -slot.per_si);
+        self.notes.push("sign of the force reversed".into());
+    }
+
+    /// Layout from `--columns time_s,position_mm,-,force_n`.
+    pub(crate) fn from_mapping(mapping: &str, needed: &[Quantity]) -> Result<Self, RecordingError> {
+        let names: Vec<String> = mapping.split(',').map(|name| name.trim().to_owned()).collect();
+        let slots = names.iter().map(|name| mapped_slot(name)).collect::<Result<Vec<_>, _>>()?;
+        let layout = Self { names, slots, source: "--columns", notes: Vec::new() };
+        for quantity in Quantity::ALL {
+            let mut taken = layout.slots.iter().flatten().filter(|slot| slot.is(quantity));
+            let count = taken.by_ref().count();
+            if count > 1 || (count == 0 && needed.contains(&quantity)) {
+                let problem = format!("naming {} {count} times, expected once", quantity.name());
+                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
+            }
+        }
+        Ok(layout)
+    }
+
+    /// Layout from the names in a header line or of a table, with their declared units `units` (one
+    /// each, or none at all); `given` are the columns named explicitly.
+    pub(crate) fn from_header(
+        file: &str,
+        place: &str,
+        names: Vec<String>,
+        units: &[String],
+        given: &[Given],
+        needed: &[Quantity],
+    ) -> Result<Self, RecordingError> {
+        let mut slots = vec![None; names.len()];
+        let mut notes = Vec::new();
+        let unit = |k: usize| units.get(k).map_or("", String::as_str);
+        let mut readings: Vec<Option<Reading>> =
+            names.iter().enumerate().map(|(k, name)| reading_with(name, unit(k), &mut notes)).collect();
+        for named in given {
+            let index = named.find(&names)?;
+            if slots[index].is_some() {
+                let problem = "a column named for two quantities, expected one".to_owned();
+                return Err(RecordingError::BadColumns { entry: names[index].clone(), problem });
+            }
+            slots[index] = Some(named.slot(readings[index])?);
+            readings[index] = None;
+        }
+        for quantity in Quantity::ALL.into_iter().filter(|q| given.iter().all(|given| given.quantity != *q)) {
+            let header = Header { file, place, names: &names, readings: &readings };
+            match header.choose(quantity, needed.contains(&quantity))? {
+                Choice::Column(index, slot) => {
+                    if readings[index].is_some_and(|reading| !reading.exact) {
+                        notes.push(format!("column '{}' taken as {}", names[index], quantity.name()));
+                    }
+                    slots[index] = Some(slot);
+                }
+                Choice::Ignored(note) => notes.push(note),
+                Choice::None => {}
+            }
+        }
+        Ok(Self { names, slots, source: "the header", notes })
+    }
+}
+
+/// A column of a table that is not a file: its index, from 0, and the number of its units per SI
+/// unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableColumn {
+    /// Index among the names.
+    pub index: usize,
+    /// Divisor for conversion to SI.
+    pub per_si: f64,
+}
+
+/// Which columns of a table are which quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableColumns {
+    /// Time, position and force, in this order.
+    pub needed: [TableColumn; 3],
+    /// Velocity, if there is one.
+    pub velocity: Option<TableColumn>,
+    /// Assumptions made.
+    pub notes: Vec<String>,
+}
+
+impl TableColumns {
+    /// Finds the columns of `table` by their `names`, with the same rules as for the header of a
+    /// file, or by `mapping` (`time_s,position_mm,-,force_n`) in their order.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if a column or its unit is missing or ambiguous.
+    pub fn find(table: &str, names: &[String], mapping: Option<&str>) -> Result<Self, RecordingError> {
+        Self::find_with_units(table, names, &[], mapping)
+    }
+
+    /// The same with the units declared for the names; empty if there are none.
+    ///
+    /// # Errors
+    /// As for [`TableColumns::find`].
+    pub fn find_with_units(
+        table: &str,
+        names: &[String],
+        units: &[String],
+        mapping: Option<&str>,
+    ) -> Result<Self, RecordingError> {
+        let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
+        let layout = match mapping {
+            Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
+            mapping => {
+                let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
+                Layout::from_header(table, "", names.to_vec(), units, &given, &needed)?
+            }
+        };
+        if layout.slots.len() != names.len() {
+            let problem = format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
+            return Err(RecordingError::BadColumns { entry: mapping.unwrap_or_default().to_owned(), problem });
+        }
+        let of = |quantity: Quantity| {
+            let slots = layout.slots.iter().enumerate();
+            let mut own = slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.is(quantity))?)));
+            own.next().map(|(index, slot)| TableColumn { index, per_si: slot.per_si })
+        };
+        let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
+        Ok(Self { needed: found, velocity: of(Quantity::Velocity), notes: layout.notes })
+    }
+}
+
+fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
+    if matches!(name, "-" | "skip" | "") {
+        return Ok(None);
+    }
+    let bad = |problem: String| RecordingError::BadColumns { entry: name.to_owned(), problem };
+    let reading =
+        recognise(name).ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
+    let per_si = reading
+        .per_si
+        .ok_or_else(|| bad(format!("without a unit, expected one of {}", unit_list(reading.quantity))))?;
+    Ok(Some(Slot::of(reading.quantity, per_si)))
+}
+
+/// The entries of `--columns`, separated by commas except within a name that begins and ends with
+/// double quotes.
+fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
+    let (mut found, mut begin, mut quoted) = (Vec::new(), 0, false);
+    for (at, c) in mapping.char_indices() {
+        let rest = mapping[at + c.len_utf8()..].trim_start();
+        match c {
+            '"' if quoted => quoted = !(rest.is_empty() || rest.starts_with(',')),
+            '"' => {
+                let front = mapping[begin..at].split_once('=').map(|(_, front)| front);
+                quoted = front.is_some_and(|front| front.chars().all(|c| c == '-' || c.is_whitespace()));
+            }
+            ',' if !quoted => {
+                found.push(&mapping[begin..at]);
+                begin = at + 1;
+            }
+            _ => {}
+        }
+    }
+    let entry = &mapping[begin..];
+    if quoted {
+        let problem = "without the double quote that ends its name".to_owned();
+        return Err(RecordingError::BadColumns { entry: entry.to_owned(), problem });
+    }
+    found.push(entry);
+    Ok(found)
+}
+
+/// An entry `force_n=-fz` of `--columns`: a quantity, and the name of its column.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Given {
+    pub(crate) quantity: Quantity,
+    /// Unit declared in the entry; otherwise the column's own name must give it.
+    per_si: Option<f64>,
+    pub(crate) column: String,
+    reversed: bool,
+}
+
+impl Given {
+    /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`; a name in double quotes may
+    /// contain commas.
+    pub(crate) fn parse(mapping: &str) -> Result<Vec<Self>, RecordingError> {
+        let given = entries(mapping)?.into_iter().map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
+        for (k, entry) in given.iter().enumerate() {
+            if given[..k].iter().any(|other| other.quantity == entry.quantity) {
+                let problem = format!("naming {} more than once", entry.quantity.name());
+                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
+            }
+        }
+        Ok(given)
+    }
+
+    fn parse_one(entry: &str) -> Result<Self, RecordingError> {
+        let bad = |problem: &str| RecordingError::BadColumns { entry: entry.to_owned(), problem: problem.to_owned() };
+        let (what, column) =
+            entry.split_once('=').ok_or_else(|| bad("without '=', while others have one: name all by column"))?;
+        let reading = recognise(what)
+            .ok_or_else(|| bad("not understood, expected time, position, force or velocity in front of '='"))?;
+        if reading.per_si.is_none() && !reading.exact {
+            let units = unit_list(reading.quantity);
+            return Err(bad(&format!("in a unit that is not understood, expected one of {units}")));
+        }
+        let column = column.trim();
+        let reversed = column.starts_with('-');
+        let column = column.trim_start_matches('-').trim();
+        let unquoted = column.strip_prefix('"').and_then(|column| column.strip_suffix('"'));
+        let column = unquoted.unwrap_or(column).to_owned();
+        if column.is_empty() {
+            return Err(bad("without the name of a column behind '='"));
+        }
+        Ok(Self { quantity: reading.quantity, per_si: reading.per_si, column, reversed })
+    }
+
+    /// Index of the column among `names`: the same name, or the only one that differs only in case.
+    fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
+        if let Some(index) = names.iter().position(|name| *name == self.column) {
+            return Ok(index);
+        }
+        let mut like = (0..names.len()).filter(|k| names[*k].eq_ignore_ascii_case(&self.column));
+        match (like.next(), like.next()) {
+            (Some(index), None) => Ok(index),
+            _ => {
+                let problem = format!("a name that no column has, expected one of {}", listed(names));
+                Err(RecordingError::BadColumns { entry: self.column.clone(), problem })
+            }
+        }
+    }
+
+    /// Slot with the unit of the entry, otherwise with that of `name`.
+    pub(crate) fn slot_for(&self, name: &str) -> Result<Slot, RecordingError> {
+        self.slot(recognise(name))
+    }
+
+    fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
+        let declared = own.filter(|own| own.quantity == self.quantity).and_then(|own| own.per_si);
+        let per_si = self.per_si.or(declared).ok_or_else(|| {
+            let units = unit_list(self.quantity);
+            let problem = format!(
+                "{} without a unit, which the column's name does not tell either, expected one of {units}",
+                self.quantity.name()
+            );
+            RecordingError::BadColumns { entry: format!("{}={}", self.quantity.name(), self.column), problem }
+        })?;
+        Ok(Slot::of(self.quantity, if self.reversed { -per_si } else { per_si }))
+    }
+}
+
+/// Names for a message, the first few of many.
+pub(crate) fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 12;
+    let shown = names.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN { format!("{shown}, ... ({} in all)", names.len()) } else { shown }
+}
+
+fn unit_list(quantity: Quantity) -> String {
+    let names: Vec<&str> = quantity.units().iter().map(|(name, _)| *name).collect();
+    names.join(", ")
+}
+
+/// A `--columns` value for a file with this many columns, keeping what the names already give.
+pub(crate) fn example_mapping(count: usize) -> String {
+    let mut names = vec!["-"; count.max(3)];
+    names[..3].copy_from_slice(&["time_s", "position_mm", "force_n"]);
+    names.join(",")
+}
+
+/// Column of one quantity according to a header.
+enum Choice {
+    Column(usize, Slot),
+    /// An optional quantity that cannot be used, and the reason.
+    Ignored(String),
+    None,
+}
+
+struct Header<'a> {
+    file: &'a str,
+    place: &'a str,
+    names: &'a [String],
+    readings: &'a [Option<Reading>],
+}
+
+impl Header<'_> {
+    fn choose(&self, quantity: Quantity, needed: bool) -> Result<Choice, RecordingError> {
+        let of = |exact: bool| {
+            let readings = self.readings.iter().enumerate();
+            let matching = readings.filter(move |(_, reading)| {
+                reading.is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
+            });
+            matching.map(|(index, _)| index).collect::<Vec<_>>()
+        };
+        let candidates = Some(of(true)).filter(|exact| !exact.is_empty()).unwrap_or_else(|| of(false));
+        let outcome = match candidates[..] {
+            [] => Err(self.missing(quantity)),
+            [index] => self.slot(index, quantity),
+            [first, second, ..] => Err(self.ambiguous(quantity, first, second)),
+        };
+        match outcome {
+            Ok((index, slot)) => Ok(Choice::Column(index, slot)),
+            Err(error) if needed => Err(error),
+            Err(_) if candidates.is_empty() => Ok(Choice::None),
+            Err(_) => Ok(Choice::Ignored(format!(
+                "column '{}' not used: unclear whether it is {} and in which unit",
+                self.names[candidates[0]],
+                quantity.name()
+            ))),
+        }
+    }
+
+    fn slot(&self, index: usize, quantity: Quantity) -> Result<(usize, Slot), RecordingError> {
+        let per_si = self.readings[index].and_then(|reading| reading.per_si);
+        let per_si = per_si.ok_or_else(|| RecordingError::MissingUnit {
+            file: self.file.to_owned(),
+            place: self.place.into(),
+            column: self.names[index].as_str().into(),
+            quantity: quantity.name(),
+            expected: unit_list(quantity).into(),
+            unit: quantity.units()[0].0,
+            example: example_mapping(self.names.len()).into(),
+        })?;
+        Ok((index, Slot::of(quantity, per_si)))
+    }
+
+    fn missing(&self, quantity: Quantity) -> RecordingError {
+        RecordingError::MissingColumn {
+            file: self.file.to_owned(),
+            place: self.place.into(),
+            quantity: quantity.name(),
+            found: listed(self.names),
+            expected: quantity.example(),
+            example: example_mapping(self.names.len()).into(),
+        }
+    }
+
+    fn ambiguous(&self, quantity: Quantity, first: usize, second: usize) -> RecordingError {
+        RecordingError::AmbiguousColumn {
+            file: self.file.to_owned(),
+            place: self.place.into(),
+            quantity: quantity.name(),
+            first: self.names[first].as_str().into(),
+            second: self.names[second].as_str().into(),
+            example: example_mapping(self.names.len()).into(),
+        }
+    }
+}
+
+/// The quantity denoted by a name with an SI unit, and the unit.
+pub(crate) fn si_quantity(name: &str) -> Option<(Quantity, &'static str)> {
+    let reading = recognise(name).filter(|reading| reading.per_si == Some(1.0))?;
+    Some((reading.quantity, reading.quantity.units()[0].0))
+}
+
+/// The unit at the end of a name that denotes one of the quantities.
+pub fn unit_in(name: &str) -> Option<&'static str> {
+    let reading = recognise(name)?;
+    let per_si = reading.per_si?;
+    let unit = reading.quantity.units().iter().find(|(_, own)| *own == per_si)?.0;
+    Some(match unit {
+        "n" => "N",
+        "mn" => "mN",
+        "kn" => "kN",
+        "m_s" => "m/s",
+        "mm_s" => "mm/s",
+        "cm_s" => "cm/s",
+        "um_s" => "um/s",
+        other => other,
+    })
+}
+
+/// Units per second of a column of times, if known; `None` if it is not a column of times.
+pub fn time_unit(name: &str, unit: Option<&str>) -> Option<Option<f64>> {
+    let reading = recognise(&format!("{name} {}", unit.unwrap_or_default()))?;
+    (reading.quantity == Quantity::Time).then_some(reading.per_si)
+}
+
+/// Whether the name denotes one of the quantities.
+pub(crate) fn is_recognised(name: &str) -> bool {
+    recognise(name).is_some()
+}
+
+/// Whether every cell is only a unit, as in the second header line of some loggers.
+pub(crate) fn is_unit_row(cells: &[String]) -> bool {
+    let bare = |cell: &String| {
+        let lower = cell.to_lowercase().replace(['µ', 'μ'], "u");
+        lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
+    };
+    let known =
+        |unit: &str| Quantity::ALL.iter().any(|quantity| quantity.units().iter().any(|(name, _)| *name == unit));
+    cells.iter().filter(|cell| known(&bare(cell))).count() >= 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reading(name: &str) -> Option<(Quantity, bool, Option<f64>)> {
+        recognise(name).map(|r| (r.quantity, r.exact, r.per_si))
+    }
+
+    #[test]
+    fn names_with_units_are_understood_in_many_spellings() {
+        for (name, quantity, per_si) in [
+            ("force_N", Quantity::Force, 1.0),
+            ("Force (mN)", Quantity::Force, 1e3),
+            ("f_kn", Quantity::Force, 1e-3),
+            ("Position (mm)", Quantity::Position, 1e3),
+            ("position_µm", Quantity::Position, 1e6),
+            ("x_cm", Quantity::Position, 1e2),
+            ("time [s]", Quantity::Time, 1.0),
+            ("t_ms", Quantity::Time, 1e3),
+            ("Timestamp/ns", Quantity::Time, 1e9),
+            ("velocity_m_s", Quantity::Velocity, 1.0),
+            ("Velocity [mm/s]", Quantity::Velocity, 1e3),
+            ("v (m·s^-1)", Quantity::Velocity, 1.0),
+        ] {
+            assert_eq!(reading(name), Some((quantity, true, Some(per_si))), "{name}");
+        }
+    }
+
+    #[test]
+    fn doubtful_names_are_not_taken_for_measurements() {
+        assert_eq!(reading("position_setpoint_mm"), None);
+        assert_eq!(reading("status"), None);
+        assert_eq!(reading("s"), None);
+        assert_eq!(reading("force"), Some((Quantity::Force, true, None)));
+        assert_eq!(reading("motor_position_mm"), Some((Quantity::Position, false, Some(1e3))));
+    }
+}

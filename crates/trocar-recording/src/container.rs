@@ -1,0 +1,106 @@
+//! Content of files before any selection: tables of named columns.
+//!
+//! A Parquet file, an Arrow stream or a text file is one table. A MATLAB or HDF5 file has one table
+//! for each group of vectors of equal length, a robot log one for each topic. [`super::columns`]
+//! identifies the columns of time, position, velocity and force by their names and units. Here they
+//! are numbers as stored in the file.
+
+use super::RecordingError;
+
+/// Most rows per batch: bounds the memory of all streaming readers.
+pub const BATCH_ROWS: usize = 1 << 16;
+
+/// A column of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Name as in the file; for a message, the path to the field, such as `position[insertion]` or
+    /// `wrench.force.z`.
+    pub name: String,
+    /// Unit that the file declares for the name (an attribute, a field's metadata, a message's
+    /// definition).
+    pub unit: Option<String>,
+    /// Whether it holds numbers; other columns are listed and cannot be read.
+    pub is_numeric: bool,
+}
+
+/// Columns of equal length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Topic, group or variable; empty where a file is one table.
+    pub name: String,
+    /// Its type in the terms of its format, such as `sensor_msgs/msg/JointState`; empty if there is
+    /// none.
+    pub kind: String,
+    /// Number of rows, if the file states it without being read.
+    pub rows: Option<u64>,
+    /// Its columns, in the file's order.
+    pub columns: Vec<Column>,
+}
+
+impl Table {
+    /// The single table of a text file, of unknown length.
+    pub(super) fn without_a_name(columns: Vec<Column>) -> Self {
+        Self { name: String::new(), kind: String::new(), rows: None, columns }
+    }
+}
+
+/// An opened file whose tables are known.
+pub trait Container {
+    /// Name of the format, such as `Parquet`.
+    fn format(&self) -> &'static str;
+
+    /// Its tables.
+    fn tables(&self) -> &[Table];
+
+    /// Notes, such as the time origin of its stamps.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
+
+    /// Damaged or unreadable content.
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
+
+    /// Clock of a column of times: the times of two columns may be compared only if their clocks
+    /// are equal.
+    fn clock(&self, _table: usize, _column: usize) -> usize {
+        0
+    }
+
+    /// Starts to read some columns of one table, by their indices, from the first row.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when the file can no longer be read, or a column is not numeric.
+    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError>;
+
+    /// The complete columns, for a format that can read them without batches; `None` defers to
+    /// [`Container::open`].
+    ///
+    /// # Errors
+    /// As for [`Container::open`] and [`Batches::next`].
+    fn read_whole(&self, _table: usize, _columns: &[usize]) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
+        Ok(None)
+    }
+}
+
+/// Batches of rows of some columns.
+pub trait Batches: Send {
+    /// Replaces the content of `columns` by the next rows, at most [`BATCH_ROWS`], all columns of
+    /// equal length; NaN for a missing cell. `false` at the end, with `columns` empty.
+    ///
+    /// # Errors
+    /// [`RecordingError`], with the row at which the file is damaged; all rows before it were
+    /// returned earlier.
+    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError>;
+
+    /// How the rows were computed, if not simply read; complete at the end.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Losses so far; complete at the end.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
+}

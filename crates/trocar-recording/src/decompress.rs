@@ -1,0 +1,215 @@
+//! Streams that may be compressed: gzip and zstd are detected by their first bytes and
+//! decompressed.
+
+use std::fs::File;
+use std::io::{self, Cursor, Read};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::RecordingError;
+
+/// First bytes of gzip members and of zstd frames.
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
+/// Bytes read at a time.
+#[cfg(feature = "gzip")]
+const PIECE: usize = 1 << 16;
+
+/// The text in a file or from standard input.
+pub(super) struct TextInput {
+    pub(super) text: Box<dyn Read + Send>,
+    /// Size of the file, compressed or not, and number of bytes read; `None` for a stream.
+    pub(super) file: Option<(u64, Arc<AtomicU64>)>,
+}
+
+impl TextInput {
+    /// Opens the file at `path`, or standard input for `-`.
+    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
+        let name = path.display().to_string();
+        let failed = |source| RecordingError::Open { file: name.clone(), source };
+        if name == "-" {
+            return Ok(Self { text: decompressed(Box::new(io::stdin())).map_err(failed)?, file: None });
+        }
+        let file = File::open(path).map_err(failed)?;
+        let metadata = file.metadata().map_err(failed)?;
+        if metadata.is_dir() {
+            return Err(failed(io::ErrorKind::IsADirectory.into()));
+        }
+        let read = Arc::new(AtomicU64::new(0));
+        let counted = Counted { inner: file, read: read.clone() };
+        let text = decompressed(Box::new(counted)).map_err(failed)?;
+        Ok(Self { text, file: metadata.is_file().then_some((metadata.len(), read)) })
+    }
+}
+
+/// Counts the bytes read.
+struct Counted<R> {
+    inner: R,
+    read: Arc<AtomicU64>,
+}
+
+impl<R: Read> Read for Counted<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(bytes)?;
+        self.read.fetch_add(read as u64, Ordering::Relaxed);
+        Ok(read)
+    }
+}
+
+/// The text of a stream that may be compressed; several consecutive gzip members or zstd frames
+/// form one text.
+///
+/// # Errors
+/// The error of the operating system for the first bytes, or that this build lacks the
+/// stream's compression.
+fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
+    let mut head = Vec::with_capacity(ZSTD.len());
+    (&mut input).take(ZSTD.len() as u64).read_to_end(&mut head)?;
+    let is = |magic: &[u8]| head.starts_with(magic);
+    let (gzip, zstd) = (is(&GZIP), is(&ZSTD));
+    let whole = Cursor::new(head).chain(input);
+    if gzip {
+        return gzip_text(whole);
+    }
+    if zstd {
+        return zstd_text(whole);
+    }
+    Ok(Box::new(whole))
+}
+
+#[cfg(feature = "gzip")]
+fn gzip_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    let text = flate2::bufread::MultiGzDecoder::new(io::BufReader::with_capacity(PIECE, input));
+    Ok(Box::new(Told { text, format: "gzip", bytes: 0 }))
+}
+
+#[cfg(not(feature = "gzip"))]
+fn gzip_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    Err(no_feature("gzip"))
+}
+
+#[cfg(feature = "zstd")]
+fn zstd_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    let text = zstd::Decoder::new(input)?;
+    Ok(Box::new(Told { text, format: "zstd", bytes: 0 }))
+}
+
+#[cfg(not(feature = "zstd"))]
+fn zstd_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    Err(no_feature("zstd"))
+}
+
+#[cfg(not(all(feature = "gzip", feature = "zstd")))]
+fn no_feature(name: &str) -> io::Error {
+    let text = format!(
+        "compressed with {name}, and this build has no feature {name}; build with --features {name} or decompress it"
+    );
+    io::Error::new(io::ErrorKind::Unsupported, text)
+}
+
+/// A decoder whose errors state the format and the position reached.
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+struct Told<R> {
+    text: R,
+    format: &'static str,
+    bytes: u64,
+}
+
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+impl<R: Read> Read for Told<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        match self.text.read(bytes) {
+            Ok(read) => {
+                self.bytes += read as u64;
+                Ok(read)
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Err(error),
+            Err(error) => Err(self.fault(&error)),
+        }
+    }
+}
+
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+impl<R> Told<R> {
+    fn fault(&self, error: &io::Error) -> io::Error {
+        let (format, bytes) = (self.format, self.bytes);
+        let text = match error.kind() {
+            io::ErrorKind::UnexpectedEof => {
+                format!(
+                    "the {format} stream ends early, after {bytes} bytes of text; was it cut off while it was copied?"
+                )
+            }
+            _ => format!("the {format} stream is damaged after {bytes} bytes of text ({error})"),
+        };
+        io::Error::new(error.kind(), text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::Compression;
+    use flate2::write::GzEncoder;
+    use std::io::Write;
+
+    const TEXT: &[u8] = b"time_s,position_mm,force_n\n0.0,0.0,0.0\n0.001,0.1,0.2\n";
+
+    fn gzip(text: &[u8]) -> Vec<u8> {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
+        encoder.write_all(text).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    fn read(bytes: Vec<u8>) -> io::Result<Vec<u8>> {
+        let mut text = Vec::new();
+        decompressed(Box::new(Cursor::new(bytes)))?.read_to_end(&mut text)?;
+        Ok(text)
+    }
+
+    #[test]
+    fn plain_text_stays_as_it_is_however_short() {
+        for length in 0..TEXT.len() {
+            assert_eq!(read(TEXT[..length].to_vec()).unwrap(), &TEXT[..length]);
+        }
+    }
+
+    #[test]
+    fn members_after_each_other_are_one_text() {
+        let mut both = gzip(&TEXT[..30]);
+        both.extend(gzip(&TEXT[30..]));
+        assert_eq!(read(both).unwrap(), TEXT);
+    }
+
+    #[cfg(feature = "zstd")]
+    #[test]
+    fn zstd_frames_after_each_other_are_one_text() {
+        let mut both = zstd::encode_all(&TEXT[..30], 3).unwrap();
+        both.extend(zstd::encode_all(&TEXT[30..], 3).unwrap());
+        assert_eq!(read(both).unwrap(), TEXT);
+    }
+
+    #[test]
+    fn a_stream_that_ends_early_says_so_wherever_it_ends() {
+        let mut streams = vec![gzip(TEXT)];
+        #[cfg(feature = "zstd")]
+        streams.push(zstd::encode_all(TEXT, 3).unwrap());
+        for stream in streams {
+            for length in ZSTD.len()..stream.len() {
+                let error = read(stream[..length].to_vec()).unwrap_err().to_string();
+                assert!(error.contains("ends early"), "{length}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_changed_byte_is_no_other_text() {
+        let stream = gzip(TEXT);
+        for at in 10..stream.len() {
+            let mut changed = stream.clone();
+            changed[at] ^= 0x55;
+            assert!(read(changed).is_err(), "byte {at}");
+        }
+    }
+}

@@ -1,0 +1,467 @@
+//! Errors of reading: what failed, where, what was found, what was expected, and a remedy on a `hint:` line.
+
+use std::fmt;
+
+/// A position in a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Line of the file, counted from 1.
+    Line(u64),
+    /// Row of a table, counted from 1.
+    Row(u64),
+    /// Sample of a recording that was not read from a file, counted from 0.
+    Sample(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Row(row) => write!(f, "row {row}"),
+            Place::Sample(index) => write!(f, "sample {index}"),
+        }
+    }
+}
+
+/// Why a recording cannot be used.
+///
+/// `file` is the name as the caller gave it, so it can be pasted from the message into a shell.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The file cannot be opened.
+    #[error("{file}: cannot open: {source}")]
+    Open {
+        /// File name as given by the caller.
+        file: String,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// The file was opened, but reading failed part way.
+    #[error("{file} line {line}: cannot read further: {source}")]
+    Read {
+        /// File name as given by the caller.
+        file: String,
+        /// Line reached.
+        line: u64,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// No bytes, or only blank and comment lines.
+    #[error("{file}: empty, expected a header line and rows of time, position and force")]
+    Empty {
+        /// File name as given by the caller.
+        file: String,
+    },
+    /// Only a header line.
+    #[error("{file} line {line}: a header without any row below it")]
+    HeaderOnly {
+        /// File name as given by the caller.
+        file: String,
+        /// Line of the header.
+        line: u64,
+    },
+    /// The bytes are not UTF-8 or ASCII text.
+    #[error(
+        "{file}: looks like {found}, expected text separated by commas, semicolons, tabs or spaces\n\nhint: export the recording as CSV in UTF-8"
+    )]
+    NotText {
+        /// File name as given by the caller.
+        file: String,
+        /// Probable type of the data, from the first bytes.
+        found: &'static str,
+    },
+    /// A line too long for a row of numbers.
+    #[error("{file} line {line}: longer than {limit} bytes, expected one row of numbers per line")]
+    LineTooLong {
+        /// File name as given by the caller.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// Longest line accepted, in bytes.
+        limit: usize,
+    },
+    /// The first line contains numbers, so the columns have no names.
+    #[error(
+        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: name the columns in order, with units, for example --columns {example}"
+    )]
+    NoHeader {
+        /// File name as given by the caller.
+        file: String,
+        /// First line.
+        line: u64,
+        /// The first line, shortened.
+        found: String,
+        /// An example of `--columns` with the correct number of entries.
+        example: String,
+    },
+    /// A required column is not in the header.
+    #[error(
+        "{file}{place}: no {quantity} column among '{found}', expected a name such as {expected}\n\nhint: name the columns in order, with units, and '-' for those to skip, for example --columns {example}"
+    )]
+    MissingColumn {
+        /// File name as given by the caller.
+        file: String,
+        /// Place in the file, ` line 1`; empty if a table has no lines.
+        place: Box<str>,
+        /// `time`, `position` or `force`.
+        quantity: &'static str,
+        /// The names found.
+        found: String,
+        /// A name that would be recognized.
+        expected: &'static str,
+        /// An example of `--columns` with the correct number of entries.
+        example: Box<str>,
+    },
+    /// Several columns could be the same quantity.
+    #[error(
+        "{file}{place}: {quantity} could be '{first}' or '{second}', expected one\n\nhint: say which, with '-' for columns to skip, for example --columns {example}"
+    )]
+    AmbiguousColumn {
+        /// File name as given by the caller.
+        file: String,
+        /// Place in the file, ` line 1`; empty if a table has no lines.
+        place: Box<str>,
+        /// The quantity concerned.
+        quantity: &'static str,
+        /// One candidate.
+        first: Box<str>,
+        /// Another candidate.
+        second: Box<str>,
+        /// An example of `--columns` with the correct number of entries.
+        example: Box<str>,
+    },
+    /// The name of a column contains no unit.
+    #[error(
+        "{file}{place}: column '{column}' has no unit that is understood for {quantity}, expected one of {expected}\n\nhint: rename it, for example {quantity}_{unit}, or give --columns {example}"
+    )]
+    MissingUnit {
+        /// File name as given by the caller.
+        file: String,
+        /// Place in the file, ` line 1`; empty if a table has no lines.
+        place: Box<str>,
+        /// Name of the column.
+        column: Box<str>,
+        /// The quantity it was recognized as.
+        quantity: &'static str,
+        /// Accepted units.
+        expected: Box<str>,
+        /// The SI unit, as written in names.
+        unit: &'static str,
+        /// An example of `--columns` with the correct number of entries.
+        example: Box<str>,
+    },
+    /// No topic of a robot log clearly matches a quantity.
+    #[error(
+        "{file}: no topic is clearly the {quantity}: {found}\n\nhint: say which, for example --columns '{example}'; `trocar inspect` shows all"
+    )]
+    UnclearTopic {
+        /// File name as given by the caller.
+        file: String,
+        /// The required quantity.
+        quantity: &'static str,
+        /// The available topics.
+        found: String,
+        /// An entry of `--columns`.
+        example: String,
+    },
+    /// A stream where a file must be read more than once.
+    #[error("{file}: a stream, expected a file that can be read more than once\n\nhint: save it first")]
+    IsStream {
+        /// Name as given by the caller.
+        file: String,
+    },
+    /// Several tables of a file contain the required quantities.
+    #[error(
+        "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example --topic NAME; `trocar inspect` shows them"
+    )]
+    AmbiguousTable {
+        /// File name as given by the caller.
+        file: String,
+        /// Their names.
+        found: String,
+    },
+    /// No table, or more than one, has the requested name.
+    #[error("{file}: {found} topics or tables are named '{topic}', expected one\n\nhint: the file holds {expected}")]
+    NoSuchTable {
+        /// File name as given by the caller.
+        file: String,
+        /// The requested name.
+        topic: String,
+        /// Number of tables with that name.
+        found: usize,
+        /// All names.
+        expected: String,
+    },
+    /// The `--columns` mapping itself is invalid.
+    #[error(
+        "--columns entry '{entry}' is {problem}\n\nhint: give a name with its unit per column, '-' to skip one, for example --columns time_s,position_mm,force_n,-, or say by name which column is which, for example --columns position_mm=x,force_n=-fz"
+    )]
+    BadColumns {
+        /// The entry concerned.
+        entry: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A row has too few or too many fields.
+    #[error("{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}")]
+    FieldCount {
+        /// File name as given by the caller.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// Fields in this row.
+        found: usize,
+        /// Fields in the header or mapping.
+        expected: usize,
+        /// Source of the expected number.
+        reference: &'static str,
+        /// Remedy, with its own line break, or empty.
+        hint: &'static str,
+    },
+    /// A cell of a used column is not a number.
+    #[error("{file} line {line}: found '{found}' in column {column}, expected a number{hint}")]
+    NotANumber {
+        /// File name as given by the caller.
+        file: String,
+        /// Line concerned.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// The cell, shortened.
+        found: String,
+        /// Remedy, with its own line break, or empty.
+        hint: &'static str,
+    },
+    /// A cell is empty, NaN or infinite where every row is required (`simulate`).
+    #[error(
+        "{file} {place}: {quantity} is {found}, expected a finite number\n\nhint: remove the row or fill it in; a replay needs every position"
+    )]
+    NonFinite {
+        /// File name as given by the caller.
+        file: String,
+        /// Where.
+        place: Place,
+        /// The quantity concerned.
+        quantity: &'static str,
+        /// `empty or nan` or `infinite`.
+        found: &'static str,
+    },
+    /// Too few samples to determine an interval, a velocity and an acceleration.
+    #[error("{file}: found {found} usable samples, expected at least {needed}")]
+    TooFewSamples {
+        /// File name as given by the caller.
+        file: String,
+        /// Usable samples.
+        found: usize,
+        /// Fewest samples of a recording.
+        needed: usize,
+    },
+    /// Time decreases by more than one sampling interval.
+    #[error(
+        "{file} {place}: time goes back from {from} s to {to} s, expected it to advance\n\nhint: if the clock was reset there, cut the file in two and give both parts"
+    )]
+    TimeGoesBack {
+        /// File name as given by the caller.
+        file: String,
+        /// Where.
+        place: Place,
+        /// Time before, in s.
+        from: f64,
+        /// Time found, in s.
+        to: f64,
+    },
+    /// Time has the same value throughout.
+    #[error(
+        "{file} {place}: time stays at {value} s in all {samples} samples, expected it to advance\n\nhint: check that the right column is taken for time, with --columns if need be"
+    )]
+    ConstantTime {
+        /// File name as given by the caller.
+        file: String,
+        /// First sample.
+        place: Place,
+        /// The time, in s.
+        value: f64,
+        /// Samples examined.
+        samples: usize,
+    },
+    /// Many samples have the same time as the previous one.
+    #[error(
+        "{file} {place}: {found} of {samples} samples carry the same time as the one before but other values, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits"
+    )]
+    CoarseClock {
+        /// File name as given by the caller.
+        file: String,
+        /// First such sample.
+        place: Place,
+        /// Samples concerned.
+        found: usize,
+        /// Total number of samples.
+        samples: usize,
+    },
+    /// The position changes between two rows of the same time (`simulate`).
+    #[error(
+        "{file} {place}: position goes from {from} m to {to} m while time stays at {time} s, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits"
+    )]
+    NoDuration {
+        /// File name as given by the caller.
+        file: String,
+        /// Where.
+        place: Place,
+        /// The time, in s.
+        time: f64,
+        /// Position before, in m.
+        from: f64,
+        /// Position found, in m.
+        to: f64,
+    },
+    /// The range of the position exceeds that of any instrument.
+    #[error(
+        "{file}: the position covers {stroke} m, expected at most {limit} m\n\nhint: is the unit right? if the numbers are millimetres, name the column position_mm or give --columns time_s,position_mm,force_n"
+    )]
+    StrokeTooLong {
+        /// File name as given by the caller.
+        file: String,
+        /// Range of the position, in m.
+        stroke: f64,
+        /// Longest accepted, in m.
+        limit: f64,
+    },
+    /// The given columns have different lengths.
+    #[error("{file}: {column} has {found} samples, expected {expected} as time has")]
+    Lengths {
+        /// Name of the recording.
+        file: String,
+        /// The column concerned.
+        column: &'static str,
+        /// Its length.
+        found: usize,
+        /// Length of the time column.
+        expected: usize,
+    },
+    /// The recording does not fit into the allowed memory.
+    #[error(
+        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: identify from excerpts with --most-samples, or a part with --from-s and --to-s; simulate and validate need no such memory"
+    )]
+    TooLarge {
+        /// File name as given by the caller.
+        file: String,
+        /// Rows, estimated from the first ones.
+        rows: u64,
+        /// Memory for the columns, in MB.
+        needed_mb: u64,
+        /// Memory allowed, in MB.
+        limit_mb: u64,
+    },
+    /// The file is inconsistent with its own format: truncated or corrupted.
+    #[error(
+        "{file}: damaged {format} file, {place}: {found}\n\nhint: was it cut off while it was written or copied? fetch or export it again"
+    )]
+    Damaged {
+        /// File name as given by the caller.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// Place in the file, in terms of the format.
+        place: String,
+        /// What was found there, and what was expected.
+        found: String,
+    },
+    /// The format allows this, but it is not supported.
+    #[error("{file}: {format} with {found}, which is not read\n\nhint: {hint}")]
+    Unsupported {
+        /// File name as given by the caller.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// What is not supported.
+        found: String,
+        /// The remedy.
+        hint: &'static str,
+    },
+    /// A format that this build does not support.
+    #[error(
+        "{file}: a {format} file, and this build has no feature {feature}\n\nhint: build with --features {feature}, or export the recording as CSV"
+    )]
+    NoFeature {
+        /// File name as given by the caller.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// Name of the cargo feature.
+        feature: &'static str,
+    },
+    /// A requested column does not contain numbers.
+    #[error(
+        "{file}: column '{column}' of this {format} file holds no numbers that are read\n\nhint: trocar inspect lists the columns"
+    )]
+    NotNumeric {
+        /// File name as given by the caller.
+        file: String,
+        /// Name of the format.
+        format: &'static str,
+        /// Name of the column.
+        column: String,
+    },
+    /// The files of one recording contain a column of the same name but different type.
+    #[error(
+        "{file}: column '{column}' holds {of_first} in {first} and {of_second} in {second}\n\nhint: write the files again with one schema"
+    )]
+    PartsDiffer {
+        /// The recording.
+        file: String,
+        /// Name of the column.
+        column: Box<str>,
+        /// A file of the recording.
+        first: Box<str>,
+        /// Type of the column there.
+        of_first: &'static str,
+        /// Another file.
+        second: Box<str>,
+        /// Type of the column there.
+        of_second: &'static str,
+    },
+    /// The files of one recording overlap in time.
+    #[error(
+        "{file}: its rows in {second} begin at {from} s, before those in {first} end at {until} s\n\nhint: two recordings under one name \
+         need names of their own; rows in no order have to be sorted by recording and time before they are written"
+    )]
+    PartsOverlap {
+        /// The recording.
+        file: String,
+        /// The file that begins first.
+        first: String,
+        /// Its last time, s.
+        until: f64,
+        /// The file that begins before that time.
+        second: String,
+        /// Its first time, s.
+        from: f64,
+    },
+    /// A requested table or column is not in the file.
+    #[error("{file}: no {what} called '{name}', found {found}")]
+    NoSuchColumn {
+        /// File name as given by the caller.
+        file: String,
+        /// `table` or `column`.
+        what: String,
+        /// The requested name.
+        name: String,
+        /// The existing names.
+        found: String,
+    },
+    /// A robot log that cannot be read.
+    #[error("{file}: {problem}")]
+    Log {
+        /// File name as given by the caller.
+        file: String,
+        /// The problem and its remedy.
+        problem: String,
+    },
+    /// A moving mass with an invalid value.
+    #[error("moving mass must be finite and not negative, got {found} kg")]
+    MovingMass {
+        /// The given value, in kg.
+        found: f64,
+    },
+}

@@ -1,0 +1,52 @@
+//! Groups the vectors of a group into tables by their length.
+
+use crate::container::{Column, Table};
+
+/// Most columns into which a matrix is split; a wider one is an image rather than readings.
+pub(super) const WIDEST: u64 = 64;
+
+/// Vectors and matrices of one group, in the file's order.
+#[derive(Debug)]
+pub(super) struct Group<L> {
+    /// Path of the group; empty at the top of the file.
+    pub(super) name: String,
+    /// Each column with its number of rows and its position.
+    pub(super) columns: Vec<(Column, u64, L)>,
+    /// Content that cannot be read, each with its reason.
+    pub(super) refused: Vec<String>,
+}
+
+/// Tables of a file, and the positions of their columns.
+pub(super) type Placed<L> = (Vec<Table>, Vec<Vec<Option<L>>>);
+
+/// One table for each group and length. The one with the most rows has the name of the group,
+/// others have the length appended, as in `run[1]`. The first of them reports the content that
+/// cannot be read.
+pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
+    let mut placed: Placed<L> = (Vec::new(), Vec::new());
+    for group in groups {
+        let first = placed.0.len();
+        let longest = group.columns.iter().filter(|(column, ..)| column.is_numeric).map(|&(_, rows, _)| rows).max();
+        for (column, rows, place) in group.columns {
+            let known = placed.0[first..].iter().position(|table| table.rows == Some(rows));
+            let at = known.map_or(placed.0.len(), |at| first + at);
+            if known.is_none() {
+                let name = if Some(rows) == longest { group.name.clone() } else { format!("{}[{rows}]", group.name) };
+                placed.0.push(Table { name, kind: String::new(), rows: Some(rows), columns: Vec::new() });
+                placed.1.push(Vec::new());
+            }
+            placed.1[at].push(column.is_numeric.then_some(place));
+            placed.0[at].columns.push(column);
+        }
+        if group.refused.is_empty() {
+            continue;
+        }
+        if placed.0.len() == first {
+            let empty = Table { name: group.name.clone(), kind: String::new(), rows: None, columns: Vec::new() };
+            placed.0.push(empty);
+            placed.1.push(Vec::new());
+        }
+        placed.0[first].kind = format!("not read: {}", group.refused.join("; "));
+    }
+    placed
+}

@@ -1,0 +1,124 @@
+//! One module for each format other than text: the content of a file, and its columns as numbers.
+//!
+//! All use a `Source`, which names the file in messages. None allocates the size stated in a
+//! header without checking it against the file's length.
+
+use std::fmt::Display;
+use std::fs::File;
+use std::io;
+
+use super::RecordingError;
+
+#[cfg(feature = "arrow")]
+pub(super) mod arrow;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod cdr;
+#[cfg(feature = "hdf5")]
+pub(super) mod hdf5;
+pub(super) mod lengths;
+pub(super) mod mat5;
+#[cfg(feature = "mcap")]
+pub(super) mod mcap;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod message;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod ordered;
+#[cfg(feature = "parquet")]
+pub mod parquet;
+#[cfg(feature = "rosbag")]
+pub(super) mod rosbag;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod rosmsg;
+#[cfg(any(feature = "parquet", feature = "arrow"))]
+mod scale;
+
+/// Columns of a robot log's own times, and of the times in its messages.
+pub(super) const LOG_TIME: &str = "log_time_s";
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+const PUBLISH_TIME: &str = "publish_time_s";
+pub(super) const HEADER_STAMP: &str = "header.stamp_s";
+
+/// A file and its detected format, for messages.
+#[derive(Debug, Clone)]
+pub(super) struct Source {
+    /// File name given by the caller.
+    pub(super) file: String,
+    /// Name of the format.
+    pub(super) format: &'static str,
+}
+
+impl Source {
+    /// The content at `place` contradicts the format.
+    pub(super) fn damaged(&self, place: impl Display, found: impl Display) -> RecordingError {
+        let (file, format) = (self.file.clone(), self.format);
+        RecordingError::Damaged { file, format, place: place.to_string(), found: found.to_string() }
+    }
+
+    /// The format permits it, but it is not supported; `hint` is the workaround.
+    pub(super) fn unsupported(&self, found: impl Display, hint: &'static str) -> RecordingError {
+        let (file, format) = (self.file.clone(), self.format);
+        RecordingError::Unsupported { file, format, found: found.to_string(), hint }
+    }
+
+    /// The outcome of `read`, which calls a third-party reader: a panic on a damaged file is
+    /// converted to an error.
+    #[cfg(any(feature = "parquet", feature = "hdf5"))]
+    pub(super) fn guard<T>(
+        &self,
+        place: impl Display,
+        read: impl FnOnce() -> Result<T, RecordingError>,
+    ) -> Result<T, RecordingError> {
+        let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
+        outcome.unwrap_or_else(|_| Err(self.damaged(place, "nothing that its reader could make sense of")))
+    }
+
+    /// A requested column is not numeric.
+    #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5"))]
+    pub(super) fn not_numeric(&self, column: &str) -> RecordingError {
+        RecordingError::NotNumeric { file: self.file.clone(), format: self.format, column: column.to_owned() }
+    }
+}
+
+/// Reads at a position of a file shared by several readers.
+#[cfg(unix)]
+pub(super) fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<usize> {
+    std::os::unix::fs::FileExt::read_at(file, bytes, at)
+}
+
+/// Reads at a position of a file shared by several readers.
+#[cfg(windows)]
+pub(super) fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<usize> {
+    std::os::windows::fs::FileExt::seek_read(file, bytes, at)
+}
+
+/// Fills `bytes` from a position of a file shared by several readers.
+pub(super) fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match read_at(file, bytes, at) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(read) => {
+                bytes = &mut bytes[read..];
+                at += read as u64;
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// Replaces `out` by the zstd frames in `data`, of `size` bytes as they state. Memory is reserved for what is likely, and beyond
+/// that grows with what is found.
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+fn decompress_zstd(data: &[u8], size: usize, out: &mut Vec<u8>) -> io::Result<()> {
+    const LIKELY: usize = 256;
+    out.clear();
+    if size <= LIKELY.saturating_mul(data.len()) {
+        out.reserve_exact(size);
+        return zstd::bulk::Decompressor::new()?.decompress_to_buffer(data, out).map(drop);
+    }
+    io::Read::read_to_end(&mut io::Read::take(zstd::Decoder::new(data)?, size as u64), out).map(drop)
+}
+
+#[cfg(all(test, feature = "mcap", feature = "rosbag"))]
+mod log_tests;

@@ -1,0 +1,153 @@
+//! The formats, each identified by its first bytes: which file becomes which [`Container`].
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::RecordingError;
+use super::container::Container;
+use super::formats::{Source, mat5};
+use super::text::TextTable;
+
+/// Opens a file of any format; text is one table.
+///
+/// # Errors
+/// [`RecordingError`] when the file cannot be opened, is damaged, or has an unsupported format.
+pub fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
+    match open(path)? {
+        Some(container) => Ok(container),
+        None => Ok(Box::new(TextTable::open(path)?)),
+    }
+}
+
+/// Opens the file if its first bytes identify a format other than text.
+///
+/// Only regular files and folders that are ROS 2 bags are examined, since the bytes of a pipe can
+/// be read only once.
+///
+/// # Errors
+/// As for [`any`].
+pub fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
+    let name = path.display().to_string();
+    let refused = |source| RecordingError::Open { file: name.clone(), source };
+    if name == "-" {
+        return Ok(None);
+    }
+    let metadata = std::fs::metadata(path).map_err(refused)?;
+    if metadata.is_dir() {
+        return open_folder(path, name);
+    }
+    if !metadata.is_file() {
+        return Ok(None);
+    }
+    let file = File::open(path).map_err(refused)?;
+    let length = file.metadata().map_err(refused)?.len();
+    let mut head = Vec::new();
+    (&file).take(HEAD as u64).read_to_end(&mut head).map_err(refused)?;
+    let Some(kind) = Kind::of(&head) else { return Ok(None) };
+    let format = if head.starts_with(b"MATLAB 7.3") { "MATLAB 7.3" } else { kind.name() };
+    let source = Source { file: name, format };
+    kind.open(path, file, length, source).map(Some)
+}
+
+/// Opens a folder as a bag, if it is one.
+fn open_folder(path: &Path, file: String) -> Result<Option<Box<dyn Container>>, RecordingError> {
+    if !path.join("metadata.yaml").is_file() {
+        return Ok(None);
+    }
+    if cfg!(not(feature = "rosbag")) {
+        return Err(RecordingError::NoFeature { file, format: "ROS 2 bag", feature: "rosbag" });
+    }
+    #[cfg(feature = "rosbag")]
+    return super::formats::rosbag::open(path).map(Some);
+    #[cfg(not(feature = "rosbag"))]
+    Ok(None)
+}
+
+/// Number of first bytes examined: up to the second possible position of the HDF5 signature.
+const HEAD: usize = 520;
+
+/// A format identified by its first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Parquet,
+    Arrow,
+    ArrowStream,
+    Mat4,
+    Mat5,
+    Hdf5,
+    Mcap,
+    Rosbag,
+}
+
+impl Kind {
+    fn of(head: &[u8]) -> Option<Self> {
+        const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+        let version = head.get(124..128).unwrap_or_default();
+        Some(match head {
+            _ if head.starts_with(b"PAR1") || head.starts_with(b"PARE") => Self::Parquet,
+            _ if head.starts_with(b"ARROW1") => Self::Arrow,
+            _ if head.starts_with(b"\x89MCAP0\r\n") => Self::Mcap,
+            _ if head.starts_with(b"SQLite format 3\0") => Self::Rosbag,
+            _ if head.starts_with(HDF5) || head.get(512..).is_some_and(|head| head.starts_with(HDF5)) => Self::Hdf5,
+            _ if version == b"\x00\x01IM" || version == b"\x01\x00MI" => Self::Mat5,
+            _ if head.starts_with(&[0xff; 4]) && is_arrow_message(head) => Self::ArrowStream,
+            _ if mat5::is_version_4(head) => Self::Mat4,
+            _ => return None,
+        })
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Parquet => "Parquet",
+            Self::Arrow => "Arrow",
+            Self::ArrowStream => "Arrow stream",
+            Self::Mat4 => "MATLAB 4",
+            Self::Mat5 => "MATLAB 5",
+            Self::Hdf5 => "HDF5",
+            Self::Mcap => "MCAP",
+            Self::Rosbag => "SQLite",
+        }
+    }
+
+    /// Opens the file, or reports the feature that this build lacks for it.
+    #[cfg_attr(not(feature = "all-formats"), allow(unused_variables, reason = "every format takes its own"))]
+    fn open(self, path: &Path, file: File, length: u64, source: Source) -> Result<Box<dyn Container>, RecordingError> {
+        #[cfg(not(feature = "all-formats"))]
+        let lacks =
+            |feature| Err(RecordingError::NoFeature { file: source.file.clone(), format: source.format, feature });
+        match self {
+            #[cfg(feature = "parquet")]
+            Self::Parquet => Ok(Box::new(super::formats::parquet::Parquet::open(file, length, source)?)),
+            #[cfg(feature = "arrow")]
+            Self::Arrow => Ok(Box::new(super::formats::arrow::Arrow::open(file, length, source)?)),
+            #[cfg(feature = "arrow")]
+            Self::ArrowStream => Ok(Box::new(super::formats::arrow::Arrow::stream(file, length, source)?)),
+            #[cfg(feature = "hdf5")]
+            Self::Hdf5 => Ok(Box::new(super::formats::hdf5::Hdf5::open(path, length, source)?)),
+            Self::Mat5 => Ok(Box::new(mat5::Mat5::open(file, length, source)?)),
+            Self::Mat4 => Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN)),
+            #[cfg(feature = "mcap")]
+            Self::Mcap => super::formats::mcap::open(path),
+            #[cfg(feature = "rosbag")]
+            Self::Rosbag => super::formats::rosbag::open(path),
+            #[cfg(not(feature = "mcap"))]
+            Self::Mcap => lacks("mcap"),
+            #[cfg(not(feature = "rosbag"))]
+            Self::Rosbag => lacks("rosbag"),
+            #[cfg(not(feature = "parquet"))]
+            Self::Parquet => lacks("parquet"),
+            #[cfg(not(feature = "arrow"))]
+            Self::Arrow | Self::ArrowStream => lacks("arrow"),
+            #[cfg(not(feature = "hdf5"))]
+            Self::Hdf5 => lacks("hdf5"),
+        }
+    }
+}
+
+/// Whether the bytes after the message marker can be the length of a schema, which begins every
+/// stream.
+fn is_arrow_message(head: &[u8]) -> bool {
+    let length = head.get(4..8).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
+    (16..1 << 24).contains(&length) && length % 8 == 0
+}

@@ -1,0 +1,551 @@
+//! Checks a recording: drops unusable rows, rejects invalid data, and records the quality of the
+//! rest.
+
+use std::ops::Range;
+
+use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
+use super::{LONGEST_STROKE, MIN_SAMPLES, Place, RecordingError};
+
+/// Stroke in m below which the unit is doubtful: less than the deformation of the seal of any
+/// trocar.
+const DOUBTFUL_STROKE: f64 = 1e-3;
+
+/// Ratio of a gap to the 95th percentile of the intervals: two lost samples still count as jitter.
+const GAP_FACTOR: f64 = 3.0;
+
+/// Jitter, as a fraction of the interval, above which there is a warning.
+const DOUBTFUL_JITTER: f64 = 0.2;
+
+/// Fraction of the rows that may have the time of the previous row.
+const TOLERATED_COINCIDENT: f64 = 0.05;
+
+/// A jump is faster by this factor than the samples on both sides ...
+const JUMP_FACTOR: f64 = 10.0;
+
+/// ... and larger by this factor than noise and resolution explain.
+const JUMP_OVER_NOISE: f64 = 20.0;
+
+/// Samples on each side with which a jump is compared.
+const JUMP_NEIGHBOURS: usize = 4;
+
+/// Largest ratio between the mean speed over a stall including the step that ends it, and the mean
+/// speed around it.
+const STALL_FACTOR: f64 = 3.0;
+
+/// Samples on each side over which that mean speed is computed.
+const STALL_NEIGHBOURS: usize = 25;
+
+/// Consecutive identical extreme readings that noise does not produce.
+const SATURATED_RUN: usize = 5;
+
+/// Values used to determine resolution and noise: enough for three digits, at negligible cost.
+pub(super) const LOOKED_AT: usize = 1 << 16;
+
+/// Deviations above this many standard deviations are not noise.
+const NOISE_LIMIT: f64 = 5.0;
+
+/// Ratio of a Gaussian's standard deviation to its median absolute value.
+const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
+
+/// The columns of a recording with the line of every sample.
+#[derive(Debug, Default)]
+pub(super) struct Columns {
+    pub(super) time: Vec<f64>,
+    pub(super) position: Vec<f64>,
+    pub(super) force: Vec<f64>,
+    pub(super) velocity: Option<Vec<f64>>,
+    pub(super) lines: Lines,
+}
+
+/// Unit in which positions are counted.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Count {
+    /// Lines of a text, from 1.
+    #[default]
+    Lines,
+    /// Rows of a table, from 1.
+    Rows,
+    /// Samples without a file, from 0.
+    Samples,
+}
+
+impl Count {
+    pub(crate) fn place(self, number: u64) -> Place {
+        match self {
+            Self::Lines => Place::Line(number),
+            Self::Rows => Place::Row(number),
+            Self::Samples => Place::Sample(number as usize),
+        }
+    }
+
+    fn unit(self) -> &'static str {
+        match self {
+            Self::Lines => "line",
+            Self::Rows => "row",
+            Self::Samples => "sample",
+        }
+    }
+}
+
+/// Line numbers, stored only where they are not consecutive.
+#[derive(Debug, Default)]
+pub(super) struct Lines {
+    count: Count,
+    /// Sample and its line, wherever lines were omitted before it.
+    jumps: Vec<(usize, u64)>,
+}
+
+impl Lines {
+    pub(super) fn counting(count: Count) -> Self {
+        Self { count, jumps: Vec::new() }
+    }
+
+    pub(super) fn push(&mut self, index: usize, line: u64) {
+        if self.of(index) != line {
+            self.jumps.push((index, line));
+        }
+    }
+
+    pub(super) fn of(&self, index: usize) -> u64 {
+        let at = self.jumps.partition_point(|&(first, _)| first <= index);
+        let (first, line) = at.checked_sub(1).map_or((0, 0), |at| self.jumps[at]);
+        line + (index - first) as u64
+    }
+
+    /// The line numbers of the samples in `kept`, which become contiguous.
+    pub(super) fn keep(&mut self, kept: &[Range<usize>]) {
+        let old = std::mem::take(&mut self.jumps);
+        let old = Self { count: self.count, jumps: old };
+        let mut next = 0;
+        for range in kept {
+            let inside = old.jumps.iter().filter(|(first, _)| range.contains(first));
+            let starts = std::iter::once(range.start).chain(inside.map(|(first, _)| *first));
+            starts.for_each(|sample| self.push(next + sample - range.start, old.of(sample)));
+            next += range.len();
+        }
+    }
+
+    fn place(&self, index: usize) -> Place {
+        self.count.place(self.of(index))
+    }
+}
+
+/// Drops redundant rows and describes the rest. `excerpts` are the times, s, at which another
+/// excerpt begins: the interval before them is not a gap.
+pub(super) fn screen(
+    file: &str,
+    mut columns: Columns,
+    non_finite_rows: RowList,
+    sensor_limit: Option<f64>,
+    excerpts: &[f64],
+) -> Result<(Columns, Quality), RecordingError> {
+    let mut quality = Quality { non_finite_rows, ..Quality::default() };
+    check_length(file, columns.time.len())?;
+    drop_standing_time(file, &mut columns, &mut quality)?;
+    check_length(file, columns.time.len())?;
+    describe_time(&columns, &mut quality);
+    describe_values(&columns, &mut quality);
+    if quality.stroke > LONGEST_STROKE {
+        let (file, stroke) = (file.to_owned(), quality.stroke);
+        return Err(RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE });
+    }
+    let begins = |index: usize| excerpts.binary_search_by(|time| time.total_cmp(&columns.time[index])).is_ok();
+    let (cuts, gaps): (Vec<Gap>, Vec<Gap>) = quality.gaps.drain(..).partition(|gap| begins(gap.index));
+    quality.gaps = gaps;
+    find_jumps(&columns, &mut quality);
+    quality.resets.retain(|reset| !begins(reset.index));
+    find_saturation(&columns, &mut quality, sensor_limit);
+    quality.force_opposes_motion = force_opposes_motion(&columns);
+    quality.breaks = quality.gaps.iter().chain(&cuts).map(|gap| gap.index).collect();
+    quality.breaks.extend(quality.resets.iter().map(|reset| reset.index));
+    quality.breaks.sort_unstable();
+    quality.breaks.dedup();
+    quality.warnings = warnings(&quality, columns.lines.count.unit());
+    Ok((columns, quality))
+}
+
+fn check_length(file: &str, found: usize) -> Result<(), RecordingError> {
+    if found < MIN_SAMPLES {
+        return Err(RecordingError::TooFewSamples { file: file.to_owned(), found, needed: MIN_SAMPLES });
+    }
+    Ok(())
+}
+
+/// Omits rows whose time does not increase, and rejects a clock that decreases or is constant.
+fn drop_standing_time(file: &str, columns: &mut Columns, quality: &mut Quality) -> Result<(), RecordingError> {
+    if columns.time.windows(2).all(|pair| pair[1] > pair[0]) {
+        return Ok(());
+    }
+    let steps = || columns.time.windows(2).map(|pair| pair[1] - pair[0]);
+    let samples = columns.time.len();
+    let Some(median) = median(steps().filter(|&step| step > 0.0).collect()) else {
+        return Err(never_advances(file, columns));
+    };
+    let (mut kept, mut coincident, mut first_coincident) = (0, 0, 0);
+    let mut lines = Lines::counting(columns.lines.count);
+    lines.push(0, columns.lines.of(0));
+    for k in 1..samples {
+        let step = columns.time[k] - columns.time[kept];
+        let line = columns.lines.of(k);
+        if step > 0.0 {
+            kept += 1;
+            columns.keep(k, kept);
+            lines.push(kept, line);
+            continue;
+        } else if step < -median {
+            let (from, to, place) = (columns.time[kept], columns.time[k], columns.lines.place(k));
+            return Err(RecordingError::TimeGoesBack { file: file.to_owned(), place, from, to });
+        } else if step < 0.0 {
+            quality.unordered_rows.add(line);
+            continue;
+        }
+        quality.repeated_rows.add(line);
+        if columns.position[k] != columns.position[kept] || columns.force[k] != columns.force[kept] {
+            first_coincident = if coincident == 0 { k } else { first_coincident };
+            coincident += 1;
+        }
+    }
+    if coincident as f64 > TOLERATED_COINCIDENT * samples as f64 {
+        let place = columns.lines.place(first_coincident);
+        return Err(RecordingError::CoarseClock { file: file.to_owned(), place, found: coincident, samples });
+    }
+    columns.truncate(kept + 1);
+    columns.lines = lines;
+    Ok(())
+}
+
+fn never_advances(file: &str, columns: &Columns) -> RecordingError {
+    let (file, time) = (file.to_owned(), &columns.time);
+    match time.windows(2).position(|pair| pair[1] < pair[0]) {
+        Some(k) => {
+            RecordingError::TimeGoesBack { file, place: columns.lines.place(k + 1), from: time[k], to: time[k + 1] }
+        }
+        None => {
+            RecordingError::ConstantTime { file, place: columns.lines.place(0), value: time[0], samples: time.len() }
+        }
+    }
+}
+
+impl Columns {
+    /// Moves sample `from` to the earlier index `to`.
+    fn keep(&mut self, from: usize, to: usize) {
+        if from == to {
+            return;
+        }
+        self.time[to] = self.time[from];
+        self.position[to] = self.position[from];
+        self.force[to] = self.force[from];
+        if let Some(velocity) = &mut self.velocity {
+            velocity[to] = velocity[from];
+        }
+    }
+
+    fn truncate(&mut self, length: usize) {
+        self.time.truncate(length);
+        self.position.truncate(length);
+        self.force.truncate(length);
+        if let Some(velocity) = &mut self.velocity {
+            velocity.truncate(length);
+        }
+    }
+}
+
+fn describe_time(columns: &Columns, quality: &mut Quality) {
+    let steps: Vec<f64> = columns.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    quality.longest_interval = steps.iter().copied().fold(0.0, f64::max);
+    let mut sorted = steps.clone();
+    let upper = sorted.len() * 95 / 100;
+    let usual = *sorted.select_nth_unstable_by(upper, f64::total_cmp).1;
+    quality.median_interval = median(sorted).unwrap_or_default();
+    let threshold = GAP_FACTOR * usual;
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for (k, &step) in steps.iter().enumerate() {
+        if step > threshold {
+            let (from, to) = (columns.time[k], columns.time[k + 1]);
+            quality.gaps.push(Gap { index: k + 1, line: columns.lines.of(k + 1), from, to });
+        } else {
+            sum += (step - quality.median_interval).powi(2);
+            count += 1;
+        }
+    }
+    quality.jitter = (sum / count.max(1) as f64).sqrt();
+}
+
+fn describe_values(columns: &Columns, quality: &mut Quality) {
+    let (low, high) = range(&columns.position);
+    quality.stroke = high - low;
+    quality.position_resolution = resolution(&columns.position);
+    quality.force_resolution = resolution(&columns.force);
+    quality.position_noise = noise(&columns.time, &columns.position, quality.position_resolution);
+    quality.force_noise = noise(&columns.time, &columns.force, quality.force_resolution);
+}
+
+/// Least and greatest of `values`.
+pub fn range(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
+}
+
+/// The median; `None` without values.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len().checked_sub(1)? / 2;
+    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Standard deviation about the straight line through the two neighbours, which removes slow
+/// motion.
+///
+/// Jumps are excluded by comparison with the median. The median itself would be coarse if the noise
+/// is only a few steps of `resolution`.
+fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
+    let stride = (values.len() / LOOKED_AT).max(1);
+    let deviations = (1..values.len() - 1).step_by(stride).map(|k| {
+        let weight = (time[k] - time[k - 1]) / (time[k + 1] - time[k - 1]);
+        let between = values[k - 1] + weight * (values[k + 1] - values[k - 1]);
+        // Variance of the difference of one value and a weighted mean of two.
+        let scale = (1.0 + weight * weight + (1.0 - weight) * (1.0 - weight)).sqrt();
+        (values[k] - between).abs() / scale
+    });
+    let deviations: Vec<f64> = deviations.collect();
+    let typical = median(deviations.clone()).unwrap_or_default() * MEDIAN_TO_SD;
+    let limit = NOISE_LIMIT * typical.max(resolution / 12_f64.sqrt());
+    let (sum, count) = deviations
+        .iter()
+        .filter(|&&deviation| deviation <= limit)
+        .fold((0.0, 0_usize), |(sum, count), deviation| (sum + deviation * deviation, count + 1));
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// The largest step of which nearly all differences are integer multiples.
+///
+/// The values are first scaled to integer multiples of a power of ten. Each block of differences
+/// has its own greatest common divisor, and the divisor common to most blocks is used, so a few odd
+/// values have no effect.
+pub(super) fn resolution(values: &[f64]) -> f64 {
+    let looked_at = &values[..values.len().min(LOOKED_AT)];
+    let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
+    let Some(scale) = (0..=10)
+        .map(|digits| 10_f64.powi(digits))
+        // Above 2^43 units the last digits of a double no longer distinguish integers from other
+        // numbers.
+        .find(|&scale| largest * scale < 8.8e12 && looked_at.iter().all(|&x| is_whole(x, scale)))
+    else {
+        return 0.0;
+    };
+    let whole: Vec<i64> = looked_at.iter().map(|x| (x * scale).round() as i64).collect();
+    let mut divisors: Vec<u64> = whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
+    divisors.sort_unstable();
+    let mut commonest: Option<&[u64]> = None;
+    for run in divisors.chunk_by(|a, b| a == b) {
+        if commonest.is_none_or(|best| run.len() > best.len()) {
+            commonest = Some(run);
+        }
+    }
+    commonest.map_or(0.0, |run| run[0] as f64 / scale)
+}
+
+fn common_divisor(block: &[i64]) -> u64 {
+    block.windows(2).fold(0, |divisor, pair| gcd(divisor, pair[1].abs_diff(pair[0])))
+}
+
+fn gcd(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+/// Position steps that are much faster than the motion before and after: resets, or the end of a
+/// stall.
+fn find_jumps(columns: &Columns, quality: &mut Quality) {
+    let path = Path { time: &columns.time, position: &columns.position };
+    let noise = quality.position_noise.max(quality.position_resolution);
+    let least = JUMP_OVER_NOISE * noise + 1e-9 * quality.stroke;
+    for k in 1..path.time.len() {
+        let jump = path.position[k] - path.position[k - 1];
+        if jump.abs() <= least {
+            continue;
+        }
+        let stalled = path.stalled_before(k);
+        // A single equal position is chance if the noise is a few steps of the resolution.
+        if k - stalled > 2 && path.catches_up(stalled, k) {
+            (stalled + 1..k).for_each(|j| quality.held_rows.add(columns.lines.of(j)));
+        } else if path.speed(k - 1, k) > JUMP_FACTOR * path.typical_speed_around(k) {
+            quality.resets.push(Reset { index: k, line: columns.lines.of(k), jump });
+        }
+    }
+}
+
+/// Speeds along the positions.
+struct Path<'a> {
+    time: &'a [f64],
+    position: &'a [f64],
+}
+
+impl Path<'_> {
+    /// Mean speed between two samples, m/s.
+    fn speed(&self, from: usize, to: usize) -> f64 {
+        ((self.position[to] - self.position[from]) / (self.time[to] - self.time[from])).abs()
+    }
+
+    /// Larger of the median speeds over the few samples before and after the step to `k`.
+    fn typical_speed_around(&self, k: usize) -> f64 {
+        let typical = |range: Range<usize>| {
+            let mut speeds = [0.0; JUMP_NEIGHBOURS];
+            let count = range.len();
+            speeds.iter_mut().zip(range).for_each(|(slot, j)| *slot = self.speed(j - 1, j));
+            speeds[..count].sort_unstable_by(f64::total_cmp);
+            if count == 0 { 0.0 } else { speeds[count / 2] }
+        };
+        let before = typical(k.saturating_sub(JUMP_NEIGHBOURS).max(1)..k);
+        before.max(typical(k + 1..(k + 1 + JUMP_NEIGHBOURS).min(self.time.len())))
+    }
+
+    /// The first of the samples before `k` that have the same position as sample `k - 1`.
+    fn stalled_before(&self, k: usize) -> usize {
+        let position = self.position[k - 1];
+        k - self.position[..k].iter().rev().take_while(|&&x| x == position).count()
+    }
+
+    /// Whether the mean speed from `from` to `to` is about that of the motion before or after it.
+    fn catches_up(&self, from: usize, to: usize) -> bool {
+        let first = from.saturating_sub(STALL_NEIGHBOURS);
+        let last = (to + STALL_NEIGHBOURS).min(self.time.len() - 1);
+        if first == from || to == last {
+            return false;
+        }
+        let (before, after) = (self.speed(first, from), self.speed(to, last));
+        let usual = before.min(after) / STALL_FACTOR..=before.max(after) * STALL_FACTOR;
+        before.min(after) > 0.0 && usual.contains(&self.speed(from, to))
+    }
+}
+
+/// Runs of the same extreme reading; with noise on the force, only the limit of the range produces
+/// them.
+fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Option<f64>) {
+    let (low, high) = range(&columns.force);
+    // If the sensor is saturated for most of the time, the readings as a whole appear to be free of
+    // noise.
+    let inside = columns.time.iter().zip(&columns.force).filter(|(_, force)| low < **force && **force < high);
+    let (time, force): (Vec<f64>, Vec<f64>) = inside.unzip();
+    let noisy = force.len() >= MIN_SAMPLES && noise(&time, &force, quality.force_resolution) > quality.force_resolution;
+    for (level, sign) in [(high, 1.0), (low, -1.0)] {
+        let limit = sensor_limit.filter(|limit| sign * level >= *limit);
+        // Without noise any constant force repeats exactly, so repetition is no evidence.
+        if limit.is_none() && !noisy {
+            continue;
+        }
+        let threshold = limit.unwrap_or(sign * level);
+        let stuck = |force: &f64| sign * force >= threshold;
+        let longest = columns.force.chunk_by(|a, b| stuck(a) == stuck(b)).filter(|run| stuck(&run[0]));
+        let longest = longest.map(<[f64]>::len).max().unwrap_or(0);
+        if limit.is_some() || longest >= SATURATED_RUN {
+            let count = columns.force.iter().filter(|&force| stuck(force)).count();
+            let first = columns.force.iter().position(stuck).unwrap_or_default();
+            quality.saturated.push(Saturation { count, level, first_line: columns.lines.of(first) });
+        }
+    }
+}
+
+/// Whether the mean force during insertion is clearly below that during withdrawal.
+///
+/// An offset cancels in the difference. Both directions and a difference above half the scatter are
+/// required.
+fn force_opposes_motion(columns: &Columns) -> bool {
+    let (time, position, force) = (&columns.time, &columns.position, &columns.force);
+    let travel: f64 = position.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
+    let mean_speed = travel / (time[time.len() - 1] - time[0]);
+    let mut sides = [Moments::default(), Moments::default()];
+    for k in 1..time.len() {
+        let velocity = (position[k] - position[k - 1]) / (time[k] - time[k - 1]);
+        if velocity.abs() > 0.5 * mean_speed {
+            sides[usize::from(velocity > 0.0)].add(force[k]);
+        }
+    }
+    let [withdrawing, inserting] = sides;
+    let least = 0.05 * time.len() as f64;
+    let scatter = (withdrawing.variance() + inserting.variance()).sqrt();
+    withdrawing.count > least
+        && inserting.count > least
+        && inserting.mean - withdrawing.mean < -0.5 * scatter
+        && inserting.mean < withdrawing.mean
+}
+
+/// Running mean and variance.
+#[derive(Default)]
+struct Moments {
+    count: f64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Moments {
+    fn add(&mut self, x: f64) {
+        self.count += 1.0;
+        let delta = x - self.mean;
+        self.mean += delta / self.count;
+        self.squares += delta * (x - self.mean);
+    }
+
+    fn variance(&self) -> f64 {
+        self.squares / self.count.max(1.0)
+    }
+}
+
+/// Warnings about everything lost or doubtful. `unit` is the unit of positions: `line` or `sample`.
+fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let mut warn = |kind, message: String, hint: Option<&str>| {
+        warnings.push(Warning { kind, message, hint: hint.map(str::to_owned) });
+    };
+    for (kind, rows, what) in [
+        (WarningKind::NonFiniteRows, &quality.non_finite_rows, "with an empty, NaN or infinite cell left out"),
+        (WarningKind::RepeatedRows, &quality.repeated_rows, "with the time of the row above left out"),
+        (WarningKind::UnorderedRows, &quality.unordered_rows, "out of order left out"),
+        (WarningKind::HeldRows, &quality.held_rows, "hold an old position in the middle of motion, kept as they are"),
+    ] {
+        if rows.count > 0 {
+            warn(kind, format!("{} {what}: {}", counted(rows.count, "row"), rows.places(unit)), None);
+        }
+    }
+    if let Some(gap) = quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from))) {
+        let (count, length, line) = (counted(quality.gaps.len(), "gap"), gap.to - gap.from, gap.line);
+        warn(WarningKind::Gaps, format!("{count} in time, the longest of {length:.3} s before {unit} {line}"), None);
+    }
+    if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
+        let (jitter, interval) = (quality.jitter * 1e3, quality.median_interval * 1e3);
+        warn(WarningKind::Jitter, format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"), None);
+    }
+    if let Some(reset) = quality.resets.first() {
+        let (count, jump, line) = (counted(quality.resets.len(), "position jump"), reset.jump * 1e3, reset.line);
+        warn(WarningKind::Resets, format!("{count}, the first of {jump:.3} mm at {unit} {line}"), None);
+    }
+    for end in &quality.saturated {
+        let (count, level, line) = (end.count, end.level, end.first_line);
+        let hint = "forces beyond the sensor's range are lost; leave these passes out or use a larger sensor";
+        warn(
+            WarningKind::Saturation,
+            format!("force stuck at {level} N in {count} samples, first at {unit} {line}"),
+            Some(hint),
+        );
+    }
+    if quality.stroke < DOUBTFUL_STROKE {
+        let stroke = quality.stroke * 1e3;
+        let hint = "is the unit right? if the numbers are metres, name the column position_m or use --columns";
+        warn(WarningKind::Stroke, format!("the position covers only {stroke:.4} mm"), Some(hint));
+    }
+    if quality.force_opposes_motion {
+        let hint = "if the sensor is mounted the other way round, use --flip-force";
+        warn(
+            WarningKind::ForceSign,
+            "the force opposes the motion: lower on insertion than on withdrawal".into(),
+            Some(hint),
+        );
+    }
+    warnings
+}
+
+/// `1 gap`, `3 gaps`.
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}

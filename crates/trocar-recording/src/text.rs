@@ -1,0 +1,645 @@
+//! Rows of numbers from a text stream, in constant memory.
+//!
+//! The input is split at line ends into pieces that are parsed in parallel, while its hash is
+//! computed. Plain numeric lines use a fast path (`fast_line`). Quotes, comments, blank lines,
+//! decimal commas and all faults use the general one. A piece ends before an invalid line; the
+//! reader formulates the error once all earlier rows have been returned.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+
+use super::block::Block;
+use super::columns::{Given, Layout, Quantity, Slot, example_mapping, is_unit_row};
+use super::container::{Batches, Column, Container, Table};
+use super::decompress::TextInput;
+use super::format::{Format, Separator, whitespace_cells};
+use super::{RecordingError, columns};
+
+/// Bytes read at a time from a file, and from a real-time stream; the second is also the longest
+/// line accepted.
+const CHUNK: usize = 4 << 20;
+const LONGEST_LINE: usize = 256 * 1024;
+
+/// Least size of a piece in bytes.
+const PIECE: usize = 128 * 1024;
+
+/// Lines examined to detect the format.
+const SNIFFED_LINES: usize = 16;
+
+/// Characters of a file quoted in a message.
+const QUOTED: usize = 60;
+
+/// Columns requested from the reader.
+#[derive(Clone, Copy)]
+pub(crate) enum Wanted<'a> {
+    /// Quantities, by a `--columns` value or by the names in the header; these must be there.
+    Quantities(Option<&'a str>, &'a [Quantity]),
+    /// All columns, unchanged.
+    All,
+}
+
+/// Reads rows from any byte stream.
+pub(crate) struct TextReader<R> {
+    file: String,
+    input: R,
+    /// Whether to wait for a full buffer; false for rows that are used in real time.
+    greedy: bool,
+    buffer: Vec<u8>,
+    /// Next byte to parse.
+    start: usize,
+    /// End of the last complete line in the buffer.
+    complete: usize,
+    /// End of the bytes read.
+    filled: usize,
+    /// First byte not yet included in the hash.
+    unhashed: usize,
+    finished: bool,
+    bytes_read: u64,
+    /// Line number of `start`.
+    line: u64,
+    hash: Option<Sha256>,
+    format: Format,
+    layout: Layout,
+    /// Bytes and lines of the first buffer, for an estimate.
+    bytes_per_line: f64,
+}
+
+impl<R: Read> TextReader<R> {
+    /// Reads up to the first row of numbers.
+    pub(crate) fn open(file: &str, input: R, wanted: Wanted, greedy: bool, hash: bool) -> Result<Self, RecordingError> {
+        let mut reader = Self {
+            file: file.to_owned(),
+            input,
+            greedy,
+            buffer: vec![0; if greedy { CHUNK } else { LONGEST_LINE }],
+            start: 0,
+            complete: 0,
+            filled: 0,
+            unhashed: 0,
+            finished: false,
+            bytes_read: 0,
+            line: 1,
+            hash: hash.then(Sha256::new),
+            format: Format { separator: Separator::Byte(b','), decimal_comma: false },
+            layout: Layout { names: Vec::new(), slots: Vec::new(), source: "", notes: Vec::new() },
+            bytes_per_line: 1.0,
+        };
+        reader.refill()?;
+        reader.check_text()?;
+        reader.find_columns(wanted)?;
+        let bytes = &reader.buffer[reader.start..reader.complete];
+        let lines = bytes.iter().filter(|&&b| b == b'\n').count().max(1);
+        reader.bytes_per_line = bytes.len() as f64 / lines as f64;
+        Ok(reader)
+    }
+
+    pub(crate) fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    pub(crate) fn layout_mut(&mut self) -> &mut Layout {
+        &mut self.layout
+    }
+
+    /// SHA-256 of all bytes of the text, decompressed, in hexadecimal; valid after the last row.
+    pub(crate) fn digest(&mut self) -> String {
+        self.take_hash();
+        self.hash.take().map(|hash| hex(&hash.finalize())).unwrap_or_default()
+    }
+
+    pub(crate) fn bytes_read(&self) -> u64 {
+        self.bytes_read
+    }
+
+    /// Average bytes per line of the first buffer.
+    pub(crate) fn bytes_per_line(&self) -> f64 {
+        self.bytes_per_line
+    }
+
+    /// Replaces the content of `block` by the next rows; `false` at the end.
+    pub(crate) fn fill(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
+        block.clear();
+        while block.is_empty() {
+            if self.start == self.complete && !self.refill()? {
+                return Ok(false);
+            }
+            let wrong = self.parse_buffer(block);
+            if let Some(fault) = wrong.filter(|_| block.is_empty()) {
+                return Err(self.word(fault)?);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Parses the complete lines up to the first invalid one, and computes their hash meanwhile.
+    fn parse_buffer(&mut self, block: &mut Block) -> Option<Fault> {
+        let bytes = &self.buffer[self.start..self.complete];
+        let (format, layout) = (self.format, &self.layout);
+        let threads = rayon::current_num_threads();
+        let pieces = cut(bytes, (bytes.len() / PIECE).min(4 * threads));
+        let parse = |piece: &&[u8]| Piece::parse(piece, format, layout, block.columns.len());
+        let parsed: Vec<Piece> = if pieces.len() < 2 {
+            pieces.iter().map(parse).collect()
+        } else {
+            let fresh = &self.buffer[self.unhashed..self.filled];
+            let hash = &mut self.hash;
+            let take_hash = move || {
+                if let Some(hash) = hash {
+                    hash.update(fresh);
+                }
+            };
+            self.unhashed = self.filled;
+            rayon::join(take_hash, || pieces.par_iter().map(parse).collect()).1
+        };
+        for piece in parsed {
+            block.append(&piece.rows, self.line);
+            self.start += piece.used;
+            self.line += piece.lines;
+            if piece.fault.is_some() {
+                return piece.fault;
+            }
+        }
+        None
+    }
+
+    fn take_hash(&mut self) {
+        if let Some(hash) = &mut self.hash {
+            hash.update(&self.buffer[self.unhashed..self.filled]);
+        }
+        self.unhashed = self.filled;
+    }
+
+    /// Moves the unfinished line to the front and continues reading until at least one line is
+    /// complete.
+    fn refill(&mut self) -> Result<bool, RecordingError> {
+        self.take_hash();
+        self.buffer.copy_within(self.complete..self.filled, 0);
+        self.filled -= self.complete;
+        (self.start, self.complete, self.unhashed) = (0, 0, self.filled);
+        while !self.finished {
+            if self.complete == 0 && self.filled >= LONGEST_LINE - 1 {
+                let (file, line, limit) = (self.file.clone(), self.line, LONGEST_LINE);
+                return Err(RecordingError::LineTooLong { file, line, limit });
+            }
+            // One byte is reserved for the newline that the last line may lack.
+            let space = self.buffer.len() - 1;
+            let read = match self.input.read(&mut self.buffer[self.filled..space]) {
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(source) => {
+                    return Err(RecordingError::Read { file: self.file.clone(), line: self.line, source });
+                }
+                Ok(read) => read,
+            };
+            self.take_in(read);
+            if self.complete > 0 && (!self.greedy || self.filled == self.buffer.len() - 1) {
+                return Ok(true);
+            }
+        }
+        Ok(self.complete > 0)
+    }
+
+    /// Counts `read` new bytes; zero means the end of the stream.
+    fn take_in(&mut self, read: usize) {
+        let fresh = &self.buffer[self.filled..self.filled + read];
+        if let Some(at) = fresh.iter().rposition(|&b| b == b'\n') {
+            self.complete = self.filled + at + 1;
+        }
+        self.filled += read;
+        self.bytes_read += read as u64;
+        if read > 0 {
+            return;
+        }
+        self.finished = true;
+        self.take_hash();
+        if self.filled > self.complete {
+            self.buffer[self.filled] = b'\n';
+            self.filled += 1;
+            (self.complete, self.unhashed) = (self.filled, self.filled);
+        }
+    }
+
+    /// Skips a byte order mark; rejects anything that is not text.
+    fn check_text(&mut self) -> Result<(), RecordingError> {
+        let bytes = &self.buffer[..self.complete.max(self.filled)];
+        let found = if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+            Some("text in UTF-16")
+        } else if bytes.contains(&0) {
+            Some("binary data")
+        } else {
+            None
+        };
+        if let Some(found) = found {
+            return Err(RecordingError::NotText { file: self.file.clone(), found });
+        }
+        if bytes.starts_with(&[0xef, 0xbb, 0xbf]) {
+            self.start = 3;
+        }
+        Ok(())
+    }
+
+    /// Finds format and columns and leaves `start` at the first row of numbers.
+    fn find_columns(&mut self, wanted: Wanted) -> Result<(), RecordingError> {
+        if let Wanted::Quantities(Some(mapping), needed) = wanted
+            && !mapping.contains('=')
+        {
+            self.layout = Layout::from_mapping(mapping, needed)?;
+        }
+        let comment = self.skip_blank()?;
+        let Some(first) = self.peek_line(0).map(<[u8]>::to_vec) else {
+            return Err(RecordingError::Empty { file: self.file.clone() });
+        };
+        let lines: Vec<&[u8]> = (0..).map_while(|k| self.peek_line(k)).take(SNIFFED_LINES).collect();
+        self.format = Format::sniff(&lines);
+        let names = self.cells(&first);
+        if self.is_header(&names) {
+            return self.take_header(names, wanted);
+        }
+        if !self.layout.slots.is_empty() {
+            return Ok(());
+        }
+        // Some tools write the names as the last comment before the numbers.
+        let commented = comment.map(|(line, text)| (line, self.cells(&text)));
+        if let Some((line, names)) = commented.filter(|(_, cells)| cells.len() == names.len())
+            && let Ok(layout) = self.layout_of(line, names, &[], wanted)
+        {
+            self.layout = layout;
+            return Ok(());
+        }
+        if let Wanted::All = wanted {
+            let numbered = (1..=names.len()).map(|k| format!("column {k}")).collect();
+            self.layout = self.layout_of(self.line, numbered, &[], wanted)?;
+            return Ok(());
+        }
+        Err(RecordingError::NoHeader {
+            file: self.file.clone(),
+            line: self.line,
+            found: quoted(&first),
+            example: example_mapping(names.len()),
+        })
+    }
+
+    /// Names need not be recognised (`--columns` may define them), but they are not numbers.
+    fn is_header(&self, cells: &[String]) -> bool {
+        let numeric = |cell: &&String| !cell.is_empty() && self.format.number(cell.as_bytes()).is_some();
+        cells.iter().any(|cell| columns::is_recognised(cell)) || cells.iter().filter(numeric).count() == 0
+    }
+
+    fn take_header(&mut self, names: Vec<String>, wanted: Wanted) -> Result<(), RecordingError> {
+        let line = self.line;
+        self.skip_line();
+        self.skip_blank()?;
+        let second = self.peek_line(0).map(<[u8]>::to_vec);
+        let units = second.map(|text| self.cells(&text)).filter(|cells| is_unit_row(cells));
+        let units = units.filter(|units| units.len() == names.len()).unwrap_or_default();
+        if !units.is_empty() {
+            self.skip_line();
+            self.skip_blank()?;
+        }
+        if self.layout.slots.is_empty() {
+            self.layout = self.layout_of(line, names, &units, wanted)?;
+        }
+        if self.peek_line(0).is_none() {
+            return Err(RecordingError::HeaderOnly { file: self.file.clone(), line });
+        }
+        Ok(())
+    }
+
+    /// Layout from the names; if all columns are read, those whose next cell is text are skipped.
+    fn layout_of(
+        &self,
+        line: u64,
+        names: Vec<String>,
+        units: &[String],
+        wanted: Wanted,
+    ) -> Result<Layout, RecordingError> {
+        match wanted {
+            Wanted::Quantities(mapping, needed) => {
+                let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
+                Layout::from_header(&self.file, &format!(" line {line}"), names, units, &given, needed)
+            }
+            Wanted::All => {
+                let mut layout = Layout::all(names);
+                for (k, name) in layout.names.iter_mut().enumerate() {
+                    name.extend(units.get(k).map(|unit| format!(" {unit}")));
+                }
+                let cells = self.peek_line(0).map(|line| self.cells(line)).unwrap_or_default();
+                let is_text = |k: usize| cells.get(k).is_some_and(|cell| self.format.number(cell.as_bytes()).is_none());
+                let slots = layout.slots.iter_mut().enumerate();
+                slots.filter(|(k, _)| is_text(*k)).for_each(|(_, slot)| *slot = None);
+                Ok(layout)
+            }
+        }
+    }
+
+    /// Skips blank and comment lines; returns the last comment with its line.
+    fn skip_blank(&mut self) -> Result<Option<(u64, Vec<u8>)>, RecordingError> {
+        let mut comment = None;
+        loop {
+            if self.start == self.complete && !self.refill()? {
+                return Ok(comment);
+            }
+            let line = self.peek_line(0).unwrap_or_default().trim_ascii();
+            match line.first() {
+                None => {}
+                Some(b'#') => comment = Some((self.line, line[1..].trim_ascii().to_vec())),
+                Some(_) => return Ok(comment),
+            }
+            self.skip_line();
+        }
+    }
+
+    /// The `k`-th complete line in the buffer from the current position, without its end.
+    fn peek_line(&self, k: usize) -> Option<&[u8]> {
+        let bytes = &self.buffer[self.start..self.complete];
+        let line = bytes.split_inclusive(|&b| b == b'\n').nth(k)?;
+        let line = line.strip_suffix(b"\n").unwrap_or(line);
+        Some(line.strip_suffix(b"\r").unwrap_or(line))
+    }
+
+    fn skip_line(&mut self) {
+        let bytes = &self.buffer[self.start..self.complete];
+        let length = bytes.iter().position(|&b| b == b'\n').map_or(bytes.len(), |at| at + 1);
+        self.start += length;
+        self.line += 1;
+    }
+
+    /// The cells of a header line.
+    fn cells(&self, line: &[u8]) -> Vec<String> {
+        let mut splitter = Splitter::new(self.format.separator);
+        let cells = splitter.split(line);
+        (0..cells).map(|k| String::from_utf8_lossy(splitter.cell(k)).trim().to_owned()).collect()
+    }
+
+    /// Formulates the error of the current line; fails if it cannot be read whether this is the
+    /// last line.
+    fn word(&mut self, fault: Fault) -> Result<RecordingError, RecordingError> {
+        match fault {
+            Fault::FieldCount(found) => self.field_count(self.line, found),
+            Fault::NotANumber(column, found) => {
+                let hint = if found.contains(',') {
+                    "\n\nhint: decimal commas must be used throughout, without thousands separators"
+                } else {
+                    ""
+                };
+                let (file, column) = (self.file.clone(), self.layout.names[column].clone());
+                Ok(RecordingError::NotANumber { file, line: self.line, column, found, hint })
+            }
+        }
+    }
+
+    fn field_count(&mut self, line: u64, found: usize) -> Result<RecordingError, RecordingError> {
+        self.skip_line();
+        let last = self.start == self.complete && !self.refill()?;
+        let hint = match self.layout.source {
+            _ if last => "\n\nhint: this is the last line; was the recording cut off while it was written?",
+            "--columns" => "\n\nhint: --columns names every column in order, '-' skips one",
+            _ => "",
+        };
+        let (file, expected) = (self.file.clone(), self.layout.slots.len());
+        Ok(RecordingError::FieldCount { file, line, found, expected, reference: self.layout.source, hint })
+    }
+}
+
+/// A text file as a table of all its columns.
+pub(super) struct TextTable {
+    path: PathBuf,
+    format: Format,
+    tables: Vec<Table>,
+}
+
+impl TextTable {
+    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
+        let input = TextInput::open(path)?.text;
+        let reader = TextReader::open(&path.display().to_string(), input, Wanted::All, false, false)?;
+        let described = reader.layout.names.iter().zip(&reader.layout.slots);
+        let columns = described
+            .map(|(name, slot)| Column { name: name.clone(), unit: None, is_numeric: slot.is_some() })
+            .collect();
+        Ok(Self { path: path.to_owned(), format: reader.format, tables: vec![Table::without_a_name(columns)] })
+    }
+}
+
+impl Container for TextTable {
+    fn format(&self) -> &'static str {
+        match self.format.separator {
+            Separator::Byte(b',') => "text, separated by commas",
+            Separator::Byte(b';') => "text, separated by semicolons",
+            Separator::Byte(b'\t') => "text, separated by tabs",
+            Separator::Byte(_) => "text, separated by bars",
+            Separator::Whitespace => "text, separated by spaces",
+        }
+    }
+
+    fn tables(&self) -> &[Table] {
+        &self.tables
+    }
+
+    fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+        let input = TextInput::open(&self.path)?;
+        let file = self.path.display().to_string();
+        let mut reader = TextReader::open(&file, input.text, Wanted::All, input.file.is_some(), false)?;
+        reader.layout.slots.fill(None);
+        for (output, column) in columns.iter().enumerate().rev() {
+            if let Some(slot) = reader.layout.slots.get_mut(*column) {
+                *slot = Some(Slot { output, per_si: 1.0 });
+            }
+        }
+        Ok(Box::new(TextBatches { reader, block: Block::new(columns.len()) }))
+    }
+}
+
+struct TextBatches {
+    reader: TextReader<Box<dyn Read + Send>>,
+    block: Block,
+}
+
+impl Batches for TextBatches {
+    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
+        let more = self.reader.fill(&mut self.block)?;
+        columns.iter_mut().zip(&mut self.block.columns).for_each(|(own, read)| std::mem::swap(own, read));
+        Ok(more)
+    }
+}
+
+/// Fault of a line.
+#[derive(Debug)]
+enum Fault {
+    /// Number of cells.
+    FieldCount(usize),
+    /// The cell of this column is not a number.
+    NotANumber(usize, String),
+}
+
+/// Splits `bytes`, which end with a line end, into about `count` pieces that do, too.
+fn cut(bytes: &[u8], count: usize) -> Vec<&[u8]> {
+    let mut pieces = Vec::with_capacity(count.max(1));
+    let mut rest = bytes;
+    for left in (2..=count).rev() {
+        let about = rest.len() / left;
+        let Some(end) = rest[about..].iter().position(|&b| b == b'\n') else { break };
+        let (piece, others) = rest.split_at(about + end + 1);
+        pieces.push(piece);
+        rest = others;
+    }
+    if !rest.is_empty() {
+        pieces.push(rest);
+    }
+    pieces
+}
+
+/// Some lines as rows; lines are counted from 0.
+struct Piece {
+    rows: Block,
+    used: usize,
+    lines: u64,
+    fault: Option<Fault>,
+}
+
+impl Piece {
+    /// Parses up to the end of `bytes` or the first invalid line.
+    fn parse(bytes: &[u8], format: Format, layout: &Layout, columns: usize) -> Self {
+        let mut piece = Self { rows: Block::new(columns), used: 0, lines: 0, fault: None };
+        let mut splitter = Splitter::new(format.separator);
+        let mut count = 0;
+        while piece.used < bytes.len() {
+            let rest = &bytes[piece.used..];
+            if let Some(used) = fast_line(rest, format, layout, &mut piece.rows.columns) {
+                piece.rows.count_from(count, piece.lines);
+                piece.used += used;
+                count += 1;
+            } else {
+                piece.rows.truncate(count);
+                let length = rest.iter().position(|&b| b == b'\n').map_or(rest.len(), |at| at + 1);
+                match general_line(&rest[..length], format, layout, &mut splitter, &mut piece.rows.columns) {
+                    Ok(true) => {
+                        piece.rows.count_from(count, piece.lines);
+                        count += 1;
+                    }
+                    Ok(false) => {}
+                    Err(fault) => {
+                        piece.fault = Some(fault);
+                        piece.rows.truncate(count);
+                        return piece;
+                    }
+                }
+                piece.used += length;
+            }
+            piece.lines += 1;
+        }
+        piece
+    }
+}
+
+/// Parses one plain line into `columns`: numbers, single separators, no quotes. `None` leaves the
+/// line to the general path; a part of it may already have been appended.
+fn fast_line(bytes: &[u8], format: Format, layout: &Layout, columns: &mut [Vec<f64>]) -> Option<usize> {
+    let Separator::Byte(separator) = format.separator else {
+        return None;
+    };
+    let mut at = 0;
+    let last = layout.slots.len().checked_sub(1)?;
+    for (k, slot) in layout.slots.iter().enumerate() {
+        if let Some(Slot { output, per_si }) = slot {
+            let (number, used) = fast_float2::parse_partial::<f64, _>(&bytes[at..]).ok()?;
+            columns[*output].push(number / per_si);
+            at += used;
+        } else {
+            at += bytes[at..].iter().position(|&b| b == separator || b == b'\n' || b == b'\r' || b == b'"')?;
+        }
+        match *bytes.get(at)? {
+            b'\n' if k == last => {}
+            b'\r' if k == last && bytes.get(at + 1) == Some(&b'\n') => at += 1,
+            byte if byte == separator && k < last => {}
+            _ => return None,
+        }
+        at += 1;
+    }
+    Some(at)
+}
+
+/// Parses any line into `columns`; `false` for blank and comment lines.
+fn general_line(
+    line: &[u8],
+    format: Format,
+    layout: &Layout,
+    splitter: &mut Splitter,
+    columns: &mut [Vec<f64>],
+) -> Result<bool, Fault> {
+    let text = line.trim_ascii();
+    if text.is_empty() || text[0] == b'#' {
+        return Ok(false);
+    }
+    let line = line.strip_suffix(b"\n").unwrap_or(line);
+    let found = splitter.split(line.strip_suffix(b"\r").unwrap_or(line));
+    if found != layout.slots.len() {
+        return Err(Fault::FieldCount(found));
+    }
+    for (k, slot) in layout.slots.iter().enumerate() {
+        let Some(Slot { output, per_si }) = slot else { continue };
+        let cell = splitter.cell(k);
+        let number = format.number(cell).or(layout.tolerates_text().then_some(f64::NAN));
+        let number = number.ok_or_else(|| Fault::NotANumber(k, quoted(cell)))?;
+        columns[*output].push(number / per_si);
+    }
+    Ok(true)
+}
+
+/// Splits a line into cells and removes quotes.
+struct Splitter {
+    separator: Separator,
+    reader: csv_core::Reader,
+    text: Vec<u8>,
+    ends: Vec<usize>,
+}
+
+impl Splitter {
+    fn new(separator: Separator) -> Self {
+        let delimiter = match separator {
+            Separator::Byte(byte) => byte,
+            Separator::Whitespace => b' ',
+        };
+        let reader =
+            csv_core::ReaderBuilder::new().delimiter(delimiter).terminator(csv_core::Terminator::Any(b'\n')).build();
+        Self { separator, reader, text: Vec::new(), ends: Vec::new() }
+    }
+
+    /// Returns the number of cells.
+    fn split(&mut self, line: &[u8]) -> usize {
+        self.ends.clear();
+        self.text.clear();
+        if self.separator == Separator::Whitespace {
+            for cell in whitespace_cells(line) {
+                self.text.extend_from_slice(cell);
+                self.ends.push(self.text.len());
+            }
+            return self.ends.len();
+        }
+        self.reader.reset();
+        self.text.resize(line.len() + 1, 0);
+        self.ends.resize(line.len() + 2, 0);
+        let (_, read, written, ends) = self.reader.read_record(line, &mut self.text, &mut self.ends);
+        // The end of input closes the last cell, even one with an unclosed quote.
+        let rest = self.reader.read_record(&line[read..], &mut self.text[written..], &mut self.ends[ends..]);
+        rest.3 + ends
+    }
+
+    fn cell(&self, k: usize) -> &[u8] {
+        let from = if k == 0 { 0 } else { self.ends[k - 1] };
+        &self.text[from..self.ends[k]]
+    }
+}
+
+/// A part of a file in a form suitable for messages.
+pub(crate) fn quoted(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    let short: String = text.chars().take(QUOTED).flat_map(char::escape_debug).collect();
+    if text.chars().count() > QUOTED { short + "..." } else { short }
+}
+
+/// Lower-case hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

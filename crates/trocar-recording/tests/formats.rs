@@ -1,0 +1,297 @@
+//! Files written by third-party libraries (`formats/make.py`), compared with the signal they
+//! contain.
+
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+use trocar_recording::{Choice, ReadOptions, Table, read, read_columns, tables};
+
+/// Rows of every file.
+const ROWS: usize = 240;
+
+/// Largest difference between the sines of NumPy and Rust, in the unit of the column.
+const SINES: f64 = 1e-12;
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats").join(name)
+}
+
+fn time(k: usize) -> f64 {
+    k as f64 / 100.0
+}
+
+fn position(k: usize) -> f64 {
+    30.0 * (1.0 - (2.0 * PI * k as f64 / 200.0).cos())
+}
+
+fn force(k: usize) -> f64 {
+    1.5 * (2.0 * PI * k as f64 / 200.0).sin() + 0.01 * (k % 7) as f64
+}
+
+/// The column `name` of a table is `expected`, within `tolerance`, over `rows` rows.
+fn compare(file: &str, table: &str, name: &str, rows: usize, tolerance: f64, expected: impl Fn(usize) -> f64) {
+    let read = read_columns(fixture(file), table, &[name]).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(read[0].len(), rows, "{file} {table} {name}");
+    for (k, &number) in read[0].iter().enumerate() {
+        let expected = expected(k);
+        let close = (number.is_nan() && expected.is_nan()) || (number - expected).abs() <= tolerance;
+        assert!(close, "{file} {table} {name} row {k}: {number}, expected {expected}");
+    }
+}
+
+fn signal(file: &str, table: &str) {
+    compare(file, table, "time_s", ROWS, 0.0, time);
+    compare(file, table, "force_n", ROWS, SINES, force);
+    let names = column_names(file, table);
+    if let Some(name) = names.iter().find(|name| name.starts_with("position")) {
+        compare(file, table, name, ROWS, SINES, position);
+    }
+}
+
+fn all_tables(file: &str) -> Vec<Table> {
+    tables(fixture(file)).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn column_names(file: &str, table: &str) -> Vec<String> {
+    let tables = all_tables(file);
+    let table = tables.iter().find(|known| known.name == table).unwrap_or_else(|| panic!("{file}: {tables:?}"));
+    table.columns.iter().map(|column| column.name.clone()).collect()
+}
+
+fn unit(file: &str, table: &str, column: &str) -> Option<String> {
+    let tables = all_tables(file);
+    let table = tables.into_iter().find(|known| known.name == table).unwrap();
+    table.columns.into_iter().find(|known| known.name == column).unwrap().unit
+}
+
+fn refusal(file: &str) -> String {
+    tables(fixture(file)).unwrap_err().to_string()
+}
+
+fn gappy(k: usize) -> f64 {
+    if k % 5 == 2 { f64::NAN } else { k as f64 }
+}
+
+/// All column types that Parquet and Arrow share.
+fn every_kind(file: &str) {
+    signal(file, "");
+    compare(file, "", "force_f32", ROWS, 0.0, |k| f64::from(force(k) as f32));
+    compare(file, "", "count", ROWS, 0.0, |k| (k * k) as f64 - 50.0);
+    compare(file, "", "small", ROWS, 0.0, |k| k as f64 - 200.0);
+    compare(file, "", "unsigned", ROWS, 0.0, |k| ((1 << 63) + k as u64) as f64);
+    compare(file, "", "is_in", ROWS, 0.0, |k| f64::from(u8::from(k % 3 == 0)));
+    compare(file, "", "gappy", ROWS, 0.0, gappy);
+    compare(file, "", "elapsed", ROWS, 0.0, time);
+    // An f64 cannot resolve a nanosecond since 1970, but it can since the first row.
+    compare(file, "", "stamp", ROWS, 0.0, |k| (k * 10_000_001) as f64 / 1e9);
+    compare(file, "", "last", ROWS, 2.0 * SINES, |k| 2.0 * force(k));
+    assert_eq!(unit(file, "", "position").as_deref(), Some("mm"));
+    assert_eq!(unit(file, "", "stamp").as_deref(), Some("s"));
+    assert_eq!(unit(file, "", "elapsed").as_deref(), Some("s"));
+    assert_eq!(unit(file, "", "force_n"), None);
+    for name in ["note", "kind"] {
+        let error = read_columns(fixture(file), "", &[name]).unwrap_err().to_string();
+        assert!(error.contains("holds no numbers"), "{error}");
+    }
+    let error = read_columns(fixture(file), "", &["forec"]).unwrap_err().to_string();
+    assert!(error.contains("no column called 'forec', found time_s, position"), "{error}");
+    assert_eq!(all_tables(file)[0].rows, Some(ROWS as u64));
+}
+
+#[test]
+fn parquet_of_pyarrow_pandas_and_polars() {
+    every_kind("pyarrow_snappy.parquet");
+    for packing in ["none", "zstd", "gzip", "lz4", "v2"] {
+        let file = format!("pyarrow_{packing}.parquet");
+        signal(&file, "");
+        compare(&file, "", "gappy", ROWS, 0.0, gappy);
+    }
+    signal("pyarrow_split.parquet", "");
+    compare("pyarrow_delta.parquet", "", "count", ROWS, 0.0, |k| (k * k) as f64 - 50.0);
+    // INT96 keeps all nanoseconds.
+    compare("pyarrow_int96.parquet", "", "stamp", ROWS, 0.0, |k| (k * 10_000_001) as f64 / 1e9);
+    compare("pyarrow_nested.parquet", "", "pose.x", ROWS, 0.0, |k| k as f64);
+    signal("pandas_index.parquet", "");
+    signal("polars.parquet", "");
+    let read = read_columns(fixture("pyarrow_brotli.parquet"), "", &["time_s"]).unwrap_err().to_string();
+    assert!(read.to_lowercase().contains("brotli") && read.contains("hint: write it again"), "{read}");
+}
+
+#[test]
+fn several_columns_come_in_the_order_asked_for() {
+    let read = read_columns(fixture("pyarrow_snappy.parquet"), "", &["last", "time_s", "gappy"]).unwrap();
+    assert!(read.iter().all(|column| column.len() == ROWS));
+    assert_eq!(read[1][7], 0.07);
+    assert!(read[2][7].is_nan());
+}
+
+#[test]
+fn arrow_files_and_streams_of_pyarrow_and_polars() {
+    every_kind("pyarrow_lz4.feather");
+    for name in ["pyarrow_uncompressed.feather", "pyarrow_zstd.feather", "pyarrow.arrows"] {
+        signal(name, "");
+        compare(name, "", "gappy", ROWS, 0.0, gappy);
+    }
+    signal("polars.arrow", "");
+}
+
+#[test]
+fn matlab_5_of_scipy() {
+    for file in ["scipy_plain.mat", "scipy_compressed.mat"] {
+        signal(file, "");
+        signal(file, "run");
+        for class in ["int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "single", "double"] {
+            compare(file, "[100]", &format!("as_{class}"), 100, 0.0, |k| k as f64);
+        }
+        compare(file, "", "is_in", ROWS, 0.0, |k| f64::from(u8::from(k % 3 == 0)));
+        compare(file, "", "wide[0]", ROWS, 0.0, time);
+        compare(file, "", "wide[2]", ROWS, SINES, force);
+        compare(file, "", "tall[1]", ROWS, SINES, force);
+        compare(file, "[1]", "gain", 1, 0.0, |_| 2.5);
+        compare(file, "run[1]", "fs_hz", 1, 0.0, |_| 100.0);
+        compare(file, "run.inner", "force_n", 50, SINES, force);
+        compare(file, "samples", "speed", 5, 0.0, |k| k as f64 / 4.0);
+        compare(file, "samples(3)", "trace", 12, SINES, force);
+        compare(file, "cell", "{1}", 20, SINES, force);
+        let refused: Vec<String> = all_tables(file).into_iter().map(|table| table.kind).collect();
+        for reason in ["sparse (sparse; save full(x))", "complex (complex; save", "cube (of more than two dimensions)"]
+        {
+            assert!(refused.iter().any(|kind| kind.contains(reason)), "{reason}: {refused:?}");
+        }
+        let text = all_tables(file).into_iter().flat_map(|table| table.columns).find(|column| column.name == "name");
+        assert!(!text.unwrap().is_numeric);
+    }
+    signal("scipy_column.mat", "");
+    assert!(refusal("scipy_v4.mat").contains("save it again with -v7"));
+}
+
+#[test]
+fn hdf5_of_h5py() {
+    let (file, table) = ("h5py.h5", "runs/first");
+    signal(file, table);
+    compare(file, table, "force_f32", ROWS, 0.0, |k| f64::from(force(k) as f32));
+    compare(file, table, "big_endian", ROWS, 0.0, |k| (k * k) as f64 - 50.0);
+    compare(file, table, "is_in", ROWS, 0.0, |k| f64::from(u8::from(k % 3 == 0)));
+    compare(file, table, "tall[1]", ROWS, SINES, force);
+    compare(file, "runs/first[1]", "gain", 1, 0.0, |_| 2.5);
+    compare(file, "", "force_n", 30, SINES, force);
+    assert_eq!(unit(file, table, "time_s").as_deref(), Some("s"));
+    assert_eq!(unit(file, table, "position").as_deref(), Some("mm"));
+    assert!(read_columns(fixture(file), table, &["note"]).unwrap_err().to_string().contains("holds no numbers"));
+    assert!(all_tables(file).iter().any(|table| table.kind.contains("pairs (a compound")));
+    signal("h5py_v110.h5", "");
+}
+
+#[test]
+fn the_newest_layout_of_hdf5_has_a_way_out() {
+    let said = read_columns(fixture("h5py_latest.h5"), "", &["time_s"]).unwrap_err().to_string();
+    assert!(said.contains("h5repack --high=V110") && said.contains("libver='v110'"), "{said}");
+    // Data stored in the old format can be read.
+    compare("h5py_latest.h5", "", "force_n", ROWS, SINES, force);
+}
+
+#[test]
+fn matlab_7_3() {
+    signal("mat73.mat", "");
+    signal("mat73.mat", "run");
+    compare("mat73.mat", "", "tall[1]", ROWS, SINES, force);
+    compare("mat73.mat", "", "is_in", ROWS, 0.0, |k| f64::from(u8::from(k % 3 == 0)));
+    compare("mat73.mat", "run[1]", "fs_hz", 1, 0.0, |_| 100.0);
+    let tables = all_tables("mat73.mat");
+    assert!(tables[0].kind.contains("ts (an object; save its vectors"), "{tables:?}");
+    let text = tables.into_iter().flat_map(|table| table.columns).find(|column| column.name == "name");
+    assert!(!text.unwrap().is_numeric);
+}
+
+#[test]
+fn the_bytes_decide_and_never_the_ending() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording.parquet");
+    std::fs::write(&path, "time_s,force_n\n0,1\n0.1,2\n").unwrap();
+    assert_eq!(read_columns(&path, "", &["force_n"]).unwrap(), [[1.0, 2.0]]);
+    std::fs::copy(fixture("polars.parquet"), folder.path().join("recording.csv")).unwrap();
+    assert_eq!(read_columns(folder.path().join("recording.csv"), "", &["time_s"]).unwrap()[0][7], 0.07);
+}
+
+/// A custom generator (xorshift), so that the same bytes are damaged on every platform.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % end as u64) as usize
+    }
+}
+
+/// All data that can be read from a damaged file, or its errors as text.
+fn read_all(path: &Path) -> Vec<String> {
+    let mut faults = Vec::new();
+    match tables(path) {
+        Err(error) => faults.push(error.to_string()),
+        Ok(tables) => {
+            for table in tables {
+                let names = table.columns.iter().filter(|column| column.is_numeric).map(|column| column.name.as_str());
+                let names: Vec<&str> = names.collect();
+                faults.extend(read_columns(path, &table.name, &names).err().map(|error| error.to_string()));
+            }
+        }
+    }
+    faults
+}
+
+#[test]
+fn damaged_files_are_errors_and_never_end_the_program() {
+    const VARIANTS: usize = 200;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("damaged");
+    let shown = path.display().to_string();
+    for entry in std::fs::read_dir(fixture("")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.ends_with(".py") || name.ends_with(".txt") {
+            continue;
+        }
+        let whole = std::fs::read(fixture(&name)).unwrap();
+        let mut random = Random(0x2545_f491_4f6c_dd1d);
+        for variant in 0..VARIANTS {
+            let mut bytes = whole.clone();
+            if variant % 4 == 0 {
+                bytes.truncate(random.below(whole.len()));
+            } else {
+                // Headers are at the ends of files: every other variant is damaged there.
+                for _ in 0..1 + random.below(4) {
+                    let near = random.below(whole.len().min(600));
+                    let at = [near, whole.len() - 1 - near, random.below(whole.len())][variant % 3];
+                    bytes[at] = random.below(256) as u8;
+                }
+            }
+            std::fs::write(&path, &bytes).unwrap();
+            for fault in read_all(&path) {
+                assert!(fault.contains(&shown), "{name} variant {variant}: {fault}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_column_of_a_log_is_one_quantity() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bags/plain.mcap");
+    let same = "/psm1/measured_cf.wrench.force.z";
+    let choice = Choice::columns(&format!("position_m={same},force_n={same}"));
+    let error = read(&path, &ReadOptions { choice, ..ReadOptions::default() }).unwrap_err().to_string();
+    assert!(error.contains("two quantities"), "{error}");
+}
+
+#[test]
+fn files_cut_off_say_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut");
+    for name in ["pyarrow_snappy.parquet", "pyarrow_lz4.feather", "scipy_plain.mat", "mat73.mat"] {
+        let whole = std::fs::read(fixture(name)).unwrap();
+        std::fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
+        let faults = read_all(&path);
+        assert!(!faults.is_empty(), "{name}");
+        assert!(faults.iter().all(|fault| fault.contains("hint: ")), "{name}: {faults:?}");
+    }
+}

@@ -1,0 +1,544 @@
+//! Reading, checking and writing recordings.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+use trocar_recording::{Choice, ReadOptions, Recording, WarningKind, local_acceleration, local_velocity, read, write};
+
+/// Force noise in N of standard deviation 0.01, the same for every run.
+fn noise(k: usize) -> f64 {
+    let scrambled = (k as f64 * 12.9898).sin() * 43_758.545_3;
+    0.035 * (scrambled - scrambled.floor() - 0.5)
+}
+
+/// Insertion and withdrawal over 20 mm at 1 kHz: position in m, force in N with the sign of the motion.
+fn cycle(k: usize) -> (f64, f64, f64) {
+    let t = k as f64 * 1e-3;
+    let phase = std::f64::consts::TAU * t;
+    (t, 0.01 - 0.01 * phase.cos(), 2.0 * phase.sin() + noise(k))
+}
+
+fn rows(count: usize) -> Vec<String> {
+    (0..count).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{f:.4}")).collect()
+}
+
+const HEADER: &str = "time_s,position_m,force_n";
+
+fn text(header: &str, rows: &[String]) -> String {
+    let mut text = String::new();
+    for line in std::iter::once(header).chain(rows.iter().map(String::as_str)) {
+        writeln!(text, "{line}").unwrap();
+    }
+    text
+}
+
+struct Scratch(tempfile::TempDir);
+
+impl Scratch {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn file(&self, contents: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.0.path().join("rec.csv");
+        std::fs::write(&path, contents).unwrap();
+        path
+    }
+}
+
+fn read_text(contents: impl AsRef<[u8]>) -> Recording {
+    read(&Scratch::new().file(contents), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn message(contents: impl AsRef<[u8]>) -> String {
+    message_with(contents, &ReadOptions::default())
+}
+
+fn message_with(contents: impl AsRef<[u8]>, options: &ReadOptions) -> String {
+    read(&Scratch::new().file(contents), options).expect_err("must be refused").to_string()
+}
+
+fn columns(mapping: &str) -> ReadOptions {
+    ReadOptions { choice: Choice::columns(mapping), ..ReadOptions::default() }
+}
+
+#[track_caller]
+fn assert_says(message: &str, essentials: &[&str]) {
+    for essential in essentials {
+        assert!(message.contains(essential), "'{essential}' not in: {message}");
+    }
+}
+
+fn kinds(recording: &Recording) -> Vec<WarningKind> {
+    recording.quality.warnings.iter().map(|warning| warning.kind).collect()
+}
+
+fn replaced(line: usize, with: &str) -> String {
+    let mut rows = rows(200);
+    rows[line - 2] = with.into();
+    text(HEADER, &rows)
+}
+
+#[test]
+fn a_clean_file_gives_its_numbers_and_no_warning() {
+    let recording = read_text(text(HEADER, &rows(2000)));
+    assert_eq!(recording.len(), 2000);
+    assert_eq!(recording.name, "rec.csv");
+    assert_eq!(recording.sha256.len(), 64);
+    assert_eq!(recording.time[1999], 1.999);
+    assert!((recording.quality.median_interval - 1e-3).abs() < 1e-12);
+    assert_eq!(recording.quality.warnings, []);
+    assert!(recording.unbroken().eq(std::iter::once(0..2000)));
+}
+
+#[test]
+fn the_same_recording_in_any_dress_gives_the_same_numbers() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let swap = |separator: &str| rows(300).iter().map(|row| row.replace(',', separator)).collect::<Vec<_>>();
+    let millimetres: Vec<String> = (0..300)
+        .map(|k| (k, plain.position[k] * 1e3, plain.force[k] * 1e3))
+        .map(|(k, x, f)| format!("{k};{x:.3};{f:.1};ok").replace('.', ","))
+        .collect();
+    let quoted: Vec<String> = rows(300).iter().map(|row| format!("\"{}\"", row.replace(',', "\",\""))).collect();
+    let dresses = [
+        text("Time [s];Position (m);Force_N", &swap(";")),
+        text("t_s\tx_m\tf_n", &swap("\t")),
+        text("time_s | position_m | force_n", &swap(" | ")),
+        text("time_s  position_m  force_n", &swap("   ")),
+        text(HEADER, &swap(", ")),
+        text("time,position,force\ns,m,N", &rows(300)),
+        text("\"time, s\",\"position, m\",\"force, N\"", &quoted),
+        text("t_ms;Position (mm);Force [mN];status", &millimetres),
+        text("# made by a bench\n\n# time_s,position_m,force_n", &rows(300)),
+        format!("\u{feff}{}", text(HEADER, &rows(300))),
+        text(HEADER, &rows(300)).replace('\n', "\r\n"),
+        text(HEADER, &rows(300)).trim_end().to_owned(),
+    ];
+    for dress in dresses {
+        let recording = read_text(&dress);
+        let head: String = dress.chars().take(60).collect();
+        assert_eq!(recording.time, plain.time, "{head}");
+        for (of, expected) in [(&recording.position, &plain.position), (&recording.force, &plain.force)] {
+            // A number in mm is rounded once more than one in m.
+            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 2.0 * f64::EPSILON * b.abs()), "{head}");
+        }
+    }
+}
+
+#[test]
+fn columns_can_be_named_and_skipped() {
+    let rows: Vec<String> = rows(100).iter().map(|row| format!("ok,{row}")).collect();
+    let headerless = rows.join("\n");
+    assert_says(&message(&headerless), &["rec.csv line 1", "no header", "--columns"]);
+    let scratch = Scratch::new();
+    let recording = read(&scratch.file(&headerless), &columns("-,time_s,position_m,force_n")).unwrap();
+    assert_eq!(recording.len(), 100);
+    let with_names = text("a,b,c,d", &rows);
+    assert_says(&message(&with_names), &["rec.csv line 1", "no time column", "a, b, c, d", "--columns"]);
+    let named = read(&scratch.file(&with_names), &columns("skip,time_s,position_m,force_n")).unwrap();
+    assert_eq!(named.force, recording.force);
+}
+
+#[test]
+fn columns_can_be_given_by_name_with_unit_and_sign() {
+    let scratch = Scratch::new();
+    let plain = read(&scratch.file(text(HEADER, &rows(100))), &ReadOptions::default()).unwrap();
+    let odd = scratch.file(text("stamp_s,x,fz", &rows(100)));
+    let found = read(&odd, &columns("time_s=stamp_s, position_mm=X, force_n=-fz")).unwrap();
+    assert_eq!(found.time, plain.time);
+    assert!(found.position.iter().zip(&plain.position).all(|(a, b)| (a - 1e-3 * b).abs() < 1e-15));
+    assert!(found.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
+    // Columns that are not named are found automatically, and a declared unit need not be repeated.
+    let flipped = read(&scratch.file(text(HEADER, &rows(100))), &columns("force=-force_n")).unwrap();
+    assert!(flipped.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
+    assert_eq!(flipped.position, plain.position);
+    for (mapping, essentials) in [
+        ("position_m=depth", &["'depth'", "no column has", "time_s, position_m, force_n"][..]),
+        ("position_m=position_m,force_n", &["'force_n'", "without '='"]),
+        ("banana_m=position_m", &["'banana_m=position_m'", "not understood"]),
+        ("force_n=force_n,force_mn=force_n", &["force more than once"]),
+        ("position_m=position_m,force_n=position_m", &["'position_m'", "two quantities"]),
+        ("force=time_s", &["force without a unit", "n, mn, kn"]),
+        ("position_in=position_m", &["'position_in=position_m'", "not understood", "m, mm, cm, um"]),
+    ] {
+        assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
+    }
+    assert_says(&message_with(rows(20).join("\n"), &columns("force_n=x")), &["no header", "--columns"]);
+}
+
+#[test]
+fn a_crop_counts_from_the_first_row() {
+    let scratch = Scratch::new();
+    let later: Vec<String> = (0..200).map(cycle).map(|(t, x, f)| format!("{:.3},{x:.6},{f:.4}", t + 1e3)).collect();
+    let path = scratch.file(text(HEADER, &later));
+    let cropped = |from, to| {
+        let choice = Choice { from, to, ..Choice::default() };
+        read(&path, &ReadOptions { choice, ..ReadOptions::default() })
+    };
+    let all = cropped(None, None).unwrap();
+    let middle = cropped(Some(0.0495), Some(0.0995)).unwrap();
+    assert_eq!(middle.time, all.time[50..100]);
+    assert_eq!(middle.force, all.force[50..100]);
+    assert_eq!(cropped(None, Some(0.0995)).unwrap().len(), 100);
+    assert_eq!(middle.sha256, all.sha256, "the hash is that of the file");
+    assert_says(&cropped(Some(5.0), None).unwrap_err().to_string(), &["found 0 usable samples"]);
+}
+
+#[test]
+fn a_wrong_mapping_is_explained() {
+    for (mapping, essentials) in [
+        ("time_s,position,force_n", &["--columns", "'position'", "without a unit"][..]),
+        ("time_s,depth_ft,force_n", &["'depth_ft'", "m, mm, cm, um"]),
+        ("time_s,banana,force_n", &["'banana'", "not understood"]),
+        ("time_s,force_n", &["position 0 times"]),
+        ("time_s,position_m,force_n,force_n", &["force 2 times"]),
+    ] {
+        assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
+    }
+}
+
+#[test]
+fn doubtful_headers_are_explained() {
+    for (header, essentials) in [
+        ("time_s,position,force_n", &["line 1", "'position' has no unit", "m, mm", "--columns"][..]),
+        ("time_s,position_m,status", &["no force column", "force_n"]),
+        ("force_n,position_m,force_mn", &["no time column"]),
+    ] {
+        assert_says(&message(text(header, &rows(20))), essentials);
+    }
+    let rows: Vec<String> = rows(20).iter().map(|row| format!("{row},1")).collect();
+    assert_says(
+        &message(text("time_s,position_m,force_n,force_mn", &rows)),
+        &["line 1", "could be 'force_n' or 'force_mn'", "--columns"],
+    );
+}
+
+#[test]
+fn files_without_a_recording_are_explained() {
+    assert_says(&message(""), &["rec.csv", "empty"]);
+    assert_says(&message("\n# nothing\n"), &["rec.csv", "empty"]);
+    assert_says(&message(format!("{HEADER}\n")), &["rec.csv line 1", "header without any row"]);
+    assert_says(&message(text(HEADER, &rows(1))), &["rec.csv", "found 1 usable samples", "at least"]);
+    assert_says(&message([0_u8, 1, 2, 3]), &["binary data", "CSV"]);
+    assert_says(&message([0xff_u8, 0xfe, b't', 0]), &["UTF-16", "hint"]);
+    let missing = read(Path::new("no/such.csv"), &ReadOptions::default()).unwrap_err().to_string();
+    assert_says(&missing, &["no/such.csv", "cannot open"]);
+    let folder = read(&std::env::temp_dir(), &ReadOptions::default()).unwrap_err().to_string();
+    assert_says(&folder, &["cannot open", "directory"]);
+    assert_says(&message("1".repeat(1 << 20)), &["line 1", "longer than"]);
+}
+
+#[test]
+fn wrong_cells_are_named_with_their_line() {
+    assert_says(&message(replaced(57, "0.055,abc,1.0")), &["rec.csv line 57", "found 'abc'", "position_m", "a number"]);
+    assert_says(&message(replaced(57, "0.055,0.1")), &["line 57", "found 2 fields, expected 3"]);
+    assert_says(&message(replaced(57, "0.055,0.1,1.0,9")), &["line 57", "found 4 fields"]);
+    assert_says(&message(replaced(201, "0.2,0.1")), &["line 201", "cut off"]);
+}
+
+#[test]
+fn a_clock_that_stands_or_runs_back_is_refused() {
+    assert_says(
+        &message(replaced(57, "0.010,0.1,1.0")),
+        &["line 57", "goes back from 0.054", "0.01 s", "cut the file"],
+    );
+    let constant: Vec<String> = rows(50).iter().map(|row| format!("1.0{}", &row[5..])).collect();
+    assert_says(&message(text(HEADER, &constant)), &["line 2", "stays at 1 s in all 50 samples", "--columns"]);
+    let coarse: Vec<String> = (0..400).map(cycle).map(|(t, x, f)| format!("{:.2},{x},{f}", t)).collect();
+    assert_says(&message(text(HEADER, &coarse)), &["line 3", "same time", "more digits"]);
+    let backwards: Vec<String> = rows(50).into_iter().rev().collect();
+    assert_says(&message(text(HEADER, &backwards)), &["line 3", "goes back from 0.049 s to 0.048 s"]);
+}
+
+#[test]
+fn rows_that_add_nothing_are_dropped_and_counted() {
+    let mut rows = rows(200);
+    rows[10] = "0.010,nan,1.0".into();
+    rows[20] = "0.020,,1.0".into();
+    rows[30] = "0.030,0.1,-inf".into();
+    rows.insert(100, rows[99].clone());
+    rows.swap(150, 151);
+    let recording = read_text(text(HEADER, &rows));
+    let quality = &recording.quality;
+    assert_eq!((quality.non_finite_rows.count, &quality.non_finite_rows.lines[..]), (3, &[12, 22, 32][..]));
+    assert_eq!(quality.repeated_rows.lines, [102]);
+    assert_eq!(quality.unordered_rows.lines, [153]);
+    assert_eq!(recording.len(), 201 - 5);
+    assert!(recording.time.windows(2).all(|pair| pair[1] > pair[0]));
+    assert_eq!(kinds(&recording), [WarningKind::NonFiniteRows, WarningKind::RepeatedRows, WarningKind::UnorderedRows]);
+    assert_says(&quality.warnings[0].message, &["3 rows", "lines 12, 22, 32"]);
+}
+
+#[test]
+fn gaps_and_resets_end_a_stretch() {
+    let mut rows = rows(2000);
+    rows.drain(1000..1100);
+    for row in &mut rows[1500..] {
+        let (t, rest) = row.split_once(',').unwrap();
+        let (x, f) = rest.split_once(',').unwrap();
+        *row = format!("{t},{},{f}", x.parse::<f64>().unwrap() + 0.05);
+    }
+    let recording = read_text(text(HEADER, &rows));
+    let gap = recording.quality.gaps[0];
+    assert_eq!((gap.line, gap.from, gap.to), (1002, 0.999, 1.1));
+    let reset = recording.quality.resets[0];
+    assert_eq!(reset.line, 1502);
+    assert!((reset.jump - 0.05).abs() < 1e-4);
+    assert_eq!(recording.unbroken().collect::<Vec<_>>(), [0..1000, 1000..1500, 1500..1900]);
+    assert_eq!(kinds(&recording), [WarningKind::Gaps, WarningKind::Resets]);
+}
+
+#[test]
+fn a_stalled_logger_is_told_from_a_reset() {
+    let mut rows = rows(2000);
+    for first in [100, 110, 120] {
+        for k in first + 1..first + 5 {
+            let held = rows[first].split_once(',').unwrap().1.to_owned();
+            rows[k] = format!("{:.3},{held}", k as f64 * 1e-3);
+        }
+    }
+    let recording = read_text(text(HEADER, &rows));
+    assert_eq!(kinds(&recording), [WarningKind::HeldRows]);
+    assert_eq!(recording.quality.held_rows.count, 12);
+    assert_eq!(recording.quality.held_rows.lines[..4], [103, 104, 105, 106]);
+    assert_eq!(recording.len(), 2000);
+}
+
+#[test]
+fn a_start_from_rest_is_no_reset() {
+    let rows: Vec<String> = (0..500)
+        .map(|k| (k as f64 * 0.01, if k < 200 { 0.0 } else { (k - 199) as f64 * 1e-3 }))
+        .map(|(t, x)| format!("{t},{x},{}", (t * 91.0).sin()))
+        .collect();
+    assert_eq!(read_text(text(HEADER, &rows)).quality.resets, []);
+}
+
+#[test]
+fn a_saturated_sensor_is_found() {
+    let clipped: Vec<String> =
+        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{:.4}", f.min(1.5))).collect();
+    let recording = read_text(text(HEADER, &clipped));
+    assert_eq!(kinds(&recording), [WarningKind::Saturation]);
+    let end = recording.quality.saturated[0];
+    assert_eq!(end.level, 1.5);
+    assert!(end.count > 300);
+    assert_says(&recording.quality.warnings[0].message, &["1.5 N", "line 13"]);
+}
+
+#[test]
+fn a_given_sensor_limit_finds_saturation_without_noise() {
+    let square: Vec<String> =
+        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{}", 5.0 * f.signum())).collect();
+    let square = text(HEADER, &square);
+    assert_eq!(read_text(&square).quality.saturated, []);
+    let options = ReadOptions { sensor_limit: Some(5.0), ..ReadOptions::default() };
+    let recording = read(&Scratch::new().file(&square), &options).unwrap();
+    assert_eq!(recording.quality.saturated.len(), 2);
+}
+
+#[test]
+fn a_flipped_force_is_noticed_and_can_be_flipped_back() {
+    let flipped: Vec<String> = (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{:.4}", 0.7 - f)).collect();
+    let flipped = text(HEADER, &flipped);
+    let recording = read_text(&flipped);
+    assert_eq!(kinds(&recording), [WarningKind::ForceSign]);
+    assert_says(recording.quality.warnings[0].hint.as_deref().unwrap(), &["--flip-force"]);
+    let options = ReadOptions { choice: Choice { flip_force: true, ..Choice::default() }, ..ReadOptions::default() };
+    let back = read(&Scratch::new().file(&flipped), &options).unwrap();
+    assert_eq!(back.quality.warnings, []);
+    assert_eq!(back.force[7], -recording.force[7]);
+}
+
+#[test]
+fn a_stroke_in_the_wrong_unit_is_noticed() {
+    let text = text("time_s,position_m,force_n", &rows(2000));
+    let metres = text.replace("position_m", "position_um");
+    let recording = read_text(metres);
+    assert_eq!(kinds(&recording), [WarningKind::Stroke]);
+    let rows: Vec<String> = (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{:.3},{f:.4}", x * 1e3)).collect();
+    assert_says(&message(self::text(HEADER, &rows)), &["rec.csv", "covers 20 m", "at most 2 m", "position_mm"]);
+}
+
+#[test]
+fn a_recording_too_large_for_the_memory_says_what_it_needs() {
+    let options = ReadOptions { memory_limit: Some(10_000), ..ReadOptions::default() };
+    assert_says(&message_with(text(HEADER, &rows(2000)), &options), &["rows need", "MB", "hint"]);
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_reads_back_as_the_same_numbers(
+        steps in prop::collection::vec((1e-4..1.0_f64, -0.9..0.9_f64, -1e3..1e3_f64, -1.0..1.0_f64), 8..60),
+    ) {
+        let time: Vec<f64> = steps.iter().scan(0.0, |t, step| { *t += step.0; Some(*t) }).collect();
+        let of = |take: fn(&(f64, f64, f64, f64)) -> f64| steps.iter().map(take).collect::<Vec<_>>();
+        let (position, force, velocity) = (of(|s| s.1), of(|s| s.2), of(|s| s.3));
+        let mut bytes = Vec::new();
+        write(&mut bytes, &time, &position, Some(&velocity), &force).unwrap();
+        let recording = read_text(&bytes);
+        prop_assert_eq!(recording.time, time);
+        prop_assert_eq!(recording.position, position);
+        prop_assert_eq!(recording.force, force);
+        prop_assert_eq!(recording.velocity, Some(velocity));
+    }
+
+    #[test]
+    fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = read(&Scratch::new().file(&bytes), &ReadOptions::default());
+    }
+
+    #[test]
+    fn arbitrary_damage_to_a_file_never_panics(at in 0..2000_usize, byte in any::<u8>()) {
+        let mut bytes = text(HEADER, &rows(100)).into_bytes();
+        let at = at % bytes.len();
+        bytes[at] = byte;
+        let _ = read(&Scratch::new().file(&bytes), &ReadOptions::default());
+    }
+}
+
+/// Sampling times with intervals between 0.2 and 1.8 ms.
+fn uneven(count: usize) -> Vec<f64> {
+    let step = |k: usize| 1e-3 * (1.0 + 0.8 * (k as f64 * 2.3).sin());
+    (0..count)
+        .scan(1000.0, |t, k| {
+            *t += step(k);
+            Some(*t)
+        })
+        .collect()
+}
+
+fn moving(time: Vec<f64>, position: impl Fn(f64) -> f64) -> Recording {
+    let position: Vec<f64> = time.iter().map(|&t| position(t)).collect();
+    let force = time.iter().map(|t| (t * 700.0).sin()).collect();
+    Recording::from_columns("made", time, position, force).unwrap()
+}
+
+#[test]
+fn a_parabola_gives_its_acceleration_everywhere_under_uneven_sampling() {
+    let recording = moving(uneven(5000), |t| 0.3 + 0.02 * (t - 1002.0) - 0.05 * (t - 1002.0).powi(2));
+    for window in [1e-3, 10e-3, 0.2] {
+        let acceleration = local_acceleration(&recording, window);
+        let velocity = local_velocity(&recording, window);
+        // Position rounds at 1e-16 m, time at 1e-13 s; the shortest window of 4 ms divides by its square.
+        let tolerance = if window < 5e-3 { 1e-7 } else { 1e-8 };
+        for k in 0..recording.len() {
+            assert!((acceleration[k] + 0.1).abs() < tolerance, "{window} {k} {}", acceleration[k]);
+            let expected = 0.02 - 0.1 * (recording.time[k] - 1002.0);
+            assert!((velocity[k] - expected).abs() < tolerance, "{window} {k} {}", velocity[k]);
+        }
+    }
+}
+
+#[test]
+fn a_sine_gives_its_acceleration_within_the_bandwidth() {
+    let omega = std::f64::consts::TAU * 2.0;
+    let recording = moving(uneven(5000), |t| 0.05 * (omega * t).sin());
+    let acceleration = local_acceleration(&recording, 20e-3);
+    let amplitude = 0.05 * omega * omega;
+    for (k, found) in acceleration.iter().enumerate().skip(20).take(recording.len() - 40) {
+        let expected = -amplitude * (omega * recording.time[k]).sin();
+        assert!((found - expected).abs() < 0.01 * amplitude, "{k}");
+    }
+}
+
+#[test]
+fn a_moving_mass_leaves_the_friction_behind() {
+    // 4 µm encoder, 0.5 kg, oscillating at 3 Hz over 20 mm: 3.6 N of inertia peak to peak and 1 N
+    // of friction.
+    let omega = std::f64::consts::TAU * 3.0;
+    let time: Vec<f64> = (0..8000).map(|k| f64::from(k) * 1e-3).collect();
+    let position: Vec<f64> = time.iter().map(|t| (0.01 * (omega * t).sin() / 4e-6).round() * 4e-6).collect();
+    let friction = |t: f64| (20.0 * (omega * t).cos()).tanh();
+    let force = time
+        .iter()
+        .enumerate()
+        .map(|(k, &t)| friction(t) + 0.5 * (9.81 - 0.01 * omega * omega * (omega * t).sin()) + noise(k));
+    let recording = Recording::from_columns("made", time.clone(), position, force.collect()).unwrap();
+    let corrected = recording.without_moving_mass(0.5, 9.81).unwrap();
+    let squares: f64 = corrected.force.iter().zip(&time).map(|(f, &t)| (f - friction(t)).powi(2)).sum();
+    let rms = (squares / time.len() as f64).sqrt();
+    // The force noise alone has 0.01 N; the remainder is at the ends of the recording.
+    assert!(rms < 0.03, "{rms}");
+    assert!(moving(uneven(100), |t| t - 1000.0).without_moving_mass(-1.0, 0.0).is_err());
+}
+
+#[test]
+fn windows_do_not_reach_across_a_reset() {
+    let time: Vec<f64> = (0..1000).map(|k| f64::from(k) * 1e-3).collect();
+    let recording = moving(time, |t| 0.1 * t + if t < 0.5 { 0.0 } else { 0.03 });
+    assert_eq!(recording.quality.resets.len(), 1);
+    let velocity = local_velocity(&recording, 50e-3);
+    assert!(velocity.iter().all(|v| (v - 0.1).abs() < 1e-9));
+}
+
+/// Folder of real recordings next to the workspace, if it exists.
+fn shared() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    assert!(std::env::var_os("TROCAR_REQUIRE_SHARED").is_none(), "{} is required", folder.display());
+    println!("skipped: no {}", folder.display());
+    None
+}
+
+#[test]
+fn real_recordings_read_with_a_quality_that_makes_sense() {
+    let Some(folder) = shared() else { return };
+    let read = |name: &str| read(&folder.join(name), &ReadOptions::default()).unwrap();
+    for name in ["steady", "dynamic", "validation", "surgeon"] {
+        let recording = read(&format!("seal_a/{name}.csv"));
+        let quality = &recording.quality;
+        println!("{name}: {}", serde_json::to_string(quality).unwrap());
+        assert_eq!(quality.position_resolution, 4e-6, "{name}");
+        assert!((0.015..0.035).contains(&quality.force_noise), "{name}: {}", quality.force_noise);
+        assert_eq!(quality.warnings, [], "{name}");
+    }
+    let mut gaps = 0;
+    for entry in std::fs::read_dir(folder.join("elastomer_seals")).unwrap() {
+        let name = entry.unwrap().file_name();
+        let recording = read(&format!("elastomer_seals/{}", name.display()));
+        println!("{}: {}", name.display(), serde_json::to_string(&recording.quality).unwrap());
+        gaps += recording.quality.gaps.len();
+        assert!(recording.quality.jitter > 1e-4);
+        assert!(recording.quality.saturated.is_empty() && recording.quality.resets.is_empty());
+        assert!(!recording.quality.force_opposes_motion);
+    }
+    assert!(gaps >= 4, "{gaps}");
+    // The logger of this arm stalls for 40 ms occasionally.
+    let faults = |name: &str| {
+        let recording = read(name);
+        println!("{name}: {}", serde_json::to_string(&recording.quality).unwrap());
+        assert_eq!(recording.velocity.is_some(), name.starts_with("dvrk"));
+        (kinds(&recording), recording.quality.held_rows.count)
+    };
+    for name in ["negative", "positive"] {
+        let (kinds, held) = faults(&format!("dvrk_insertion/sweep_{name}.csv"));
+        assert_eq!(kinds, [WarningKind::HeldRows]);
+        assert!(held > 50, "{held}");
+    }
+    assert_eq!(faults("emps/identification.csv").0, []);
+}
+
+#[test]
+fn the_published_friction_of_the_real_axis_appears_once_its_mass_is_out() {
+    let Some(folder) = shared() else { return };
+    let recording = read(&folder.join("emps/identification.csv"), &ReadOptions::default()).unwrap();
+    let window = recording.acceleration_window();
+    let velocity = local_velocity(&recording, window);
+    let corrected = recording.without_moving_mass(95.1089, 0.0).unwrap();
+    println!("{:?} window {window}", corrected.quality.notes);
+    // Published: 203.5034 N s/m, 20.3935 N, offset -3.1648 N (Janot, Gautier, Brunot 2019).
+    let squares: Vec<f64> = (0..corrected.len())
+        .filter(|&k| velocity[k].abs() > 0.01)
+        .map(|k| {
+            let v: f64 = velocity[k];
+            corrected.force[k] - (203.5034 * v + 20.3935 * v.signum() - 3.1648)
+        })
+        .map(|e| e * e)
+        .collect();
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    println!("rms {rms}");
+    assert!(rms < 4.0, "{rms}");
+}
