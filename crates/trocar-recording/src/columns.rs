@@ -248,6 +248,10 @@ impl Layout {
             names.iter().enumerate().map(|(k, name)| reading_with(name, unit(k), &mut notes)).collect();
         for named in given {
             let index = named.find(&names)?;
+            if slots[index].is_some() {
+                let problem = "a column named for two quantities, expected one".to_owned();
+                return Err(RecordingError::BadColumns { entry: names[index].clone(), problem });
+            }
             slots[index] = Some(named.slot(readings[index])?);
             readings[index] = None;
         }

@@ -158,6 +158,7 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
         ("position_m=position_m,force_n", &["'force_n'", "without '='"]),
         ("banana_m=position_m", &["'banana_m=position_m'", "not understood"]),
         ("force_n=force_n,force_mn=force_n", &["force more than once"]),
+        ("position_m=position_m,force_n=position_m", &["'position_m'", "two quantities"]),
         ("force=time_s", &["force without a unit", "n, mn, kn"]),
         ("position_in=position_m", &["'position_in=position_m'", "not understood", "m, mm, cm, um"]),
     ] {
