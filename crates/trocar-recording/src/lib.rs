@@ -274,7 +274,9 @@ pub fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, V
     let has_velocity = reader.layout().has(Quantity::Velocity);
     let rows = reader.expected().unwrap_or(0);
     let kept = options.most_samples.map_or(rows, |most| rows.min(most as u64));
-    check_memory(&file, kept, if has_velocity { 4 } else { 3 }, options.memory_limit)?;
+    let columns = if has_velocity { 4 } else { 3 };
+    check_memory(&file, kept, columns, options.memory_limit)?;
+    let kept = kept.min(rows::justified(path) / columns);
     // The estimate avoids copies of a growing column; a few percent allow for lines that become
     // shorter.
     let mut collector = Collector::new((kept + kept / 32) as usize, has_velocity, options.most_samples);
@@ -320,7 +322,7 @@ pub fn most_held(most: Option<usize>) -> u64 {
 /// Rejects data that would not fit into the memory.
 pub fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
     const MB: u64 = 1_000_000;
-    let needed = rows * columns * size_of::<f64>() as u64;
+    let needed = rows.saturating_mul(columns * size_of::<f64>() as u64);
     match limit {
         Some(limit) if needed > limit => Err(RecordingError::TooLarge {
             file: file.to_owned(),

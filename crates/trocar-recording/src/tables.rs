@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::RecordingError;
 use super::container::{Container, Table};
 use super::registry;
+use super::rows::justified;
 
 /// Content of a file: its tables and their columns.
 ///
@@ -32,8 +33,7 @@ pub fn read_columns(path: impl AsRef<Path>, table: &str, columns: &[&str]) -> Re
     }
     let rows = container.tables()[table].rows.unwrap_or(0);
     let mut batches = container.open(table, &places)?;
-    // The number of rows stated in the file is used only for an initial allocation.
-    let start = rows.min(1 << 24) as usize;
+    let start = rows.min(justified(path) / places.len().max(1) as u64) as usize;
     let mut all: Vec<Vec<f64>> = places.iter().map(|_| Vec::with_capacity(start)).collect();
     let mut batch = vec![Vec::new(); places.len()];
     while batches.next(&mut batch)? {
