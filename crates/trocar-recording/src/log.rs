@@ -53,6 +53,12 @@ pub(super) fn choose(
             None => topics.found(quantity, needed.contains(&quantity), position)?,
         });
     }
+    for (k, own) in taken.iter().enumerate() {
+        if taken[..k].iter().any(|other| (other.table, other.column) == (own.table, own.column)) {
+            let problem = "a column named for two quantities, expected one".to_owned();
+            return Err(RecordingError::BadColumns { entry: topics.name(own.table, own.column), problem });
+        }
+    }
     let clock = given.iter().find(|given| given.quantity == Quantity::Time).map(|given| topics.named(given));
     topics.joined(&taken, clock.transpose()?)
 }

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-use trocar_recording::{Table, read_columns, tables};
+use trocar_recording::{Choice, ReadOptions, Table, read, read_columns, tables};
 
 /// Rows of every file.
 const ROWS: usize = 240;
@@ -272,6 +272,15 @@ fn damaged_files_are_errors_and_never_end_the_program() {
             }
         }
     }
+}
+
+#[test]
+fn a_column_of_a_log_is_one_quantity() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bags/plain.mcap");
+    let same = "/psm1/measured_cf.wrench.force.z";
+    let choice = Choice::columns(&format!("position_m={same},force_n={same}"));
+    let error = read(&path, &ReadOptions { choice, ..ReadOptions::default() }).unwrap_err().to_string();
+    assert!(error.contains("two quantities"), "{error}");
 }
 
 #[test]
