@@ -28,6 +28,7 @@ use crate::RecordingError;
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
 
 pub mod select;
+mod thrift;
 
 /// Numbers decoded ahead of the rows returned, over all columns: 32 MB. Several row groups at once
 /// keep all cores busy if there are fewer columns than cores, or one more.
@@ -37,6 +38,9 @@ const AHEAD: usize = 1 << 22;
 const PIECE_ROWS: usize = 1 << 14;
 
 const WRITE_AGAIN: &str = "write it again with snappy, gzip, zstd or no compression";
+
+/// Bytes of a page header that are checked; longer ones hold long texts.
+const HEADER: usize = 1 << 13;
 
 /// Key of the schema that Arrow's writers add.
 const ARROW_SCHEMA: &str = "ARROW:schema";
@@ -57,7 +61,11 @@ impl Length for Input {
 impl ChunkReader for Input {
     type T = BufReader<At>;
 
+    /// For a page header.
     fn get_read(&self, start: u64) -> Decoded<Self::T> {
+        let mut header = [0; HEADER];
+        let read = read_at(&self.file, &mut header, start)?;
+        self.check(&header[..read])?;
         Ok(BufReader::new(At { file: self.file.clone(), at: start }))
     }
 
@@ -72,6 +80,23 @@ impl ChunkReader for Input {
     }
 }
 
+impl Input {
+    /// Refuses a footer or page header with lists longer than the file.
+    fn check(&self, header: &[u8]) -> Decoded<()> {
+        let fits = thrift::lists_fit(header, self.length);
+        fits.then_some(()).ok_or_else(|| ParquetError::General("a list longer than the file".to_owned()))
+    }
+
+    fn check_footer(&self) -> Decoded<()> {
+        let Some(end) = self.length.checked_sub(8) else { return Ok(()) };
+        let mut length = [0; 4];
+        read_exact_at(&self.file, &mut length, end)?;
+        let length = u32::from_le_bytes(length);
+        let Some(start) = end.checked_sub(length.into()) else { return Ok(()) };
+        self.check(&self.get_bytes(start, length as usize)?)
+    }
+}
+
 /// A position in the file that advances.
 struct At {
     file: Arc<File>,
@@ -81,6 +106,10 @@ struct At {
 impl Read for At {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let read = read_at(&self.file, bytes, self.at)?;
+        // The reader skips what is not there without noticing, once for each of a stated number of elements.
+        if read == 0 && !bytes.is_empty() {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
         self.at += read as u64;
         Ok(read)
     }
@@ -100,7 +129,7 @@ impl Parquet {
     pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
         let input = Arc::new(Input { file: Arc::new(file), length });
         let metadata = source.guard("the footer", || {
-            let metadata = ParquetMetaDataReader::new().parse_and_finish(&*input);
+            let metadata = input.check_footer().and_then(|()| ParquetMetaDataReader::new().parse_and_finish(&*input));
             metadata.map_err(|error| refused(&source, "the footer", error))
         })?;
         let metadata = Arc::new(metadata);
