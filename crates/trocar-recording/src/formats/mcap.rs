@@ -258,7 +258,7 @@ fn read_index(input: &mut File, size: u64) -> std::io::Result<Option<Index>> {
     let mut footer = vec![0; tail as usize];
     input.read_exact(&mut footer)?;
     let (record, magic) = footer.split_at(FOOTER);
-    let Ok(Record::Footer(footer)) = mcap::parse_record(record[0], &record[RECORD_HEAD..]) else { return Ok(None) };
+    let Some(Record::Footer(footer)) = parse(record[0], &record[RECORD_HEAD..]) else { return Ok(None) };
     let from = footer.summary_start;
     if magic != MAGIC || from < MAGIC.len() as u64 || from > size - tail || size - tail - from > LARGEST {
         return Ok(None);
@@ -285,12 +285,12 @@ fn parse_index(summary: &[u8], data_end: u64) -> Option<Index> {
         rest = after;
         match code {
             op::SCHEMA | op::CHANNEL => index.learn(code, body)?,
-            op::STATISTICS => match mcap::parse_record(code, body) {
-                Ok(Record::Statistics(found)) => statistics = Some(found),
+            op::STATISTICS => match parse(code, body)? {
+                Record::Statistics(found) => statistics = Some(found),
                 _ => return None,
             },
-            op::CHUNK_INDEX => match mcap::parse_record(code, body) {
-                Ok(Record::ChunkIndex(chunk)) => index.pieces.push(piece(&chunk, data_end)?),
+            op::CHUNK_INDEX => match parse(code, body)? {
+                Record::ChunkIndex(chunk) => index.pieces.push(piece(&chunk, data_end)?),
                 _ => return None,
             },
             _ => {}
@@ -333,15 +333,40 @@ fn split_message(body: &[u8]) -> Option<(u16, u64, u64, &[u8])> {
     Some((u16::from_le_bytes([head[0], head[1]]), time(6)?, time(14)?, payload))
 }
 
+/// Parses a record. Its texts have to end within it: the parser reserves memory for the lengths that they state.
+fn parse(code: u8, body: &[u8]) -> Option<Record<'_>> {
+    match code {
+        op::SCHEMA => after_text(after_text(body.get(2..)?)?).map(drop)?,
+        op::CHANNEL => {
+            let map = after_text(after_text(body.get(4..)?)?)?;
+            let mut entries = map.get(4..map.len() - after_text(map)?.len())?;
+            while !entries.is_empty() {
+                entries = after_text(entries)?;
+            }
+        }
+        op::CHUNK => after_text(body.get(28..)?).map(drop)?,
+        op::CHUNK_INDEX => after_text(after_text(body.get(32..)?)?.get(8..)?).map(drop)?,
+        op::STATISTICS | op::FOOTER => {}
+        _ => return None,
+    }
+    mcap::parse_record(code, body).ok()
+}
+
+/// The bytes after a length and as many bytes.
+fn after_text(bytes: &[u8]) -> Option<&[u8]> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.get(usize::try_from(u32::from_le_bytes(*length)).ok()?..)
+}
+
 impl Index {
     /// Adds a schema or a channel; the first definition is kept.
     fn learn(&mut self, code: u8, body: &[u8]) -> Option<()> {
-        match mcap::parse_record(code, body) {
-            Ok(Record::Schema { header, data }) => {
+        match parse(code, body)? {
+            Record::Schema { header, data } => {
                 let schema = Schema { name: header.name, encoding: header.encoding, data: data.into_owned() };
                 self.schemas.entry(header.id).or_insert(schema);
             }
-            Ok(Record::Channel(channel)) => {
+            Record::Channel(channel) => {
                 self.channels.entry(channel.id).or_insert(channel);
             }
             _ => return None,
@@ -511,15 +536,12 @@ fn find_first(path: &Path, index: &mut Index) {
 
 /// The records in the body of a chunk, of at most `most` bytes; `None` when they cannot be decompressed or their checksum differs.
 fn decompress(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
-    let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, body) else { return None };
+    let Some(Record::Chunk { header, data }) = parse(op::CHUNK, body) else { return None };
     let size = usize::try_from(header.uncompressed_size).ok().filter(|&size| size as u64 <= most)?;
     records.clear();
     match &*header.compression {
         "" => records.extend_from_slice(&data),
-        "zstd" => {
-            records.reserve_exact(size);
-            zstd::bulk::Decompressor::new().ok()?.decompress_to_buffer(&data, records).ok()?;
-        }
+        "zstd" => super::decompress_zstd(&data, size, records).ok()?,
         "lz4" => {
             let mut input = lz4_flex::frame::FrameDecoder::new(&data[..]).take(most);
             input.read_to_end(records).ok()?;
@@ -572,8 +594,9 @@ impl Chunks {
         let most = PER_CORE * rayon::current_num_threads();
         let mut bytes = 0;
         let few = self.pieces[self.at..].iter().take(most).take_while(|piece| {
-            let fits = bytes == 0 || bytes + piece.decompressed <= MOST_AT_ONCE;
-            bytes += piece.decompressed;
+            let with = piece.decompressed.saturating_add(bytes);
+            let fits = bytes == 0 || with <= MOST_AT_ONCE;
+            bytes = with;
             fits
         });
         let to = self.at + few.count();

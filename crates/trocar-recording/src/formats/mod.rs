@@ -107,5 +107,18 @@ pub(super) fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> i
     Ok(())
 }
 
+/// Replaces `out` by the zstd frames in `data`, of `size` bytes as they state. Memory is reserved for what is likely, and beyond
+/// that grows with what is found.
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+fn decompress_zstd(data: &[u8], size: usize, out: &mut Vec<u8>) -> io::Result<()> {
+    const LIKELY: usize = 256;
+    out.clear();
+    if size <= LIKELY.saturating_mul(data.len()) {
+        out.reserve_exact(size);
+        return zstd::bulk::Decompressor::new()?.decompress_to_buffer(data, out).map(drop);
+    }
+    io::Read::read_to_end(&mut io::Read::take(zstd::Decoder::new(data)?, size as u64), out).map(drop)
+}
+
 #[cfg(all(test, feature = "mcap", feature = "rosbag"))]
 mod log_tests;
