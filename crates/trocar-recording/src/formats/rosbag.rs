@@ -182,7 +182,9 @@ fn decompressed(data: &[u8]) -> Option<Vec<u8>> {
         return None;
     }
     let size = zstd::zstd_safe::get_frame_content_size(data).ok().flatten().unwrap_or(LARGEST as u64);
-    zstd::bulk::decompress(data, usize::try_from(size).ok()?.min(LARGEST)).ok()
+    let size = usize::try_from(size).ok().filter(|size| *size <= LARGEST)?;
+    let mut message = Vec::new();
+    super::decompress_zstd(data, size, &mut message).ok().map(|()| message)
 }
 
 /// The messages of one topic, a page at a time.
@@ -201,7 +203,12 @@ impl Pages {
         let mut query = self.connection.prepare(query)?;
         let mut rows = query.query(params![self.after, self.topic, PAGE])?;
         while let Some(row) = rows.next()? {
-            self.after = row.get(0)?;
+            let id = row.get(0)?;
+            if id <= self.after {
+                self.lost = Some(format!("the file is damaged after message {}: {id} is next", self.after));
+                break;
+            }
+            self.after = id;
             let time: i64 = row.get(1)?;
             let data = row.get_ref(2)?.as_blob().unwrap_or_default();
             let decompressed = decompressed(data);
