@@ -1,0 +1,31 @@
+"""Writes the smallest forms of some inputs that failed; the others are as `./fuzz` kept them."""
+
+import pathlib
+import sqlite3
+import struct
+
+here = pathlib.Path(__file__).parent
+MAGIC = b"\x89MCAP0\r\n"
+record = lambda code, body: struct.pack("<BQ", code, len(body)) + body
+text = struct.pack("<I", 0x7FFFFFFF)
+
+# A text in a schema, and in what stands in place of the footer, of 2 GB.
+(here / "schema.mcap").write_bytes(MAGIC + record(3, struct.pack("<H", 1) + text + b"name"))
+(here / "footer.mcap").write_bytes(MAGIC + record(1, text + bytes(16)) + MAGIC)
+
+# Messages 1, 2 and 1 again, where ascending numbers are taken for granted.
+bag = here / "order.db3"
+bag.unlink(missing_ok=True)
+connection = sqlite3.connect(bag)
+connection.execute("PRAGMA page_size = 512")
+connection.execute("CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
+connection.execute("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+connection.execute("INSERT INTO topics VALUES (1, '/bench/force_n', 'std_msgs/msg/Float64', 'cdr')")
+value = b"\x00\x01\x00\x00" + struct.pack("<d", 1.5)
+for number in (1, 2, 3):
+    connection.execute("INSERT INTO messages VALUES (?, 1, ?, ?)", (number, 1000000 * number, value))
+connection.commit()
+connection.close()
+whole = bag.read_bytes()
+at = whole.index(b"\x03\x05\x00")
+bag.write_bytes(whole[:at] + b"\x01" + whole[at + 1 :])
