@@ -42,6 +42,7 @@ struct Place {
 pub(crate) struct Hdf5 {
     source: Source,
     file: Arc<File>,
+    length: u64,
     tables: Vec<Table>,
     places: Vec<Vec<Option<Place>>>,
 }
@@ -56,7 +57,7 @@ impl Hdf5 {
             Ok((file, groups))
         })?;
         let (tables, places) = lengths::tables(groups);
-        Ok(Self { source, file: Arc::new(file), tables, places })
+        Ok(Self { source, file: Arc::new(file), length, tables, places })
     }
 }
 
@@ -78,12 +79,25 @@ impl Container for Hdf5 {
             let known = arrays.iter().position(|array| array.path == place.path);
             let at = known.unwrap_or(arrays.len());
             if known.is_none() {
-                arrays.push(self.source.guard(&place.path, || Array::open(&self.source, &self.file, place))?);
+                arrays.push(self.source.guard(&place.path, || self.array(place))?);
             }
             sources.push((at, place.column));
         }
         let rows = self.tables[table].rows.unwrap_or(0);
         Ok(Box::new(Rows { source: self.source.clone(), arrays, sources, row: 0, rows }))
+    }
+}
+
+impl Hdf5 {
+    fn array(&self, place: &Place) -> Result<Array, RecordingError> {
+        let refused = |error| refused(&self.source, &place.path, &error);
+        let dataset = self.file.dataset(&place.path).map_err(refused)?;
+        // The reader reserves memory for the length that a chunk states.
+        let chunks = if dataset.is_chunked() { dataset.chunks().unwrap_or_default() } else { Vec::new() };
+        if chunks.iter().any(|chunk| chunk.address.saturating_add(chunk.storage_size) > self.length) {
+            return Err(self.source.damaged(&place.path, "a chunk that ends after the file"));
+        }
+        Array::open(dataset, place).map_err(refused)
     }
 }
 
@@ -257,14 +271,10 @@ struct Array {
 }
 
 impl Array {
-    fn open(source: &Source, file: &File, place: &Place) -> Result<Self, RecordingError> {
-        let opened = || {
-            let dataset = file.dataset(&place.path)?;
-            let kind = dataset.dtype()?;
-            let whole = place.across.then(|| numbers(&dataset, &kind, 0, u64::MAX)).transpose()?;
-            Ok(Self { path: place.path.clone(), dataset, kind, width: place.width, whole, window: Vec::new() })
-        };
-        opened().map_err(|error| refused(source, &place.path, &error))
+    fn open(dataset: Dataset, place: &Place) -> Result<Self, hdf5_pure::Error> {
+        let kind = dataset.dtype()?;
+        let whole = place.across.then(|| numbers(&dataset, &kind, 0, u64::MAX)).transpose()?;
+        Ok(Self { path: place.path.clone(), dataset, kind, width: place.width, whole, window: Vec::new() })
     }
 }
 
