@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use trocar_recording::formats::parquet::Parquet;
 use trocar_recording::formats::parquet::select::Selected;
 use trocar_recording::{
-    Choice, Pieces, ReadOptions, RecordingError, Table, digest_of, position_resolution, read, read_columns, tables,
+    Choice, Pieces, ReadOptions, Recording, RecordingError, Table, digest_of, position_resolution, read, read_columns,
+    tables,
 };
 
 use crate::MEMORY;
@@ -59,13 +60,25 @@ fn all_ways(path: &Path, random: &mut Random) -> bool {
         _ = read_columns(path, &table.name, &names.collect::<Vec<_>>());
     }
     _ = digest_of(path);
-    let is_read = read(path, &ReadOptions::default()).is_ok();
+    let recording = read(path, &ReadOptions::default());
+    let is_read = recording.is_ok();
+    if let Ok(recording) = recording {
+        corrected(recording, random);
+    }
     let options = options(&tables, random);
     _ = read(path, &options);
     _ = position_resolution(path, &options.choice);
     _ = pieces(path, &options, 8 + random.below(200));
     _ = rows_of_parquet(path);
     is_read
+}
+
+/// What is done to a recording before it is used.
+fn corrected(recording: Recording, random: &mut Random) {
+    let recording = recording.without_glitches();
+    _ = recording.with_position_delay(1e-3 * random.below(50) as f64);
+    _ = recording.part(0..random.below(recording.len() + 1), "a part");
+    _ = recording.without_moving_mass(0.1, 9.81);
 }
 
 fn options(tables: &[Table], random: &mut Random) -> ReadOptions {

@@ -101,7 +101,7 @@ fn texts() -> Vec<Sample> {
     let spaces = text(60, " ", "\n", "# made up\n# rig 7\ntime_s position_m force_n");
     let quoted = text(60, ",", "\n", "\"time, s\",\"position_mm\",\"force_n\"").replace("0.5", "\"0.5\"");
     let unnamed = text(60, ",", "\n", "0,0,0");
-    let marked = format!("\u{feff}{}", text(60, ",", "\r", "time_ms,velocity_mm_s,position_mm,force_mn"));
+    let marked = format!("\u{feff}{}", text(60, ",", "\r\n", "time_ms,velocity_mm_s,position_mm,force_mn"));
     let gaps = plain.replace(",0.9", ",nan,").replace(",1.2", ",").replace(",1.3", ",-inf");
     let long = text(9000, ",", "\n", "time_s,position_mm,force_n");
     let of = |name: &str, text: &str, kind| {
