@@ -109,6 +109,9 @@ pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result
 }
 
 /// Rejects topics if there is only one unnamed table: text, or rows of a table.
+///
+/// # Errors
+/// [`RecordingError::NoSuchTable`] if there are some.
 pub fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
     allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
 }

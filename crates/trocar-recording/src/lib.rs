@@ -267,6 +267,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
 }
 
 /// The same, with the columns used, in the syntax of `--columns`.
+///
+/// # Errors
+/// As for [`read`].
 pub fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, Vec<String>), RecordingError> {
     let file = path.display().to_string();
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
@@ -320,6 +323,9 @@ pub fn most_held(most: Option<usize>) -> u64 {
 }
 
 /// Rejects data that would not fit into the memory.
+///
+/// # Errors
+/// [`RecordingError::TooLarge`].
 pub fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
     const MB: u64 = 1_000_000;
     let needed = rows.saturating_mul(columns * size_of::<f64>() as u64);

@@ -10,6 +10,9 @@ use super::formats::{Source, mat5};
 use super::text::TextTable;
 
 /// Opens a file of any format; text is one table.
+///
+/// # Errors
+/// [`RecordingError`] when the file cannot be opened, is damaged, or has an unsupported format.
 pub fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     match open(path)? {
         Some(container) => Ok(container),
@@ -21,6 +24,9 @@ pub fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
 ///
 /// Only regular files and folders that are ROS 2 bags are examined, since the bytes of a pipe can
 /// be read only once.
+///
+/// # Errors
+/// As for [`any`].
 pub fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
     let name = path.display().to_string();
     let refused = |source| RecordingError::Open { file: name.clone(), source };

@@ -40,6 +40,9 @@ enum Source<'a> {
 
 impl Rows<'static> {
     /// Opens the file at `path`, or standard input for `-`, up to its first row.
+    ///
+    /// # Errors
+    /// As for [`read`](crate::read), as far as they are detected before the first row.
     pub fn open(path: &Path, choice: &Choice, needed: &[Quantity], hash: bool) -> Result<Self, RecordingError> {
         let file = path.display().to_string();
         if file != "-"
@@ -59,6 +62,9 @@ impl Rows<'static> {
 impl<'a> Rows<'a> {
     /// Rows of a text stream; `file` names it in messages; `is_file` if it is not used in real
     /// time.
+    ///
+    /// # Errors
+    /// As for [`Rows::open`].
     pub fn from_text(
         file: &str,
         input: Box<dyn Read + Send + 'a>,
@@ -179,6 +185,9 @@ impl<'a> Rows<'a> {
     }
 
     /// The next row, or `None` at the end.
+    ///
+    /// # Errors
+    /// [`RecordingError`], with the line or row at fault.
     pub fn next_row(&mut self) -> Result<Option<Row>, RecordingError> {
         if self.next == self.block.len() && self.next_block()?.is_none() {
             return Ok(None);
@@ -254,6 +263,9 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
 
 /// The hash that a recording read from `path` will have: of the decompressed text, of all files of
 /// a folder, or of the file.
+///
+/// # Errors
+/// [`RecordingError`] when the file cannot be opened or read.
 pub fn digest_of(path: &Path) -> Result<String, RecordingError> {
     let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
     let mut hash = Sha256::new();

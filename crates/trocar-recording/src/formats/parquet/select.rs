@@ -48,6 +48,9 @@ pub enum Value<'a> {
 
 impl Parquet {
     /// Opens the file at `path`, which is named `name` in messages.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when it cannot be opened, or its footer is damaged.
     pub fn named(path: &Path, name: &str) -> Result<Self, RecordingError> {
         let failed = |source| RecordingError::Open { file: name.to_owned(), source };
         let file = File::open(path).map_err(failed)?;
@@ -141,6 +144,9 @@ impl Selected {
 
     /// Appends the numbers of the next piece; timestamps in seconds since `origin`. `false` at the
     /// end.
+    ///
+    /// # Errors
+    /// [`RecordingError`] for a damaged piece, or a column that is not numeric.
     pub fn numbers(&mut self, origin: i64, numbers: &mut Vec<f64>) -> Result<bool, RecordingError> {
         let scale = match self.parquet.scales[self.column] {
             Some(Scale::Since { per_second, .. }) => Scale::Since { origin, per_second },
@@ -159,6 +165,9 @@ impl Selected {
 
     /// Passes the cells to `take` until it returns `false`: each with the number of rows that
     /// contain it. Timestamps are integers.
+    ///
+    /// # Errors
+    /// [`RecordingError`] for a damaged piece, or a column of an unsupported type.
     pub fn runs(&mut self, take: &mut dyn FnMut(Value<'_>, usize) -> bool) -> Result<(), RecordingError> {
         let cells = self.parquet.cells(self.column).ok_or_else(|| self.parquet.not_numeric(self.column))?;
         let scale = self.parquet.scales[self.column].filter(|_| cells != Cells::Text).unwrap_or(Scale::One);
