@@ -1,5 +1,6 @@
 //! Columns of files of any format, by name, as stored in the file.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -59,8 +60,11 @@ fn find(
     let tables = container.tables();
     let names = || tables.iter().map(|table| table.name.as_str()).collect();
     let at = tables.iter().position(|known| known.name == table).ok_or_else(|| missing("table", table, names()))?;
+    // The first of several columns of the same name.
+    let known: HashMap<&str, usize> =
+        tables[at].columns.iter().enumerate().rev().map(|(place, column)| (column.name.as_str(), place)).collect();
     let place = |name: &&str| {
-        let found = tables[at].columns.iter().position(|column| column.name == **name);
+        let found = known.get(name).copied();
         let names = || tables[at].columns.iter().map(|column| column.name.as_str()).collect();
         found.ok_or_else(|| missing("column", name, names()))
     };

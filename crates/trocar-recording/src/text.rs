@@ -441,9 +441,11 @@ impl Container for TextTable {
         let input = TextInput::open(&self.path)?;
         let file = self.path.display().to_string();
         let mut reader = TextReader::open(&file, input.text, Wanted::All, input.file.is_some(), false)?;
-        for (k, slot) in reader.layout.slots.iter_mut().enumerate() {
-            let place = columns.iter().position(|column| *column == k);
-            *slot = place.map(|output| Slot { output, per_si: 1.0 });
+        reader.layout.slots.fill(None);
+        for (output, column) in columns.iter().enumerate().rev() {
+            if let Some(slot) = reader.layout.slots.get_mut(*column) {
+                *slot = Some(Slot { output, per_si: 1.0 });
+            }
         }
         Ok(Box::new(TextBatches { reader, block: Block::new(columns.len()) }))
     }

@@ -29,6 +29,7 @@ fn inputs_that_once_failed_are_read_in_little_time_and_memory() {
     kept.iter().for_each(|path| check(path));
     let folder = tempfile::tempdir().unwrap();
     check(&with_a_chunk_of_2_gb(folder.path()));
+    check(&with_120_000_columns(folder.path()));
 }
 
 fn check(path: &Path) {
@@ -49,6 +50,12 @@ fn with_a_chunk_of_2_gb(folder: &Path) -> PathBuf {
     bytes[LENGTH].copy_from_slice(&0x8000_0000_u32.to_le_bytes());
     let path = folder.join("chunk.h5");
     std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn with_120_000_columns(folder: &Path) -> PathBuf {
+    let path = folder.join("wide.tsv");
+    std::fs::write(&path, format!("time_s{}\n0{}\n", "\t".repeat(120_000), "\t1".repeat(120_000))).unwrap();
     path
 }
 

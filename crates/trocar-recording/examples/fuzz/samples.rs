@@ -98,7 +98,7 @@ fn texts() -> Vec<Sample> {
     let plain = text(60, ",", "\n", "time_s,position_mm,force_n");
     let semicolons = text(60, ";", "\r\n", "time [s];position [mm];force [N]").replace('.', ",");
     let tabs = text(60, "\t", "\n", "time\tposition\tforce\ns\tmm\tN");
-    let spaces = text(60, " ", "\n", "# made up\n# rig 7\ntime_s position_m force_n");
+    let spaces = text(60, " ", "\n", "# made up\n# rig 7\ntime_s position_mm force_n");
     let quoted = text(60, ",", "\n", "\"time, s\",\"position_mm\",\"force_n\"").replace("0.5", "\"0.5\"");
     let unnamed = text(60, ",", "\n", "0,0,0");
     let marked = format!("\u{feff}{}", text(60, ",", "\r\n", "time_ms,velocity_mm_s,position_mm,force_mn"));
