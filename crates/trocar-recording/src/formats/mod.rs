@@ -1,6 +1,6 @@
 //! One module for each format other than text: the content of a file, and its columns as numbers.
 //!
-//! All use a [`Source`], which names the file in messages. None allocates the size stated in a
+//! All use a `Source`, which names the file in messages. None allocates the size stated in a
 //! header without checking it against the file's length.
 
 use std::fmt::Display;

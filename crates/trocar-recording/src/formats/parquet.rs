@@ -1,7 +1,7 @@
 //! Parquet files, one table each: column chunks decoded on all cores, straight into numbers.
 //!
 //! Timestamps become seconds since the column's first, durations and times of day become seconds,
-//! nulls become NaN. Memory: at most [`AHEAD`] numbers decoded ahead, and one page of each chunk
+//! nulls become NaN. Memory: at most `AHEAD` numbers decoded ahead, and one page of each chunk
 //! being read.
 
 use std::collections::{HashMap, VecDeque};
