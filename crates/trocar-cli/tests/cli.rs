@@ -1,14 +1,12 @@
 //! What needs a process: exit codes, messages, pipes, interruption, and that nothing half-written stays behind.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use common::{Place, Ran, names_in};
+use crate::common::{Place, Ran};
 
 impl Place {
     fn text(&self, name: &str) -> String {
@@ -17,11 +15,6 @@ impl Place {
 
     fn put(&self, name: &str, text: &str) {
         fs::write(self.path(name), text).unwrap();
-    }
-
-    /// Everything in the folder, hidden files included, in order.
-    fn names(&self) -> Vec<String> {
-        names_in(self.0.path())
     }
 
     /// A small rig: few speeds and short strokes, so that a test takes no time.

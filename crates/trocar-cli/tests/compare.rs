@@ -1,7 +1,5 @@
 //! `trocar compare` as a process: exit codes, JSON, order, equal bytes, and that nothing half-written stays behind.
 
-mod common;
-
 use std::fs;
 
 use serde_json::Value;
@@ -9,7 +7,7 @@ use trocar::model_file::ModelFile;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::replay::{Replay, replay};
 
-use common::{Place, Ran, names_in};
+use crate::common::{Place, Ran};
 
 /// Keys that every model has.
 const KEYS: [&str; 11] = [
@@ -49,17 +47,13 @@ impl Place {
     }
 
     /// A recording as `compare --moving-mass-kg 0.04` scores it.
-    fn recording(&self, name: &str) -> Recording {
+    fn scored(&self, name: &str) -> Recording {
         let recording = read(&self.path(name), &ReadOptions::default()).unwrap();
         recording.without_moving_mass(0.04, 0.0).unwrap()
     }
 
-    fn model(&self, name: &str) -> ModelFile {
+    fn fitted(&self, name: &str) -> ModelFile {
         ModelFile::read(&self.path(name)).unwrap()
-    }
-
-    fn names(&self) -> Vec<String> {
-        names_in(self.0.path())
     }
 }
 
@@ -237,14 +231,14 @@ fn models_are_left_as_files_that_validate_to_the_same_errors() {
     let models_of = "ems,ems-output-error,coulomb,stribeck,dahl,lugre,lugre-rational,leuven:2,maxwell-slip:2,gms:2";
     let json = place.compare(&format!("--validate validation.csv --models {models_of} --json --out out"));
     let json = json.ends_with(0).json();
-    let recording = place.recording("validation.csv");
-    let ems = place.model("out/models/ems.json");
+    let recording = place.scored("validation.csv");
+    let ems = place.fitted("out/models/ems.json");
     let mut files: Vec<String> = Vec::new();
     for model in models(&json) {
         let name = model["name"].as_str().unwrap();
         let bank = ["leuven", "maxwell-slip", "gms"].contains(&name);
         let file = format!("out/models/{name}{}.json", if bank { "-2" } else { "" });
-        let own = place.model(&file);
+        let own = place.fitted(&file);
         let compared = model["validate_rms_n"].as_f64().unwrap();
         let apart = (rms(&own, &recording, &ems) - compared).abs();
         assert!(apart < SAME_ERROR, "{file}: {apart} N on the same samples");
@@ -272,7 +266,7 @@ fn models_say_where_they_come_from() {
     let arguments = "--validate validation.csv --models ems,lugre --gravity-m-s2 -9.81 --seed 7 --json --out out";
     let json = place.compare(arguments).ends_with(0).json();
     for model in models(&json) {
-        let file = place.model(&format!("out/models/{}.json", model["name"].as_str().unwrap()));
+        let file = place.fitted(&format!("out/models/{}.json", model["name"].as_str().unwrap()));
         assert_eq!((file.origin.seed, file.origin.recordings.len()), (Some(7), 1));
         assert_eq!(file.origin.recordings[0].name, "steady.csv");
         assert_eq!(file.origin.recordings[0].sha256, json["recordings"][0]["sha256"].as_str().unwrap());
@@ -298,7 +292,7 @@ fn classical_models_simulate_their_force_and_are_no_ems_elements() {
     assert_eq!(text.lines().next(), Some("time_s,position_m,force_n"));
     let raw = read(&place.path("validation.csv"), &ReadOptions::default()).unwrap();
     let forces: Vec<f64> = text.lines().skip(1).map(|line| line.rsplit_once(',').unwrap().1.parse().unwrap()).collect();
-    assert_eq!(forces, run(&place.model(model), &raw).force);
+    assert_eq!(forces, run(&place.fitted(model), &raw).force);
 
     let table = place.run(&format!("validate {model} validation.csv")).ends_with(0).stdout;
     assert!(table.contains("moving N") && table.contains("hold N") && !table.contains("sliding N"), "{table}");

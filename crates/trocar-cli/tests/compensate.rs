@@ -1,13 +1,11 @@
 //! `trocar compensate` as a process: columns, live pipes, faults and exit codes.
 
-mod common;
-
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use common::{Place, names_in};
+use crate::common::{Place, names_in};
 
 /// A folder with a made-up model and a hand-like recording into tissue.
 fn place() -> Place {

@@ -1,12 +1,10 @@
 //! `trocar export c` as a process: where the file goes, what is refused, that nothing half-written stays.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Ran, names_in};
+use crate::common::{Ran, names_in};
 
 fn model() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance/models/ems.json")

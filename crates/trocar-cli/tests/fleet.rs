@@ -1,13 +1,11 @@
 //! `trocar fleet` as a process: one table whatever the threads, kills and order of work; faults are rows.
 
-mod common;
-
 use std::collections::HashSet;
 use std::fs;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use common::{Place, names_in};
+use crate::common::{Place, names_in};
 use trocar::table::{self, Column, Field, Kind, Table, TableWriter};
 
 /// A folder of recordings by type and use, two of them no recordings.

@@ -1,14 +1,12 @@
 //! `trocar export fmu`: what it refuses, that the same model gives the same bytes, and FMUs run by FMPy and by C.
 
-mod common;
-
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use common::{Ran, names_in};
+use crate::common::{Ran, names_in};
 
 const TROCAR: &str = env!("CARGO_BIN_EXE_trocar");
 

@@ -14,9 +14,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use trocar_model::{Seal, Trocar, TrocarState};
 
-use common::Ran;
-
-mod common;
+use crate::common::Ran;
 
 const PLAYWRIGHT: &str = "playwright-core@1.64.1";
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];

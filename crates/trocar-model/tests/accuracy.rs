@@ -1,8 +1,6 @@
 //! Error at 1 kHz against the converged solution on the motions of the paper, and against an integrator of another kind.
 
-mod common;
-
-use common::{brute_force, trapezoid};
+use crate::common::{self, brute_force, trapezoid};
 use trocar_model::{Element, ElementParams, SealDamping, SlidingFriction};
 
 const PERIOD: f64 = 1e-3;

@@ -1,7 +1,6 @@
 //! A batch gives what each of its models gives alone, to the last bit.
 
-mod common;
-
+use crate::common;
 use proptest::prelude::*;
 use trocar_model::batch::{Batch, Forces, LANES, Lanes, Many, Squares, blocks};
 use trocar_model::{

@@ -1,8 +1,6 @@
 //! The propositions of EMS section III and the properties of the contact law, over random plausible seals.
 
-mod common;
-
-use common::{Seal, general_elements, seals};
+use crate::common::{self, Seal, general_elements, seals};
 use proptest::prelude::*;
 use trocar_model::{
     DeformationForce, Element, ElementParams, Folding, Mode, ParamError, Relaxation, SealDamping, SlidingFriction,

@@ -1,9 +1,6 @@
 //! Trajectories of an EMS element written by another author from the paper alone, single-valued deformation curve.
 
-#[path = "common/shared.rs"]
-mod shared;
-
-use shared::shared_vector;
+use crate::shared::shared_vector;
 use trocar_model::{
     Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece, Relaxation, SealDamping,
     SlidingFriction,

@@ -1,8 +1,6 @@
 //! What goes beyond EMS: creep of the contact and relaxation of the rubber.
 
-mod common;
-
-use common::seals;
+use crate::common::seals;
 use proptest::prelude::*;
 use trocar_model::{
     DeformationForce, Element, ElementParams, Friction, Mode, ParamError, Quantity, Relaxation, RelaxationArm,

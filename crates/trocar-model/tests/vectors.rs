@@ -2,10 +2,7 @@
 //!
 //! A row holds the state at the start of its interval, and the force there with the velocity of the interval.
 
-#[path = "common/shared.rs"]
-mod shared;
-
-use shared::shared_vector;
+use crate::shared::shared_vector;
 use trocar_model::{Dahl, DahlParams, LuGre, LuGreParams, SlidingFriction, StribeckCurve};
 
 const PERIOD: f64 = 1e-3;

@@ -1,9 +1,6 @@
 //! Maxwell-Slip, GMS and modified Leuven against trajectories of other programs.
 
-#[path = "common/shared.rs"]
-mod shared;
-
-use shared::shared_vector;
+use crate::shared::shared_vector;
 use trocar_model::{Gms, GmsElement, Leuven, LeuvenParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate};
 
 /// N. Between three finite-element programs the spread is 1e-14 N.

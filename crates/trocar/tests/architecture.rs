@@ -102,6 +102,29 @@ fn no_clock_in_results() {
     only_in(&["Instant::now", "SystemTime"], &measured);
 }
 
+/// Where tests are modules of one program, each file is one, or a program of its own: none is left out.
+#[test]
+fn every_file_of_tests_is_run() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut programs = 0;
+    for entry in fs::read_dir(crates).unwrap() {
+        let folder = entry.unwrap().path();
+        let Ok(all) = fs::read_to_string(folder.join("tests/all.rs")) else { continue };
+        let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        programs += 1;
+        for file in fs::read_dir(folder.join("tests")).unwrap() {
+            let path = file.unwrap().path();
+            let name = path.file_stem().unwrap().to_str().unwrap();
+            if path.extension().is_some_and(|extension| extension == "rs") {
+                let is_module = all.lines().any(|line| line == format!("mod {name};"));
+                let is_program = manifest.contains(&format!("[[test]]\nname = \"{name}\""));
+                assert!(is_module != is_program, "{}: in tests/all.rs, or a [[test]]", path.display());
+            }
+        }
+    }
+    assert!(programs >= 3, "{programs} programs of tests");
+}
+
 #[test]
 fn unsafe_code_stays_at_foreign_interfaces() {
     let edges = [

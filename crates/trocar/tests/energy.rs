@@ -1,9 +1,6 @@
 //! No closed cycle of any seal has negative work, whatever its model terms.
 
-#[path = "../../trocar-model/tests/common/mod.rs"]
-mod common;
-
-use common::general_elements;
+use crate::common::general_elements;
 use proptest::prelude::*;
 use trocar::analyze::RandomCycles;
 use trocar_model::{DeformationForce, Element, Relaxation, RelaxationArm, Stages};

@@ -1,14 +1,12 @@
 //! The exported C code of models, compiled and compared with the library. Requires gcc.
 
-#[path = "../../trocar-model/tests/common/mod.rs"]
-mod common;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use crate::common;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -436,7 +434,7 @@ fn a_note_cannot_become_code() {
     }
 }
 
-/// Sizes and speed for the documentation: `cargo test --release -p trocar --test export_c -- --ignored --nocapture`
+/// Sizes and speed for the documentation: `cargo test --release -p trocar --test all export_c:: -- --ignored --nocapture`
 #[test]
 #[ignore = "prints figures, checks nothing"]
 fn sizes_and_speed() {

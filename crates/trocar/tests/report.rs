@@ -488,7 +488,7 @@ fn a_file_in_the_way_is_named() {
     assert!(error.to_string().contains("report"), "{error}");
 }
 
-/// `cargo test --release -p trocar --test report -- --ignored --nocapture` prints both figures.
+/// `cargo test --release -p trocar --test all report:: -- --ignored --nocapture` prints both figures.
 #[test]
 #[ignore = "measures time and memory: run alone, in a release build"]
 fn ten_figures_take_less_than_half_a_second_and_little_memory() {

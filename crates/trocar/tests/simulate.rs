@@ -269,6 +269,7 @@ fn a_folder_appears_with_all_its_files_or_not_at_all() {
 #[test]
 fn an_interruption_removes_what_is_unfinished() {
     const IN_CHILD: &str = "TROCAR_TEST_INTERRUPTED_FOLDER";
+    const INTERRUPTED: i32 = 42;
     if let Some(folder) = std::env::var_os(IN_CHILD) {
         let folder = PathBuf::from(folder);
         let mut file = AtomicFile::create(folder.join("out.csv")).unwrap();
@@ -277,15 +278,15 @@ fn an_interruption_removes_what_is_unfinished() {
         staged.write("model.json", b"{").unwrap();
         remove_unfinished();
         // Exits without running destructors, as a signal handler does.
-        std::process::exit(0);
+        std::process::exit(INTERRUPTED);
     }
     let scratch = Scratch::new();
     let status = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "an_interruption_removes_what_is_unfinished"])
+        .args(["--exact", "simulate::an_interruption_removes_what_is_unfinished"])
         .env(IN_CHILD, scratch.0.path())
         .output()
         .unwrap()
         .status;
-    assert!(status.success());
+    assert_eq!(status.code(), Some(INTERRUPTED), "the child ran another test or none");
     assert_eq!(scratch.leftovers(), [""; 0]);
 }

@@ -2,16 +2,16 @@
 //! generous bound. `./test --long` runs all of them.
 
 #[path = "trust/mod.rs"]
-mod trust;
+mod benches;
 
+use benches::judge::{Outcome, Verdict, judge};
+use benches::kinds::{Kind, kinds};
 use trocar::identify::{Estimate, IdentifyOptions, Term, identify};
 use trocar::recording::Recording;
-use trust::judge::{Outcome, Verdict, judge};
-use trust::kinds::kinds;
 
 fn outcomes(names: &[&str], seeds: u64) -> Vec<Outcome> {
     let chosen = kinds().into_iter().filter(|kind| names.contains(&kind.name));
-    let of_kind = |kind: trust::kinds::Kind| {
+    let of_kind = |kind: Kind| {
         (1..=seeds).map(move |seed| {
             let bench = (kind.make)(seed).expect("a seal and a rig");
             judge(kind.name, &bench, seed).expect("the rig runs")

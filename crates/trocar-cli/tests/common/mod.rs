@@ -1,5 +1,4 @@
 //! What the tests of the program share.
-#![allow(dead_code)] // every test binary uses its own part
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -56,6 +55,11 @@ impl Place {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
         command.current_dir(self.0.path()).args(arguments.split_whitespace());
         command
+    }
+
+    /// Everything in the folder, hidden files included, in order.
+    pub(crate) fn names(&self) -> Vec<String> {
+        names_in(self.0.path())
     }
 
     pub(crate) fn run(&self, arguments: &str) -> Ran {

@@ -1,0 +1,15 @@
+//! All tests of the program as one test program; each file here is a module.
+//!
+//! `cargo test -p trocar-cli --test all fmu::` runs the tests of one file.
+
+mod cli;
+mod compare;
+mod compensate;
+mod export_c;
+mod fleet;
+mod fmu;
+mod live;
+mod readme;
+mod sweep;
+
+mod common;

@@ -1,0 +1,36 @@
+//! All tests of the library that can share one process: one program carries it, not thirty. Each file here is a module;
+//! `cancel.rs` is a program of its own, because its tests measure time.
+//!
+//! `cargo test -p trocar --test all recover::` runs the tests of one file.
+
+mod any_format;
+mod any_length;
+mod architecture;
+mod bench;
+mod compensate;
+mod energy;
+mod ensemble;
+mod export_c;
+mod fleet;
+mod fleet_partitioned;
+mod free_motion;
+mod model_file;
+mod profile;
+mod published;
+mod recover;
+mod recover_classical;
+mod replay;
+mod report;
+mod report_comparison;
+mod report_identification;
+mod report_live;
+mod scatter;
+mod simulate;
+mod sweep;
+mod table;
+#[path = "trust.rs"] // beside a folder of that name
+mod trust;
+mod validate;
+
+#[path = "../../trocar-model/tests/common/mod.rs"]
+mod common;
