@@ -1,9 +1,9 @@
 //! The Dahl model: friction as a spring that yields the more, the nearer its force comes to the Coulomb force.
 
-use crate::error::ParamError;
+use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, held, sign, velocity};
-use crate::parameter::{Parameters, parameters};
+use crate::parameter::parameters;
 
 /// Parameters of the Dahl model, key DAHL. Checked by [`Dahl::new`].
 ///
@@ -79,7 +79,7 @@ impl Dahl {
     /// # Errors
     /// A value out of its range.
     pub fn new(params: DahlParams) -> Result<Self, ParamError> {
-        params.check()?;
+        check_fields(&params)?;
         Ok(Self { params })
     }
 

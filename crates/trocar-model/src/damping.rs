@@ -1,6 +1,6 @@
 //! Damping of the seal while it deforms, sigma(zdot) of EMS (9).
 
-use crate::error::ParamError;
+use crate::error::{ParamError, check_fields};
 use crate::parameter::{Blank, Field, Parameters, Quantity};
 
 /// Seal damping, a polynomial of the deformation speed.
@@ -95,7 +95,7 @@ impl SealDamping {
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
-        Parameters::check(self)?;
+        check_fields(self)?;
         let slope = self.least_slope();
         if slope < 0.0 { Err(ParamError::DampingForceFalls { slope }) } else { Ok(()) }
     }

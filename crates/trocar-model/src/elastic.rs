@@ -18,7 +18,7 @@
 //!
 //! Outside [-c, c] the two branches are one straight line, h = 0.
 
-use crate::error::{ParamError, finite};
+use crate::error::{ParamError, finite, in_range};
 use crate::parameter::Quantity;
 
 /// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has degree 7.
@@ -312,8 +312,8 @@ impl DeformationForce {
     /// # Errors
     /// A value that is not positive and finite.
     pub fn linear(stiffness: f64, half_width: f64) -> Result<Self, ParamError> {
-        Quantity::Stiffness.check(stiffness)?;
-        Quantity::HalfWidth.check(half_width)?;
+        in_range(Quantity::Stiffness, stiffness)?;
+        in_range(Quantity::HalfWidth, half_width)?;
         let half_force = 0.5 * stiffness * half_width;
         let left = Piece::new(-half_width, 0.0, &[-half_force, half_force])?;
         let right = Piece::new(0.0, half_width, &[half_force, half_force])?;
@@ -485,7 +485,7 @@ impl DeformationForce {
         let Some(given) = given else {
             return Ok(YIELD_STIFFNESS_MARGIN * steepest_above(-rounding));
         };
-        Quantity::YieldStiffness.check(given)?;
+        in_range(Quantity::YieldStiffness, given)?;
         let steepest = steepest_above(rounding);
         if given < steepest {
             return Err(ParamError::YieldStiffnessTooLow { given, minimum: steepest });

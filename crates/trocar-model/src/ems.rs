@@ -4,7 +4,7 @@ use crate::creep::{Resistance, Rise, resistance};
 use crate::damping::SealDamping;
 use crate::direction::Direction;
 use crate::elastic::DeformationForce;
-use crate::error::ParamError;
+use crate::error::{ParamError, check_fields};
 use crate::exponential::decay;
 use crate::friction::{Friction, velocity};
 use crate::parameter::{Field, Parameters, fields};
@@ -204,7 +204,7 @@ impl Element {
         params.withdrawal.check()?;
         params.damping.check()?;
         params.relaxation.check()?;
-        Parameters::check(&params)?;
+        check_fields(&params)?;
         if params.friction_lag > 0.0 && params.creep_velocity == 0.0 {
             return Err(ParamError::LagWithoutCreep { lag: params.friction_lag });
         }

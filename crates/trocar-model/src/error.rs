@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::parameter::{Declaration, ParameterId, Range};
+use crate::parameter::{Declaration, Field, ParameterId, Parameters, Range};
 
 /// Why a parameter set was refused. Values are carried in SI units.
 #[non_exhaustive]
@@ -218,6 +218,23 @@ fn out_of_range(f: &mut fmt::Formatter<'_>, id: ParameterId, value: f64) -> fmt:
 
 pub(crate) fn finite(name: &'static str, value: f64) -> Result<f64, ParamError> {
     if value.is_finite() { Ok(value) } else { Err(ParamError::NotFinite { name, value }) }
+}
+
+/// `value`, if it lies in the range of the parameter.
+pub(crate) fn in_range(id: impl Into<ParameterId>, value: f64) -> Result<f64, ParamError> {
+    let id = id.into();
+    if id.declaration().range.holds(value) { Ok(value) } else { Err(ParamError::OutOfRange { id, value }) }
+}
+
+/// Checks the range of each number.
+pub(crate) fn check_fields<T: Parameters>(params: &T) -> Result<(), ParamError> {
+    T::FIELDS.iter().try_for_each(|field| in_range(field.quantity, (field.get)(params)).map(|_| ()))
+}
+
+/// The same for an element with the index `index`, from 0, in its model.
+pub(crate) fn check_element<T: Parameters>(params: &T, index: usize) -> Result<(), ParamError> {
+    let id = |field: &Field<T>| field.quantity.id().of_element(index);
+    T::FIELDS.iter().try_for_each(|field| in_range(id(field), (field.get)(params)).map(|_| ()))
 }
 
 pub(crate) fn not_negative(name: &'static str, value: f64) -> Result<f64, ParamError> {

@@ -1,10 +1,10 @@
 //! The Generalized Maxwell-Slip (GMS) model: slip elements whose limit follows the Stribeck curve, EMS (5) to (7).
 
-use crate::error::{ParamError, finite};
+use crate::error::{ParamError, check_element, finite};
 use crate::exponential::decay;
 use crate::friction::{Friction, held, sign, velocity};
 use crate::maxwell_slip::{MAX_ELEMENTS, check_count};
-use crate::parameter::{Parameters, parameters};
+use crate::parameter::parameters;
 use crate::sliding::SlidingFriction;
 
 /// Allowed distance of Σα_i from 1.
@@ -142,7 +142,7 @@ impl Gms {
         let mut scales = [0.0; MAX_ELEMENTS];
         let mut rates = [0.0; MAX_ELEMENTS];
         for (index, element) in elements.iter().enumerate() {
-            element.check_element(index)?;
+            check_element(element, index)?;
             scales[index] = element.share / element.stiffness;
             // Refuses a limit deflection that vanishes beside the other numbers.
             rates[index] = element.attraction / scales[index];

@@ -1,10 +1,10 @@
 //! The modified Leuven model: a LuGre-like sliding law over a hysteresis bank with nonlocal memory.
 
-use crate::error::{ParamError, finite};
+use crate::error::{ParamError, check_fields, finite};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, sign, velocity};
 use crate::maxwell_slip::{Bank, MAX_ELEMENTS, SlipElement};
-use crate::parameter::{Parameters, parameters};
+use crate::parameter::parameters;
 use crate::sliding::SlidingFriction;
 
 /// ΣF_i may miss F_s by this fraction: rounding of a bank made from shares of F_s.
@@ -116,7 +116,7 @@ impl Leuven {
     /// No element or more than [`MAX_ELEMENTS`], a value that is not finite or out of its range, or ΣF_i < F_s.
     pub fn new(bank: &[SlipElement], params: LeuvenParams) -> Result<Self, ParamError> {
         params.sliding.check()?;
-        params.check()?;
+        check_fields(&params)?;
         let bank = Bank::new(bank)?;
         let (limit_force, static_force) = (bank.limit(), params.sliding.static_force);
         if limit_force < (1.0 - LIMIT_TOLERANCE) * static_force {

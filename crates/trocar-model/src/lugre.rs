@@ -1,9 +1,9 @@
 //! The LuGre model: friction as the deflection of bristles that give way at the sliding force.
 
-use crate::error::ParamError;
+use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, decay_inlined};
 use crate::friction::{Friction, held, sign, velocity, within};
-use crate::parameter::{Parameters, parameters};
+use crate::parameter::parameters;
 use crate::run::{BLOCK, Motion, Samples};
 use crate::sliding::SlidingFriction;
 
@@ -112,7 +112,7 @@ impl LuGre {
     /// # Errors
     /// A value out of its range.
     pub fn new(params: LuGreParams) -> Result<Self, ParamError> {
-        params.check()?;
+        check_fields(&params)?;
         params.sliding.check()?;
         Ok(Self {
             params,

@@ -1,8 +1,8 @@
 //! The Maxwell-Slip model: springs with a dry slider each, side by side, EMS (1) to (3).
 
-use crate::error::ParamError;
+use crate::error::{ParamError, check_element, in_range};
 use crate::friction::{Friction, held, velocity, within};
-use crate::parameter::{Parameters, Quantity, parameters};
+use crate::parameter::{Quantity, parameters};
 use crate::run::{BLOCK, Motion, Samples};
 
 /// Largest number of elements of a model.
@@ -43,7 +43,7 @@ impl Bank {
         check_count(elements.len())?;
         let mut bank = Self { elements: [SlipElement::NONE; MAX_ELEMENTS], count: elements.len(), limit: 0.0 };
         for (index, (place, element)) in bank.elements.iter_mut().zip(elements).enumerate() {
-            element.check_element(index)?;
+            check_element(element, index)?;
             bank.limit += element.limit_force;
             *place = *element;
         }
@@ -123,7 +123,7 @@ impl MaxwellSlip {
     /// # Errors
     /// No element or more than [`MAX_ELEMENTS`], or a value that is not finite or out of its range.
     pub fn new(elements: &[SlipElement], viscous_damping: f64) -> Result<Self, ParamError> {
-        Quantity::ViscousDamping.check(viscous_damping)?;
+        in_range(Quantity::ViscousDamping, viscous_damping)?;
         Ok(Self { bank: Bank::new(elements)?, viscous_damping })
     }
 

@@ -9,7 +9,6 @@ use core::fmt;
 use core::str::FromStr;
 
 use crate::direction::Direction;
-use crate::error::ParamError;
 
 /// Unit of a quantity in files, and as shown to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -251,11 +250,6 @@ impl Quantity {
         let plain = Self::ALL.iter().copied().find(|quantity| quantity.declaration().key == key);
         plain.or_else(|| Self::coefficients([POWERS - 1; 2]).find(|quantity| quantity.declaration().key == key))
     }
-
-    /// `value`, if it lies in the range of the quantity.
-    pub(crate) fn check(self, value: f64) -> Result<f64, ParamError> {
-        self.id().check(value)
-    }
 }
 
 /// Which parameter. Displayed as its name.
@@ -300,11 +294,6 @@ impl ParameterId {
     /// Displays its symbol, such as "F_c⁺".
     pub fn symbol(self) -> Symbol {
         Symbol(self)
-    }
-
-    /// `value`, if it lies in the range of the quantity.
-    pub(crate) fn check(self, value: f64) -> Result<f64, ParamError> {
-        if self.declaration().range.holds(value) { Ok(value) } else { Err(ParamError::OutOfRange { id: self, value }) }
     }
 }
 
@@ -425,17 +414,6 @@ pub trait Parameters: Copy + 'static {
     /// The value of `quantity`, if it is one of the fields.
     fn number(&self, quantity: Quantity) -> Option<f64> {
         Self::FIELDS.iter().find(|field| field.quantity == quantity).map(|field| (field.get)(self))
-    }
-
-    /// Checks each number's range.
-    fn check(&self) -> Result<(), ParamError> {
-        Self::FIELDS.iter().try_for_each(|field| field.quantity.check((field.get)(self)).map(|_| ()))
-    }
-
-    /// The same for an element with the index `index`, from 0, in its model.
-    fn check_element(&self, index: usize) -> Result<(), ParamError> {
-        let id = |field: &Field<Self>| field.quantity.id().of_element(index);
-        Self::FIELDS.iter().try_for_each(|field| id(field).check((field.get)(self)).map(|_| ()))
     }
 
     /// All values in order.

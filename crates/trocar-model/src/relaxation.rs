@@ -11,9 +11,9 @@
 //! deflection rests and the arm fades: steady sliding is that of the element without arms. A full reversal slower than τ
 //! follows the branches, a faster one lies above them.
 
-use crate::error::ParamError;
+use crate::error::{ParamError, check_fields};
 use crate::exponential::decay_and_mean;
-use crate::parameter::{Parameters, parameters};
+use crate::parameter::parameters;
 
 /// Most arms of one seal.
 pub const MAX_ARMS: usize = 2;
@@ -123,6 +123,6 @@ impl Relaxation {
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
-        self.arms.iter().try_for_each(Parameters::check)
+        self.arms.iter().try_for_each(check_fields)
     }
 }

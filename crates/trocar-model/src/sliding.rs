@@ -1,8 +1,8 @@
 //! Sliding friction between seal and instrument: Coulomb, viscous and Stribeck, EMS (11).
 
-use crate::error::ParamError;
+use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, power};
-use crate::parameter::{Parameters, parameters};
+use crate::parameter::parameters;
 
 /// Friction of the sliding contact in one direction of slip.
 ///
@@ -141,7 +141,7 @@ impl SlidingFriction {
     }
 
     pub(crate) fn check(&self) -> Result<(), ParamError> {
-        Parameters::check(self)?;
+        check_fields(self)?;
         if self.static_force < self.coulomb_force {
             return Err(ParamError::StaticBelowCoulomb {
                 static_force: self.static_force,

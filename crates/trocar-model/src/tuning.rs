@@ -15,7 +15,7 @@ use crate::dahl::Dahl;
 use crate::direction::Direction;
 use crate::elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
 use crate::ems::{Element, ElementParams};
-use crate::error::ParamError;
+use crate::error::{ParamError, in_range};
 use crate::gms::{Gms, GmsElement};
 use crate::leuven::Leuven;
 use crate::lugre::LuGre;
@@ -221,7 +221,7 @@ fn tuned_element(old: &ElementParams, new: &mut New) -> Result<ElementParams, Pa
     let mut half_width = old.deformation.half_width();
     for id in tunables_of_element() {
         match (id.quantity, id.direction) {
-            (Quantity::HalfWidth, _) => half_width = Quantity::HalfWidth.check(new.take(half_width))?,
+            (Quantity::HalfWidth, _) => half_width = in_range(Quantity::HalfWidth, new.take(half_width))?,
             (Quantity::StaticRatio, Some(direction)) => {
                 new.static_force(old.sliding(direction), params.sliding_mut(direction));
             }

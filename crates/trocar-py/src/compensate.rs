@@ -7,9 +7,9 @@ use pyo3::types::PyAny;
 use trocar::compensate::{CompensateOptions, Compensator as Observer, Drift, Estimate, Fault};
 
 use crate::arrays::column;
+use crate::errors::number;
 use crate::errors::{MotionError, Raise};
 use crate::model::Model;
-use crate::shared::number;
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 15;

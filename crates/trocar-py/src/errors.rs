@@ -175,3 +175,9 @@ pub(crate) fn in_python(text: &str) -> String {
     }
     out.join(" ")
 }
+
+/// A number in a message: as a power of ten where it would fill the line with zeros.
+pub(crate) fn number(value: f64) -> String {
+    let is_short = (1e-6..1e9).contains(&value.abs());
+    if value == 0.0 || !value.is_finite() || is_short { value.to_string() } else { format!("{value:e}") }
+}

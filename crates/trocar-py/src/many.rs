@@ -8,9 +8,9 @@ use trocar::many::ensemble::{Ensemble, Motion, Refusal, Start, Tuned, forces, sq
 use trocar_model::{ParamError, Seal, Trocar};
 
 use crate::arrays::{apart, column, place, rows};
+use crate::errors::number;
 use crate::errors::{ArrayError, MotionError, ParameterError, RecordingError};
 use crate::model::{Model, Tunable, tunables, unknown};
-use crate::shared::number;
 use crate::simulate::{check_motion, start};
 use crate::work::run_borrowing;
 

@@ -13,8 +13,8 @@ use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::AtomicFile;
 use trocar_model::{Declaration, Seal, Trocar};
 
+use crate::errors::number;
 use crate::errors::{InternalError, ParameterError, Raise};
-use crate::shared::number;
 
 /// A model of the force between instrument and trocar: EMS elements, or one classical friction model.
 ///

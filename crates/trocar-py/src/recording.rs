@@ -12,8 +12,8 @@ use trocar::output::AtomicFile;
 use trocar::recording::{self, Choice, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns};
 
 use crate::arrays::column;
+use crate::errors::number;
 use crate::errors::{ArrayError, InternalError, ParameterError, Raise};
-use crate::shared::number;
 use crate::work::{How, run};
 
 /// One recording in SI units: time, position and force of an instrument in a seal.

@@ -9,6 +9,7 @@ use trocar::recording::Recording as Record;
 use trocar::report::{self, Document};
 use trocar::workflow::MovingMass;
 
+use crate::errors::number;
 use crate::errors::{ParameterError, Raise};
 use crate::recording::Recording;
 use crate::work::{How, run};
@@ -23,12 +24,6 @@ pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
     not_negative("moving_mass_kg", mass, "kg")?;
     finite("gravity_m_s2", gravity, "m/s^2")?;
     Ok(MovingMass { mass, gravity })
-}
-
-/// A number in a message: as a power of ten where it would fill the line with zeros.
-pub(crate) fn number(value: f64) -> String {
-    let is_short = (1e-6..1e9).contains(&value.abs());
-    if value == 0.0 || !value.is_finite() || is_short { value.to_string() } else { format!("{value:e}") }
 }
 
 pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {

@@ -10,9 +10,10 @@ use trocar::recording::LONGEST_STROKE;
 use trocar_model::{Deformation, Mode, Trocar, TrocarState};
 
 use crate::arrays::{apart, column, place};
+use crate::errors::number;
 use crate::errors::{MotionError, ParameterError};
 use crate::model::Model;
-use crate::shared::{finite, number};
+use crate::shared::finite;
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 17;

@@ -8,9 +8,10 @@ use trocar_model::flat::STATE_NUMBERS;
 use trocar_model::{Mode, TrocarState};
 
 use crate::arrays::column;
+use crate::errors::number;
 use crate::errors::{ArrayError, MotionError};
 use crate::model::Model;
-use crate::shared::{finite, number};
+use crate::shared::finite;
 
 /// A model under way: feed it displacements or positions as they come, and it gives the force.
 ///

@@ -8,7 +8,7 @@ use trocar_model::{
 };
 
 use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
-use super::shape::{BranchShape, Pins};
+use super::shape::{BranchShape, Pins, Span};
 use super::stage::SecondStage;
 use super::training::Step;
 
@@ -153,9 +153,10 @@ impl Candidate {
     /// # Errors
     /// When the parameters do not form a valid model.
     pub fn stages(&self) -> Result<Stages, ParamError> {
-        let first = Element::new(self.params()?)?;
+        let params = self.params()?;
+        let first = Element::new(params)?;
         let Some(second) = &self.second else { return Ok(first.into()) };
-        let both = [first, Element::new(second.params(self)?)?];
+        let both = [first, Element::new(second.params(&params)?)?];
         Ok(Stages::new(&both).expect("two elements"))
     }
 }
@@ -246,22 +247,6 @@ impl Layout {
         second: true,
         ..Self::PAPER
     };
-}
-
-/// Step of the difference quotient of a free parameter, its range, and its prior.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Span {
-    pub(super) step: f64,
-    pub(super) low: f64,
-    pub(super) high: f64,
-    /// Standard deviation of the prior about 0; infinite without a prior.
-    pub(super) expected: f64,
-}
-
-impl Span {
-    pub(super) fn new(step: f64, low: f64, high: f64) -> Self {
-        Self { step, low, high, expected: f64::INFINITY }
-    }
 }
 
 /// Visits the logarithm of a positive parameter.

@@ -46,6 +46,7 @@ pub mod classical;
 mod conclude;
 mod deformation;
 mod delay;
+mod divide;
 mod element;
 mod estimate;
 mod free_motion;

@@ -9,7 +9,21 @@
 use nalgebra::{DMatrix, DVector};
 use trocar_model::{Branch, ParamError, Piece};
 
-use super::candidate::Span;
+/// Step of the difference quotient of a free parameter, its range, and its prior.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    pub(super) step: f64,
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// Standard deviation of the prior about 0; infinite without a prior.
+    pub(super) expected: f64,
+}
+
+impl Span {
+    pub(super) fn new(step: f64, low: f64, high: f64) -> Self {
+        Self { step, low, high, expected: f64::INFINITY }
+    }
+}
 
 /// Shape of one branch over z/c in [-1, 1].
 #[derive(Debug, Clone, PartialEq)]
