@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use trocar::compensate::{CompensateOptions, Compensator};
-use trocar::model_file::ModelFile;
+use trocar::model_file::{ModelFile, VERSION};
 use trocar_c::{CompensatorOptions, Drift, Estimate, Fault, State, Status, Tunable};
 
 /// Where the library was installed, and a folder for programs.
@@ -314,7 +314,7 @@ fn the_code_of_the_documentation_compiles_and_runs() {
 fn newer_model() -> PathBuf {
     let text = fs::read_to_string(conformance("models/ems.json")).unwrap();
     let path = installed().programs.join("newer.json");
-    fs::write(&path, text.replacen("\"version\": 7", "\"version\": 99", 1)).unwrap();
+    fs::write(&path, text.replacen(&format!("\"version\": {VERSION}"), "\"version\": 99", 1)).unwrap();
     path
 }
 

@@ -6,6 +6,8 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use trocar::model_file::VERSION;
+
 use crate::common::{Place, Ran};
 
 impl Place {
@@ -173,7 +175,7 @@ fn models_that_cannot_be_read_are_explained() {
         ("cut", model[..200].to_owned(), vec!["cut.json: line", "not JSON"]),
         (
             "newer",
-            model.replace("\"version\": 7", "\"version\": 99"),
+            model.replace(&format!("\"version\": {VERSION}"), "\"version\": 99"),
             vec!["newer.json", "newer trocar", "hint: update"],
         ),
         ("other", "{}".to_owned(), vec!["other.json", "not a model", "format"]),
