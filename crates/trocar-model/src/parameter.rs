@@ -144,7 +144,7 @@ quantities! {
     // Sliding friction, EMS (11).
     CoulombForce: "coulomb_force_n", "F_c", NEWTON, AboveZero, "Coulomb force";
     StaticForce: "static_force_n", "F_s", NEWTON, AboveZero, "static force";
-    StaticRatio: "static_ratio", "F_s/F_c", ONE, Range::AtLeast(1.0), "ratio of static to Coulomb force";
+    StaticRatio: "static_ratio", "F_s/F_c", ONE, Range::AtLeast(1.0), "static over Coulomb force";
     StribeckVelocity: "stribeck_velocity_m_s", "v_s", METRE_PER_SECOND, AboveZero, "Stribeck velocity";
     StribeckExponent: "stribeck_exponent", "δ", ONE, AboveZero, "Stribeck exponent";
     ViscousDamping: "viscous_damping_n_s_m", "β", NEWTON_SECOND_PER_METRE, FROM_ZERO, "viscous damping";

@@ -203,7 +203,7 @@ fn a_name_means_the_same_in_every_fit() {
         let Some(value) = true_value(p.id, &truth, offset) else { continue };
         *seen.entry(p.id).or_default() += 1;
         let error = (p.estimate.value - value).abs() / scale(p.id, value).max(1e-9);
-        assert!(error < 0.12 || value == 0.0, "{}: {:?}, true {value}", p.id, p.estimate);
+        assert!(error < 0.12 || p.estimate.covers(value), "{}: {:?}, true {value}", p.id, p.estimate);
     }
     let everywhere = [Quantity::CoulombForce.id(), Quantity::HalfWidth.id(), Quantity::Join.of(Direction::Insertion)];
     assert!(everywhere.iter().all(|id| seen.get(id) == Some(&3)), "{seen:?}");

@@ -325,7 +325,7 @@ fn every_parameter_can_be_turned_both_ways_from_the_value_identified() {
     let values: Vec<f64> = live.knobs.iter().map(|knob| knob.value).collect();
     for (at, knob) in live.knobs.iter().enumerate() {
         let Some([low, high]) = knob.range else {
-            assert_eq!(knob.name, "Stribeck lag", "of use with creep only");
+            assert_eq!(knob.name, "Lag of the Stribeck curve", "of use with creep only");
             continue;
         };
         assert!(low <= knob.value && knob.value < high, "{}: {low} to {high}, value {}", knob.name, knob.value);
@@ -339,7 +339,10 @@ fn every_parameter_can_be_turned_both_ways_from_the_value_identified() {
     let estimate = bench.identification.parameter("coulomb_force_n").unwrap();
     assert_eq!((coulomb.interval, coulomb.unit.as_str()), (Some(estimate.ci95), "N"));
     assert_eq!(named("Coulomb force, withdrawal").follows, Some(1), "one value on either side");
-    assert_eq!((named("Half width").unit.as_str(), named("Half width").scale), ("mm", 1e3));
+    assert_eq!(
+        (named("Half width of the deformation").unit.as_str(), named("Half width of the deformation").scale),
+        ("mm", 1e3)
+    );
 }
 
 #[test]

@@ -61,11 +61,13 @@ impl Length for Input {
 impl ChunkReader for Input {
     type T = BufReader<At>;
 
-    /// For a page header.
+    /// For a page header, or for the page behind a header that was read before.
     fn get_read(&self, start: u64) -> Decoded<Self::T> {
         let mut header = [0; HEADER];
         let read = read_at(&self.file, &mut header, start)?;
-        self.check(&header[..read])?;
+        if thrift::is_page_header(&header[..read]) {
+            self.check(&header[..read])?;
+        }
         Ok(BufReader::new(At { file: self.file.clone(), at: start }))
     }
 

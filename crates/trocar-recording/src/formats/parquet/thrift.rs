@@ -11,6 +11,12 @@ pub(super) fn lists_fit(bytes: &[u8], most: u64) -> bool {
     !matches!(Walk { bytes, most }.value(STRUCT, DEEPEST), Err(Stop::TooMany))
 }
 
+/// Whether `bytes` begin as page headers do: with the type of the page, one of four, and its size, each a 32-bit number.
+pub(super) fn is_page_header(bytes: &[u8]) -> bool {
+    const NUMBER: u8 = 0x15;
+    matches!(bytes, [NUMBER, 0 | 2 | 4 | 6, NUMBER, ..])
+}
+
 enum Stop {
     /// The bytes end, or are no Thrift.
     End,
@@ -94,6 +100,14 @@ impl Walk<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn data_are_no_page_header() {
+        assert!(is_page_header(&[0x15, 0x00, 0x15, 0x80, 0x7d]));
+        assert!(
+            !is_page_header(&[0x15, 0x08, 0x15]) && !is_page_header(&[0x02, 0x00, 0x00]) && !is_page_header(&[0x15])
+        );
+    }
 
     #[test]
     fn a_list_longer_than_the_file_is_found() {
