@@ -130,7 +130,7 @@ impl Compensator {
         numbers(self.observer.drift())
     }
 
-    /// Whether the last pair of passes told that tissue is touched.
+    /// Whether the last pair of strokes indicated contact with tissue.
     #[getter]
     fn is_in_contact(&self) -> bool {
         self.observer.is_in_contact()

@@ -522,7 +522,7 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     }
     for end in &quality.saturated {
         let (count, level, line) = (end.count, end.level, end.first_line);
-        let hint = "forces beyond the sensor's range are lost; leave these passes out or use a larger sensor";
+        let hint = "forces beyond the sensor's range are lost; leave these strokes out or use a larger sensor";
         warn(
             WarningKind::Saturation,
             format!("force stuck at {level} N in {count} samples, first at {unit} {line}"),

@@ -12,7 +12,7 @@ use std::path::Path;
 use trocar::identify::{Candidate, Identification, IdentifyOptions, Term, identify};
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 use trocar::replay::replay;
-use trocar::segment::{passes, reversal_threshold};
+use trocar::segment::{reversal_threshold, strokes};
 use trocar::validate::{Part, RecordingValidation, Validation, validate};
 
 /// What is fitted, and what is scored.
@@ -132,9 +132,9 @@ fn print_alone(data: &Data) -> Result<(), Box<dyn Error>> {
 struct Makeup {
     /// Changes from sample to sample: noise of the sensor.
     white: f64,
-    /// Mean error of each pass.
+    /// Mean error of each stroke.
     level: f64,
-    /// What is left within the passes.
+    /// What is left within the strokes.
     within: f64,
 }
 
@@ -149,8 +149,8 @@ fn makeup(row: &Row, recording: &Recording) -> Makeup {
     };
     let white = 0.5 * mean_square(&mut error[from..].windows(2).map(|pair| pair[1] - pair[0]));
     let mut levels = vec![f64::NAN; error.len()];
-    for pass in passes(recording, reversal_threshold(recording)) {
-        let part = pass.start.max(from)..pass.end.max(from);
+    for stroke in strokes(recording, reversal_threshold(recording)) {
+        let part = stroke.start.max(from)..stroke.end.max(from);
         let mean = error[part.clone()].iter().sum::<f64>() / part.len() as f64;
         levels[part].fill(mean);
     }

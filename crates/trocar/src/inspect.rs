@@ -113,7 +113,7 @@ pub struct Found {
     /// Their range of positions, m.
     pub stroke_m: f64,
     /// Strokes between reversals.
-    pub passes: usize,
+    pub strokes: usize,
     /// Different speeds of insertion, m/s.
     pub insertion_speeds_m_s: Vec<f64>,
     /// Different speeds of withdrawal, m/s.
@@ -158,7 +158,7 @@ impl Found {
             samples: own.samples,
             duration_s: own.duration,
             stroke_m: own.stroke,
-            passes: own.passes,
+            strokes: own.strokes,
             insertion_speeds_m_s: own.insertion_speeds.clone(),
             withdrawal_speeds_m_s: own.withdrawal_speeds.clone(),
             limits: survey.limits,

@@ -6,7 +6,7 @@
 //! ```
 //! Only samples with a known state are scored: before the seal has slid once, its deflection is
 //! unknown. The set of these samples depends on the model, so two models may be scored on slightly
-//! different samples of one recording. The figure over all samples is reported as well. Slow passes
+//! different samples of one recording. The figure over all samples is reported as well. Slow strokes
 //! take most of the time, so the error is also given by speed and by phase. At 1 kHz residuals are
 //! never white; they are decimated to their correlation time before the Ljung-Box test.
 
@@ -19,7 +19,7 @@ use crate::profile::Departure;
 use crate::recording::{Recording, local_velocity, range};
 use crate::replay::{Replay, replay};
 use crate::scatter::StrokeScatter;
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// Speed below which the instrument counts as held, m/s.
 const HOLD_SPEED: f64 = 1e-3;
@@ -76,7 +76,7 @@ pub struct Phases {
     pub partial_hold: Option<Part>,
 }
 
-/// Error of the passes around one speed.
+/// Error of the strokes around one speed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpeedPart {
     /// Speed, m/s, rounded to 5 mm/s.
@@ -102,7 +102,7 @@ pub struct Whiteness {
 /// whose effect a model may describe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AgainstStrokes {
-    /// Strokes (passes from reversal to reversal) that have a repeat.
+    /// Strokes (from reversal to reversal) that have a repeat.
     pub strokes: usize,
     /// Scatter between them, N: standard deviation of a reading about the mean of infinitely many
     /// repeats, over the scored samples.
@@ -124,7 +124,7 @@ impl AgainstStrokes {
         let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;
         let rms_n = Sums::of(scored.iter().filter(|i| scatter.covers(**i)).map(|i| (error[*i], 0.0))).rms();
         Some(Self {
-            strokes: scatter.passes,
+            strokes: scatter.strokes,
             stroke_scatter_n,
             without_drift_n: scatter.without_drift_n,
             rms_n,
@@ -160,7 +160,7 @@ pub struct RecordingValidation {
     pub samples: usize,
     /// Samples omitted because the seal had not slid yet.
     pub samples_before_known: usize,
-    /// Error by speed of the pass.
+    /// Error by speed of the stroke.
     pub by_speed: Vec<SpeedPart>,
     /// Error by phase.
     pub by_phase: Phases,
@@ -461,11 +461,11 @@ pub fn validate_one<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, 
 
 fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {
     let mut groups: std::collections::BTreeMap<u64, Sums> = std::collections::BTreeMap::new();
-    let passes = passes(recording, reversal_threshold(recording));
-    for pass in &passes {
-        let speed = typical_speed(recording, pass.start, pass.end);
-        let from = scored.partition_point(|i| *i < pass.start);
-        let to = scored.partition_point(|i| *i < pass.end);
+    let strokes = strokes(recording, reversal_threshold(recording));
+    for stroke in &strokes {
+        let speed = typical_speed(recording, stroke.start, stroke.end);
+        let from = scored.partition_point(|i| *i < stroke.start);
+        let to = scored.partition_point(|i| *i < stroke.end);
         let sums = Sums::of(scored[from..to].iter().map(|i| (error[*i], recording.force[*i])));
         let group = groups.entry((speed / SPEED_STEP).round() as u64).or_default();
         *group = group.plus(sums);

@@ -151,12 +151,12 @@ pub(crate) fn run_workflow(
 pub(crate) fn print_survey(console: &Console, survey: &Survey) {
     for r in &survey.recordings {
         console.remark(&format!(
-            "{}: {} samples, {:.1} s, stroke {:.1} mm, {}, {}; constant velocity {}",
+            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
             r.name,
             r.samples,
             r.duration,
             1e3 * r.stroke,
-            counted(r.passes, "pass", "passes"),
+            counted(r.strokes, "stroke", "strokes"),
             counted(r.reversals, "reversal", "reversals"),
             speeds(&r.insertion_speeds, &r.withdrawal_speeds)
         ));
@@ -241,7 +241,7 @@ fn along_in_words(found: &Identification) -> String {
     let lag = found.position_delay.map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
     let along = match (&found.position_profile, &found.no_position_profile) {
         (Some(fit), _) => Some(format!(
-            "the force depends on the position: {} N rms on held-out strokes with a profile of {} knots, {} N without\n",
+            "the force depends on the position: {} N rms on held-out cycles with a profile of {} knots, {} N without\n",
             number(fit.held_out_rms_n),
             fit.profile.gains().len(),
             number(fit.constant_held_out_rms_n)

@@ -132,11 +132,11 @@ fn recording_in_words(found: &Found, choosing: &Choosing) -> String {
     }
     let _ = writeln!(
         text,
-        "\ncould be identified from it\n  {} samples, {:.1} s, stroke {:.1} mm, {} passes; constant velocity {}",
+        "\ncould be identified from it\n  {} samples, {:.1} s, position range {:.1} mm, {} strokes; constant velocity {}",
         found.samples,
         found.duration_s,
         1e3 * found.stroke_m,
-        found.passes,
+        found.strokes,
         speeds(&found.insertion_speeds_m_s, &found.withdrawal_speeds_m_s)
     );
     for limit in &found.limits {

@@ -368,8 +368,8 @@ fn quality_of_fit(row: &mut Row, found: &Identification) {
     row.set("residual_rms_n", Cell::number(found.residual_rms));
     row.set("free_parameters", Cell::count(found.free_parameters));
     row.set("position_delay_s", Cell::from(found.position_delay.map(|lag| lag.delay_s)));
-    row.set("steady_passes", Cell::count(found.steady.means.len()));
-    row.set("pass_scatter_n", Cell::number(found.steady.pass_scatter_n));
+    row.set("steady_strokes", Cell::count(found.steady.means.len()));
+    row.set("stroke_scatter_n", Cell::number(found.steady.stroke_scatter_n));
     if !found.steady.means.is_empty() {
         let [slowest, fastest] = found.steady.speed_range_m_s;
         row.set("slowest_steady_m_s", Cell::number(slowest));

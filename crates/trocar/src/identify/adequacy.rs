@@ -159,10 +159,10 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
     let reading = |i: usize| recording.force[i] - candidate.offset - candidate.unmodelled_mass * acceleration[i];
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
-    for pass in &segments.passes {
-        let scale = model.scale.at(index, recording.time[pass.start] - recording.time[0]);
+    for stroke in &segments.strokes {
+        let scale = model.scale.at(index, recording.time[stroke.start] - recording.time[0]);
         let (mut slid, mut sums) = (0.0, Vec::new());
-        for i in (pass.start + 1..=pass.end).filter(|i| known[*i] && !recording.is_clipped(*i)) {
+        for i in (stroke.start + 1..=stroke.end).filter(|i| known[*i] && !recording.is_clipped(*i)) {
             let step = (x[i] - x[i - 1]).abs();
             let error = reading(i) - scale * run.force[i];
             let phase = usize::from(run.sliding[i]);
@@ -177,9 +177,9 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
             }
         }
         let slides = slid >= SHOWS_SLIDING * candidate.half_width;
-        let turned = slid_before.is_some_and(|d| d != pass.direction.sign()) && pass.starts_at_reversal;
+        let turned = slid_before.is_some_and(|d| d != stroke.direction.sign()) && stroke.starts_at_reversal;
         seen.full_reversals += usize::from(slides && turned);
-        slid_before = slides.then_some(pass.direction.sign());
+        slid_before = slides.then_some(stroke.direction.sign());
         if slides {
             let mean = |first: bool| {
                 let part = sums.iter().filter(|(at, _)| (*at < 0.5 * slid) == first).map(|s| s.1);

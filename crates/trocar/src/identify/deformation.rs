@@ -18,7 +18,7 @@ use serde::Serialize;
 use super::estimate::{Estimate, LinearFit, t_p_value, t_quantile};
 use super::shape::{BranchShape, Pins};
 use crate::recording::Recording;
-use crate::segment::{Direction, Pass};
+use crate::segment::{Direction, Stroke};
 
 /// Points per traverse at which the deformation force is stored.
 pub const BINS: usize = 100;
@@ -188,36 +188,36 @@ pub fn bin_centres() -> impl Iterator<Item = f64> {
 }
 
 /// Finds the full snap-throughs of one recording; `level` gives the ratio of the sliding force of a
-/// pass to the common limits.
+/// stroke to the common limits.
 ///
-/// The friction scale of a seal varies by about a percent from pass to pass. Switching instants are
-/// therefore taken at the limits of each pass, and its curve is scaled to the common ones. With
-/// common limits, a weak pass would switch late or never while a strong one would switch hardly
+/// The friction scale of a seal varies by about a percent from stroke to stroke. Switching instants are
+/// therefore taken at the limits of each stroke, and its curve is scaled to the common ones. With
+/// common limits, a weak stroke would switch late or never while a strong one would switch hardly
 /// earlier, which would overestimate c.
 pub(super) fn traverses(
     index: usize,
     recording: &Recording,
-    passes: &[Pass],
+    strokes: &[Stroke],
     limits: &Limits,
     level: impl Fn(usize) -> f64,
 ) -> Vec<Traverse> {
     let mut found = Vec::new();
     let mut slid_before: Option<(Direction, f64)> = None;
-    for (number, pass) in passes.iter().enumerate() {
+    for (number, stroke) in strokes.iter().enumerate() {
         let own = level(number);
-        let before = slid_before.filter(|(d, _)| *d != pass.direction && pass.starts_at_reversal);
-        let start = before.map_or(own, |(_, level)| level) * limits.against(pass.direction);
-        let crossing = crossings(recording, pass, limits.offset, start, own * limits.of(pass.direction));
+        let before = slid_before.filter(|(d, _)| *d != stroke.direction && stroke.starts_at_reversal);
+        let start = before.map_or(own, |(_, level)| level) * limits.against(stroke.direction);
+        let crossing = crossings(recording, stroke, limits.offset, start, own * limits.of(stroke.direction));
         if let (Some((from, to)), Some((_, level_before))) = (crossing, before) {
-            let levels = match pass.direction {
+            let levels = match stroke.direction {
                 Direction::Insertion => [level_before, own],
                 Direction::Withdrawal => [own, level_before],
             };
-            found.extend(traverse(index, recording, pass.direction, from, to, limits.offset, levels));
+            found.extend(traverse(index, recording, stroke.direction, from, to, limits.offset, levels));
         }
-        // A pass that never reaches its limit leaves the seal part way: the next one is no full
+        // A stroke that never reaches its limit leaves the seal part way: the next one is no full
         // snap-through.
-        slid_before = crossing.map(|_| (pass.direction, own));
+        slid_before = crossing.map(|_| (stroke.direction, own));
     }
     found
 }
@@ -229,11 +229,11 @@ fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
 }
 
 /// First sample inside the limits after the reversal, and first sample at this direction's limit.
-fn crossings(recording: &Recording, pass: &Pass, offset: f64, start: f64, limit: f64) -> Option<(usize, usize)> {
-    let s = pass.direction.sign();
-    let along = |i: usize| s * (smoothed(recording, i, pass.start, pass.end) - offset);
-    let from = (pass.start..pass.end).find(|i| along(*i) > -start)?;
-    let to = (from + 1..=pass.end).find(|i| along(*i) >= limit)?;
+fn crossings(recording: &Recording, stroke: &Stroke, offset: f64, start: f64, limit: f64) -> Option<(usize, usize)> {
+    let s = stroke.direction.sign();
+    let along = |i: usize| s * (smoothed(recording, i, stroke.start, stroke.end) - offset);
+    let from = (stroke.start..stroke.end).find(|i| along(*i) > -start)?;
+    let to = (from + 1..=stroke.end).find(|i| along(*i) >= limit)?;
     Some((from, to))
 }
 

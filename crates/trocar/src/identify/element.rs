@@ -413,7 +413,7 @@ fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
             Ok(found) => settled_stretches(recording, segments, &two.steady, found),
             Err(_) => Vec::new(),
         };
-        Segmented { recording, passes: &segments.passes, settled, acceleration }
+        Segmented { recording, strokes: &segments.strokes, settled, acceleration }
     };
     let data: Vec<Segmented> = recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);

@@ -14,7 +14,7 @@ use super::estimate::Estimate;
 use super::numbers::branch_ids;
 use super::replicates::Replicates;
 use super::shape::BranchShape;
-use super::steady::{self, DirectionLine, PassMean, SteadyFit};
+use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
 use super::{IdentifyError, IdentifyOptions, Parameter, Segments, stribeck};
 use crate::cancel;
 use crate::recording::Recording;
@@ -50,10 +50,10 @@ fn alternately(
     segments: &[Segments],
     options: &IdentifyOptions,
 ) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
-    let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<PassMean> {
+    let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<StrokeMean> {
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
             let halved: Vec<Stretch> = s.stretches.iter().map(|st| latter_half(r, st)).collect();
-            steady::pass_means(i, r, &s.passes, if second_half { &halved } else { &s.stretches }, settled)
+            steady::stroke_means(i, r, &s.strokes, if second_half { &halved } else { &s.stretches }, settled)
         };
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
@@ -61,8 +61,8 @@ fn alternately(
         let limits = limits(steady, sensors(recordings).force_noise);
         let found = recordings.iter().zip(segments).enumerate();
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let levels = pass_levels(i, s, steady);
-            deformation::traverses(i, r, &s.passes, &limits, |pass| levels[pass])
+            let levels = stroke_levels(i, s, steady);
+            deformation::traverses(i, r, &s.strokes, &limits, |stroke| levels[stroke])
         };
         let traverses = found.flat_map(of).collect();
         deformation::fit(traverses, &limits, options.degrees, sensors(recordings))
@@ -99,17 +99,17 @@ fn alternately(
     Ok((steady, deformation))
 }
 
-/// Friction scale of each pass: sliding force relative to the fitted line; 1 for a pass without a
+/// Friction scale of each stroke: sliding force relative to the fitted line; 1 for a stroke without a
 /// mean of its own.
-fn pass_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
-    let mut levels = vec![1.0; segments.passes.len()];
+fn stroke_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
+    let mut levels = vec![1.0; segments.strokes.len()];
     for mean in steady.means.iter().filter(|m| m.recording == index) {
         let fitted = steady.line(mean.velocity_m_s) - steady.offset_n.value;
         let level = (mean.force_n - steady.offset_n.value) / fitted;
-        let pass = segments.passes.partition_point(|p| p.end <= mean.sample);
+        let stroke = segments.strokes.partition_point(|p| p.end <= mean.sample);
         // A mean far from the line is not a small variation of the friction scale.
-        if pass < levels.len() && (level - 1.0).abs() < 0.2 {
-            levels[pass] = level;
+        if stroke < levels.len() && (level - 1.0).abs() < 0.2 {
+            levels[stroke] = level;
         }
     }
     levels
@@ -140,18 +140,18 @@ pub(super) fn settled_stretches(
     steady: &SteadyFit,
     found: &DeformationFit,
 ) -> Vec<Stretch> {
-    after_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
+    after_start(recording, &segments.strokes, &segments.stretches, |speed| settled_travel(steady, found, speed))
 }
 
 /// Blocks of all motion instead of the plateau means, down to a fiftieth of the fastest plateau.
-fn with_transients(plateaus: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
+fn with_transients(plateaus: Vec<StrokeMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<StrokeMean> {
     const BLOCK: f64 = 0.1;
     let fastest = plateaus.iter().map(|m| m.velocity_m_s.abs()).fold(0.0, f64::max);
     if fastest == 0.0 {
         return plateaus;
     }
     let found = recordings.iter().zip(segments).enumerate();
-    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.passes, 0.02 * fastest, BLOCK)).collect()
+    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.strokes, 0.02 * fastest, BLOCK)).collect()
 }
 
 fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
@@ -165,8 +165,8 @@ fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
 
 /// Drops means of stretches over which the force still rises from one limit to the other, which is
 /// not sliding.
-fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
-    let steady = |mean: &PassMean| {
+fn without_trend(means: Vec<StrokeMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<StrokeMean> {
+    let steady = |mean: &StrokeMean| {
         let recording = &recordings[mean.recording];
         let mut sorted = recording.force.clone();
         sorted.sort_by(f64::total_cmp);
@@ -209,13 +209,14 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
 /// Forces at which the seal switches (12).
 ///
 /// Where a single speed leaves the force at rest undetermined, the lower edge of the sliding force
-/// is used: its mean less twice the ripple (scatter within and between passes beyond the sensor
+/// is used: its mean less twice the ripple (scatter within and between strokes beyond the sensor
 /// noise).
 fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin = if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
+    let margin =
+        if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.stroke_scatter_n) };
     Limits { offset, insertion: insertion.static_force, withdrawal: withdrawal.static_force, margin }
 }
 

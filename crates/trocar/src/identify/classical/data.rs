@@ -56,8 +56,8 @@ pub(crate) fn plain_training(
     let parts: Vec<_> = recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
     let mut all = Vec::new();
     for (recording, ((segments, settled), acceleration)) in recordings.iter().zip(&parts) {
-        let (passes, settled) = (segments.passes.as_slice(), settled.clone());
-        all.push(Segmented { recording, passes, settled, acceleration });
+        let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
+        all.push(Segmented { recording, strokes, settled, acceleration });
     }
     let mut training = Training::new(&all, half_width, MOST_CLUSTERS, f64::INFINITY);
     training.forget_unknown_starts(stages);

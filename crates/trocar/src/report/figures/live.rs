@@ -12,7 +12,7 @@ use crate::recording::Recording;
 use crate::replay::forgotten_after;
 use crate::report::document::{Knob, LiveModel, Stretch};
 use crate::report::number::significant;
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// Lengths of the shown part of a recording, s: the first length in which the model forgets its
 /// initial state in some part.
@@ -152,7 +152,7 @@ fn stretch(found: &Identification, scored: &Scored) -> Option<Stretch> {
 
 fn parts(recording: &Recording, length: f64, half_width: f64) -> Vec<Part<'_>> {
     let (x, t) = (&recording.position, &recording.time);
-    let passes = passes(recording, reversal_threshold(recording));
+    let strokes = strokes(recording, reversal_threshold(recording));
     let mut all = Vec::new();
     for range in recording.unbroken().filter(|range| range.len() > 1) {
         let (begin, end) = (t[range.start], t[range.end - 1]);
@@ -161,8 +161,8 @@ fn parts(recording: &Recording, length: f64, half_width: f64) -> Vec<Part<'_>> {
             let to = (from + length).min(end);
             let sample = |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);
             let samples = sample(from)..sample(to) + 1;
-            let within = passes.iter().filter(|pass| samples.contains(&pass.start));
-            let travel = within.map(|pass| (x[pass.end.min(samples.end - 1)] - x[pass.start]).abs());
+            let within = strokes.iter().filter(|stroke| samples.contains(&stroke.start));
+            let travel = within.map(|stroke| (x[stroke.end.min(samples.end - 1)] - x[stroke.start]).abs());
             let worth = travel.map(|travel| travel.min(TELLING * half_width)).sum();
             all.push(Part { recording, from, to, samples, worth });
         }

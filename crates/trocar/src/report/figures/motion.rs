@@ -11,7 +11,7 @@ use crate::recording::Recording;
 use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::report::number::significant;
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// Length of the shown part of a recording, s.
 const SHOWN: f64 = 5.0;
@@ -219,9 +219,9 @@ fn densest<'a>(found: &Identification, recordings: &'a [Recording], seen: bool) 
 fn stretches<'a>(found: &Identification, recording: &'a Recording, seen: bool) -> Vec<Stretch<'a>> {
     let widest = 2.0 * found.model.half_width;
     let x = &recording.position;
-    let passes = passes(recording, reversal_threshold(recording));
+    let strokes = strokes(recording, reversal_threshold(recording));
     let partial: Vec<usize> =
-        passes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
+        strokes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
     let resting = resting(recording, RESTING * found.model.half_width);
     let known = replay(&Trocar::of_seal(found.stages), recording, found.model.offset).known;
     let mut all = Vec::new();

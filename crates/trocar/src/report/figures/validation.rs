@@ -12,7 +12,7 @@ use crate::recording::Recording;
 use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::{fixed, significant};
-use crate::segment::{SegmentOptions, passes, reversal_threshold, stretches, travel};
+use crate::segment::{SegmentOptions, reversal_threshold, stretches, strokes, travel};
 use crate::validate::{Validation, validate};
 
 /// Most recordings for which the residual is drawn.
@@ -105,16 +105,16 @@ pub(super) struct Cycle {
 pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Range<usize>>) -> Vec<Cycle> {
     let mut found = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
-        let passes = passes(recording, reversal_threshold(recording));
-        let stretches = stretches(recording, &passes, &SegmentOptions::default());
-        let longest = passes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
+        let strokes = strokes(recording, reversal_threshold(recording));
+        let stretches = stretches(recording, &strokes, &SegmentOptions::default());
+        let longest = strokes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
         let known = known(index);
-        for (number, pair) in passes.windows(2).enumerate() {
+        for (number, pair) in strokes.windows(2).enumerate() {
             let [first, second] = pair else { continue };
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
             let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
             if inside && full && first.end == second.start {
-                let own = stretches.iter().filter(|s| s.pass == number).max_by_key(|s| s.end - s.start);
+                let own = stretches.iter().filter(|s| s.stroke == number).max_by_key(|s| s.end - s.start);
                 let duration = recording.time[first.end] - recording.time[first.start];
                 let mean = travel(recording, first, first.end) / duration;
                 let speed = own.map_or(mean, |s| s.velocity.abs());
