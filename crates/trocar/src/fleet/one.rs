@@ -376,7 +376,7 @@ fn quality_of_fit(row: &mut Row, found: &Identification) {
         row.set("fastest_steady_m_s", Cell::number(fastest));
     }
     match &found.deformation {
-        Ok(fit) => row.set("traverses", Cell::count(fit.traverses.len())),
+        Ok(fit) => row.set("full_reversals", Cell::count(fit.full_reversals.len())),
         Err(why) => row.set("deformation_missing", Cell::text(why)),
     }
     row.set("friction_scatter", Cell::number(found.friction_scale.scatter));

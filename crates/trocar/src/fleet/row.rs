@@ -125,7 +125,7 @@ const BEHIND: [(&str, Kind); 36] = [
     ("slowest_steady_m_s", Kind::Number),
     ("fastest_steady_m_s", Kind::Number),
     ("steady_strokes", Kind::Integer),
-    ("traverses", Kind::Integer),
+    ("full_reversals", Kind::Integer),
     ("reversals", Kind::Integer),
     ("partial_reversals", Kind::Integer),
     ("held_s", Kind::Number),

@@ -1,8 +1,8 @@
 //! Which parameters the data determine, and whether the model is adequate. Both are judged from the
 //! simulated motion of the model over the recordings.
 //!
-//! - F_c, c and the branches need full reversals: the model slides in one direction and, after a
-//!   reversal, in the other. Each slide covers a stated travel, and the measured force is constant
+//! - F_c, c and the branches need reversals with sliding before and after: the model slides in one direction
+//!   and, after the reversal, in the other. Each slide covers a stated travel, and the measured force is constant
 //!   while the model slides.
 //! - Separating F_c from β needs sliding at two speeds; otherwise the sliding force at rest is an
 //!   extrapolation.
@@ -21,7 +21,7 @@ use crate::replay::replay;
 
 /// Sliding travel, in half widths, needed to show that the force stays constant.
 const SHOWS_SLIDING: f64 = 0.5;
-/// Fewest full reversals.
+/// Fewest reversals with sliding before and after.
 const FEWEST_REVERSALS: usize = 2;
 /// Least ratio of fast to slow sliding speed that separates F_c from β (a tenth of the travel is
 /// faster or slower, respectively).
@@ -118,7 +118,8 @@ struct Seen {
     plain_squares: f64,
     /// Σ F².
     power: f64,
-    full_reversals: usize,
+    /// Reversals before and after which the model slides.
+    sliding_reversals: usize,
     /// Speed, m/s, and travel, m, of sliding.
     speeds: Vec<(f64, f64)>,
     /// Ratio of measured to simulated force for each stroke, in the first and the second half of
@@ -131,7 +132,7 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let seen: Vec<Seen> = (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
     let mut undetermined = Vec::new();
     if model.has_shape {
-        undetermined.extend(full_reversals(input, model, &seen));
+        undetermined.extend(sliding_reversals(input, model, &seen));
     }
     let speeds = Speeds::new(&seen);
     undetermined.extend(speeds.separated());
@@ -178,7 +179,7 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
         }
         let slides = slid >= SHOWS_SLIDING * candidate.half_width;
         let turned = slid_before.is_some_and(|d| d != stroke.direction.sign()) && stroke.starts_at_reversal;
-        seen.full_reversals += usize::from(slides && turned);
+        seen.sliding_reversals += usize::from(slides && turned);
         slid_before = slides.then_some(stroke.direction.sign());
         if slides {
             let mean = |first: bool| {
@@ -191,15 +192,15 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
     seen
 }
 
-/// Checks that there are enough full reversals and that the force is constant where the model
+/// Checks that there are enough reversals with sliding before and after, and that the force is constant where the model
 /// slides.
-fn full_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, String)> {
-    let count: usize = seen.iter().map(|s| s.full_reversals).sum();
+fn sliding_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, String)> {
+    let count: usize = seen.iter().map(|s| s.sliding_reversals).sum();
     let longest = input.recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
     let mut all = Vec::new();
     if count < FEWEST_REVERSALS {
         let why = format!(
-            "{count} full reversals with sliding on both sides, at least {FEWEST_REVERSALS} are needed: record strokes of several \
+            "{count} reversals with sliding before and after, at least {FEWEST_REVERSALS} are needed: record strokes of several \
              centimetres in both directions (longest here: {:.1} mm)",
             1e3 * longest
         );

@@ -9,7 +9,7 @@ use crate::segment::Stroke;
 /// Holds and partial reversals in the recordings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FreeMotion {
-    /// Reversals.
+    /// Reversals of the motion, full or not.
     pub reversals: usize,
     /// Strokes that end before the seal has snapped through: shorter than 2c.
     pub partial_reversals: usize,

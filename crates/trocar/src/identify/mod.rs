@@ -1,8 +1,8 @@
 //! Identification of an EMS element from recordings.
 //!
 //! ```text
-//! recordings -> strokes, stretches -> F_0, F_c, β (23), Stribeck (11)            steady.rs, stribeck.rs
-//!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)            deformation.rs, shape.rs       the paper's two steps
+//! recordings -> strokes, constant velocity -> F_0, F_c, β (23), Stribeck (11)    steady.rs, stribeck.rs
+//!            -> full reversals, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs       the paper's two steps
 //!            -> all motion against simulated force: one likelihood              likelihood.rs, training.rs
 //!               friction scale of each stroke, optional terms                   element.rs, scale.rs, terms.rs
 //!            -> the force along the position, where strokes repeat it           along.rs
@@ -24,7 +24,7 @@ use crate::segment::{SegmentOptions, Stretch, Stroke, reversal_threshold, stretc
 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
-pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
+pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, FullReversal, Limits, bin_centres, legendre};
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use free_motion::FreeMotion;

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use trocar_model::{ParameterId, Quantity, Relaxation, SlidingFriction};
 
 use super::candidate::Candidate;
-use super::deformation::{self, DampingTest, DeformationFit, Limits, Sensors, Traverse, curves_of, mean_points};
+use super::deformation::{self, DampingTest, DeformationFit, FullReversal, Limits, Sensors, curves_of, mean_points};
 use super::estimate::Estimate;
 use super::numbers::branch_ids;
 use super::replicates::Replicates;
@@ -62,10 +62,10 @@ fn alternately(
         let found = recordings.iter().zip(segments).enumerate();
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
             let levels = stroke_levels(i, s, steady);
-            deformation::traverses(i, r, &s.strokes, &limits, |stroke| levels[stroke])
+            deformation::full_reversals(i, r, &s.strokes, &limits, |stroke| levels[stroke])
         };
-        let traverses = found.flat_map(of).collect();
-        deformation::fit(traverses, &limits, options.degrees, sensors(recordings))
+        let full_reversals = found.flat_map(of).collect();
+        deformation::fit(full_reversals, &limits, options.degrees, sensors(recordings))
     };
     let mut steady = steady::fit(steady::imposed(means(&|_| 0.0, true)));
     let mut deformation = deform(&steady);
@@ -305,16 +305,16 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
     all
 }
 
-/// Branches refitted to traverses resampled by cycle (or left out one at a time).
+/// Branches refitted to full reversals resampled by cycle (or left out one at a time).
 fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates<Candidate> {
     let pins = two.candidate.pins();
     let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
-        let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
+        let own: Vec<&FullReversal> = found.full_reversals.iter().filter(|t| t.direction == direction).collect();
         let curves: Vec<&[f64]> =
             (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
         BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
-    let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.traverses, d).len());
+    let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.full_reversals, d).len());
     let with = |insertion_branch, withdrawal_branch| Candidate {
         insertion_branch,
         withdrawal_branch,

@@ -4,7 +4,8 @@ use trocar_model::{Branch, Element, Friction, Stages};
 
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::identify::{
-    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, Identification, Pins, Traverse, bin_centres, legendre,
+    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, FullReversal, Identification, Pins, bin_centres,
+    legendre,
 };
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::significant;
@@ -58,7 +59,7 @@ struct Level {
 impl Level {
     fn new(deformation: &DeformationFit, direction: Direction, level: f64) -> Self {
         let bin = ((0.5 * (level + 1.0) * BINS as f64) as usize).min(BINS - 1);
-        let own = deformation.traverses.iter().filter(|t: &&Traverse| t.direction == direction);
+        let own = deformation.full_reversals.iter().filter(|t: &&FullReversal| t.direction == direction);
         let mean = &fit_of(deformation, direction).mean_curve;
         let (low, high) = (bin.saturating_sub(4), (bin + 4).min(BINS - 1));
         let travel = 2.0 * deformation.half_width.value * (high - low) as f64 / BINS as f64;
@@ -214,7 +215,7 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
 
 /// Mean speed of the snap-throughs, m/s.
 fn mean_speed(deformation: &DeformationFit) -> f64 {
-    deformation.traverses.iter().map(|t| t.speed).sum::<f64>() / deformation.traverses.len().max(1) as f64
+    deformation.full_reversals.iter().map(|t| t.speed).sum::<f64>() / deformation.full_reversals.len().max(1) as f64
 }
 
 /// The whole model snapped through at the mean speed of the snap-throughs, with all stages, damping
@@ -250,7 +251,7 @@ fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
 }
 
 fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> String {
-    let count = |d| deformation.traverses.iter().filter(|t| t.direction == d).count();
+    let count = |d| deformation.full_reversals.iter().filter(|t| t.direction == d).count();
     let [left, right] = deformation.insertion_branch.shape.degrees();
     let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
     let refined = if found.fit.is_some() {
