@@ -4,19 +4,19 @@
 //! follow from the parameters and hold for this version of the crate: not a form to store a model in, which is
 //! [`crate::flat`].
 
-use crate::elastic::{COUNT, Stretch};
+use crate::elastic::{COUNT, Span};
 use crate::ems::{Contact, Element, Folding};
 use crate::gms::Gms;
 use crate::leuven::Leuven;
 use crate::lugre::LuGre;
 use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip};
 
-/// M and h over one stretch between neighbouring joins, as power series of t = (z - `mid`)·`inverse_half` in [-1, 1].
+/// M and h over one span between neighbouring joins, as power series of t = (z - `mid`)·`inverse_half` in [-1, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StretchConstants {
-    /// Middle of the stretch, m.
+pub struct SpanConstants {
+    /// Middle of the span, m.
     pub mid: f64,
-    /// Inverse of half its width, 1/m; 0 for an empty stretch.
+    /// Inverse of half its width, 1/m; 0 for an empty span.
     pub inverse_half: f64,
     /// [M, h], N, lowest degree first.
     pub force: [[f64; 2]; COUNT],
@@ -55,7 +55,7 @@ pub struct ElementConstants {
     /// The two inner joins, m, ascending.
     pub joins: [f64; 2],
     /// Below, between and above the joins.
-    pub stretches: [StretchConstants; 3],
+    pub spans: [SpanConstants; 3],
     /// M at -c and +c, N.
     pub end_force: [f64; 2],
     /// dM/dz beyond -c and +c, N/m.
@@ -95,9 +95,9 @@ pub struct LeuvenConstants {
     pub damping: f64,
 }
 
-impl From<&Stretch> for StretchConstants {
-    fn from(stretch: &Stretch) -> Self {
-        let Stretch { mid, inverse_half, force, slope } = *stretch;
+impl From<&Span> for SpanConstants {
+    fn from(span: &Span) -> Self {
+        let Span { mid, inverse_half, force, slope } = *span;
         Self { mid, inverse_half, force, slope }
     }
 }
@@ -114,12 +114,12 @@ impl Element {
     /// What the step knows beside the parameters.
     pub fn constants(&self) -> ElementConstants {
         let deformation = &self.params.deformation;
-        let [below, between, above] = &deformation.stretches;
+        let [below, between, above] = &deformation.spans;
         ElementConstants {
             confined: self.confined,
             least_stiffness: self.least_stiffness,
             joins: deformation.joins,
-            stretches: [below.into(), between.into(), above.into()],
+            spans: [below.into(), between.into(), above.into()],
             end_force: deformation.end_force,
             end_stiffness: deformation.end_stiffness,
             contacts: [(&self.withdrawal).into(), (&self.insertion).into()],

@@ -48,7 +48,7 @@ const FIRST_STRIDE: f64 = 1e-3;
 /// March stride as a fraction of c, in deflection.
 const DEFLECTION_STRIDE: f64 = 1.0 / 32.0;
 
-/// One stretch of motion at constant velocity.
+/// A motion at constant velocity.
 #[derive(Clone, Copy)]
 struct Motion {
     velocity: f64,

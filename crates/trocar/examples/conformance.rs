@@ -138,7 +138,7 @@ fn gms(sliding: SlidingFriction, slip_rate: SlipRate) -> Result<Gms, Box<dyn Err
     Ok(Gms::new(&[element(1), element(2), element(3), element(4)], sliding, slip_rate)?)
 }
 
-/// Time and position, seeded: each stretch at one velocity, every fifth row at an uneven time.
+/// Time and position, seeded: piecewise constant velocity, every fifth row at an uneven time.
 fn motion() -> Result<String, Box<dyn Error>> {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let unit = Uniform::new(0.0, 1.0)?;

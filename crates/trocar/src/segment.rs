@@ -1,7 +1,7 @@
-//! Segmentation of a recording: strokes between reversals and stretches of constant velocity.
+//! Segmentation of a recording: strokes between reversals and constant-velocity segments.
 //!
 //! A *stroke* is the motion from one reversal of the instrument to the next (EMS section IV: one
-//! insertion or one withdrawal). A *stretch* is a part of a stroke with constant velocity; its mean
+//! insertion or one withdrawal). A *constant-velocity segment* is a part of a stroke with constant velocity; its mean
 //! force is one datum of the steady-state identification. The segmentation does not depend on the
 //! experiment: the two experiments of the paper are recordings like any other, and free motion is
 //! segmented in the same way.
@@ -34,11 +34,11 @@ pub struct Stroke {
     pub motion: usize,
 }
 
-/// A stretch of constant velocity: samples `start..end` of a recording.
+/// A constant-velocity segment: samples `start..end` of a recording.
 ///
-/// Stretches of one motion at one speed share a `plateau`: together they are one datum.
+/// Segments of one motion at one speed share a `plateau`: together they are one datum.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stretch {
+pub struct SteadySegment {
     /// First sample.
     pub start: usize,
     /// One past the last sample.
@@ -56,9 +56,9 @@ pub struct Stretch {
 /// Tolerances of the segmentation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SegmentOptions {
-    /// Largest relative deviation of the local velocity from the stretch's median (0.02).
+    /// Largest relative deviation of the local velocity from the segment's median (0.02).
     pub velocity_tolerance: f64,
-    /// Shortest stretch, s (0.05).
+    /// Shortest segment, s (0.05).
     pub minimum_duration: f64,
     /// Least fraction of a motion's time spent on a plateau (0.15).
     ///
@@ -152,13 +152,13 @@ fn velocity_window(recording: &Recording, speed: f64, stroke_duration: f64, opti
     window.max(options.minimum_duration).max(5.0 * q.median_interval).min(stroke_duration / 6.0)
 }
 
-/// Finds the stretches of constant velocity in `strokes`, in the order of their start.
+/// Finds the constant-velocity segments in `strokes`, in the order of their start.
 ///
 /// The local velocity is the slope of the positions over a window determined by the position noise.
 /// It is searched for the speeds at which a motion dwells: a plateau contains at least
 /// `minimum_dwell` of the motion's time within `velocity_tolerance`. A motion may have several
-/// plateaus; each gives one or more stretches of at least `minimum_duration`.
-pub fn stretches(recording: &Recording, strokes: &[Stroke], options: &SegmentOptions) -> Vec<Stretch> {
+/// plateaus; each gives one or more segments of at least `minimum_duration`.
+pub fn steady_segments(recording: &Recording, strokes: &[Stroke], options: &SegmentOptions) -> Vec<SteadySegment> {
     let mut found = Vec::new();
     let mut cached: Option<(f64, Vec<f64>)> = None;
     let mut plateau = 0;
@@ -182,7 +182,7 @@ pub fn stretches(recording: &Recording, strokes: &[Stroke], options: &SegmentOpt
                 runs(recording, velocity, stroke, speed, options, |start, end| {
                     let (x, t) = (&recording.position, &recording.time);
                     let mean = (x[end - 1] - x[start]) / (t[end - 1] - t[start]);
-                    found.push(Stretch { start, end, stroke: first + k, plateau, dwell, velocity: mean });
+                    found.push(SteadySegment { start, end, stroke: first + k, plateau, dwell, velocity: mean });
                 });
             }
             plateau += 1;
@@ -275,19 +275,19 @@ pub fn travel(recording: &Recording, stroke: &Stroke, i: usize) -> f64 {
     stroke.direction.sign() * (recording.position[i] - recording.position[stroke.start])
 }
 
-/// The part of each stretch that lies at least `needed(|v|)` metres after the start of its stroke;
-/// stretches without such a part are omitted.
+/// The part of each segment that lies at least `needed(|v|)` metres after the start of its stroke;
+/// segments without such a part are omitted.
 pub fn after_start(
     recording: &Recording,
     strokes: &[Stroke],
-    stretches: &[Stretch],
+    steady_segments: &[SteadySegment],
     needed: impl Fn(f64) -> f64,
-) -> Vec<Stretch> {
-    let part = |stretch: &Stretch| {
-        let needed = needed(stretch.velocity.abs());
-        let stroke = &strokes[stretch.stroke];
-        let start = (stretch.start..stretch.end).find(|i| travel(recording, stroke, *i) >= needed)?;
-        Some(Stretch { start, ..*stretch })
+) -> Vec<SteadySegment> {
+    let part = |segment: &SteadySegment| {
+        let needed = needed(segment.velocity.abs());
+        let stroke = &strokes[segment.stroke];
+        let start = (segment.start..segment.end).find(|i| travel(recording, stroke, *i) >= needed)?;
+        Some(SteadySegment { start, ..*segment })
     };
-    stretches.iter().filter_map(part).collect()
+    steady_segments.iter().filter_map(part).collect()
 }

@@ -1,12 +1,12 @@
 //! Content of recordings, determined before any fit.
 //!
-//! Strokes and stretches of constant velocity decide which parameters an identification can
+//! Strokes and constant-velocity segments decide which parameters an identification can
 //! determine. The survey shows what is still to be recorded, without waiting for the fit.
 
 use rayon::prelude::*;
 
 use crate::recording::Recording;
-use crate::segment::{Direction, SegmentOptions, reversal_threshold, stretches, strokes};
+use crate::segment::{Direction, SegmentOptions, reversal_threshold, steady_segments, strokes};
 
 /// Speeds with a relative difference below this count as one.
 const SAME_SPEED: f64 = 0.05;
@@ -26,8 +26,8 @@ pub struct RecordingSurvey {
     pub strokes: usize,
     /// Strokes that start at a reversal.
     pub reversals: usize,
-    /// Stretches of constant velocity.
-    pub stretches: usize,
+    /// Constant-velocity segments.
+    pub steady_segments: usize,
     /// Different speeds of insertion, m/s, in ascending order.
     pub insertion_speeds: Vec<f64>,
     /// Different speeds of withdrawal, m/s, in ascending order.
@@ -56,9 +56,9 @@ impl Survey {
 impl RecordingSurvey {
     fn new(recording: &Recording, options: &SegmentOptions) -> Self {
         let strokes = strokes(recording, reversal_threshold(recording));
-        let stretches = stretches(recording, &strokes, options);
+        let steady_segments = steady_segments(recording, &strokes, options);
         let speeds = |direction: Direction| {
-            let own = stretches.iter().filter(|s| strokes[s.stroke].direction == direction);
+            let own = steady_segments.iter().filter(|s| strokes[s.stroke].direction == direction);
             different(own.map(|s| s.velocity.abs()).collect())
         };
         Self {
@@ -70,7 +70,7 @@ impl RecordingSurvey {
             insertion_speeds: speeds(Direction::Insertion),
             withdrawal_speeds: speeds(Direction::Withdrawal),
             strokes: strokes.len(),
-            stretches: stretches.len(),
+            steady_segments: steady_segments.len(),
         }
     }
 }

@@ -27,7 +27,7 @@ pub struct Lanes {
     end_stiffness: [Lane; 2],
     rate: [Lane; 2],
     lag: [Lane; 2],
-    /// The stretch between two joins where the lane was last: [from, to), m, and M and h there.
+    /// The span between two joins where the lane was last: [from, to), m, and M and h there.
     from: Lane,
     to: Lane,
     mid: Lane,
@@ -58,7 +58,7 @@ pub(crate) type LaneSet = u32;
 /// What the lanes are about to do in a step.
 #[derive(Clone, Copy)]
 struct Survey {
-    /// Some lane deforms and leaves the stretch that it holds.
+    /// Some lane deforms and leaves the span that it holds.
     stale: bool,
     some_bend: bool,
     some_slide: bool,
@@ -152,21 +152,21 @@ impl Lanes {
         self.store(to, &state);
     }
 
-    /// Brings the stretch around `z` into `lane`.
+    /// Brings the span around `z` into `lane`.
     pub(crate) fn bring(&mut self, lane: usize, element: &Element, z: f64) {
         let lane = lane % LANES;
-        let (stretch, from, to) = element.params.deformation.stretch_around(z);
+        let (span, from, to) = element.params.deformation.span_around(z);
         self.from[lane] = from;
         self.to[lane] = to;
-        self.mid[lane] = stretch.mid;
-        self.inverse_half[lane] = stretch.inverse_half;
-        for (k, [mid, gap]) in stretch.force.iter().enumerate() {
+        self.mid[lane] = span.mid;
+        self.inverse_half[lane] = span.inverse_half;
+        for (k, [mid, gap]) in span.force.iter().enumerate() {
             self.mid_force[k][lane] = *mid;
             self.gap_force[k][lane] = *gap;
         }
     }
 
-    /// Advances all lanes; `bring` is called for those that need another stretch. Returns the lanes it left untouched.
+    /// Advances all lanes; `bring` is called for those that need another span. Returns the lanes it left untouched.
     #[inline(always)]
     pub(crate) fn advance(&mut self, stride: Stride, bring: impl FnOnce(&mut Self, LaneSet)) -> LaneSet {
         let survey = self.survey(stride);

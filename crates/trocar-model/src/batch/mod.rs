@@ -302,7 +302,7 @@ impl<M: Many> Block<'_, M> {
     }
 }
 
-/// Brings the stretch that they need into the lanes `stale`.
+/// Brings the span that they need into the lanes `stale`.
 #[cold]
 fn bring<M: Many>(models: &[M], states: &[M::State], lanes: &mut Lanes, stale: LaneSet, stride: Stride) {
     let fast = lanes.fast;

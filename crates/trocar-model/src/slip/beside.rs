@@ -14,7 +14,7 @@ use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
 use crate::damping::SealDamping;
 use crate::direction::Direction;
-use crate::elastic::{Place, ShapeDifference};
+use crate::elastic::{Location, ShapeDifference};
 use crate::ems::{Element, State};
 use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
@@ -142,7 +142,7 @@ struct Course {
 
 /// The deformation force where the leader arrives.
 struct Bend {
-    place: Place,
+    location: Location,
     /// z⁺ - z, m.
     travel: f64,
     /// dM/dz and dq/dz there, N/m; the latter is ±h' where q follows ±h, and κ elsewhere.
@@ -278,8 +278,8 @@ impl Element {
             }
         }
         let arm_stiffness = arm_slopes.iter().map(|arm| arm.response).sum();
-        let place = deformation.place(after.deflection);
-        Bend { place, travel, mid_slope: local.mid_slope, yield_slope, follows, arm_stiffness, arm_slopes }
+        let location = deformation.locate(after.deflection);
+        Bend { location, travel, mid_slope: local.mid_slope, yield_slope, follows, arm_stiffness, arm_slopes }
     }
 
     fn slid(&self, before: &State, after: &State, motion: Motion, speed: f64, theta: f64) -> Course {
@@ -380,7 +380,7 @@ impl Bend {
     #[inline(always)]
     fn apart(&self, leader: &Element, before: &State, different: &Different, apart: &Apart, deflection: f64) -> Apart {
         let ((mid, gap), yield_stiffness) = match &different.shape {
-            Some(shape) => (leader.params.deformation.more_at(shape, &self.place), shape.yield_stiffness),
+            Some(shape) => (leader.params.deformation.more_at(shape, &self.location), shape.yield_stiffness),
             None => ((0.0, 0.0), 0.0),
         };
         let moved = deflection - apart.deflection;

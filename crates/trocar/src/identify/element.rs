@@ -21,7 +21,7 @@ use super::spread::variance;
 use super::terms::{self, Chosen, Term, TermTrial};
 use super::training::acceleration_is_resolved;
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
-use super::two_steps::{TwoSteps, settled_stretches};
+use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
 use super::unexplained::{Left, Unexplained};
 use super::{FreeMotion, IdentifyOptions, Progress, Segments};
@@ -344,10 +344,10 @@ fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
     let mut imposed = vec![false; strokes.len()];
     let mut speeds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
     for (recording, segments) in input.segments.iter().enumerate() {
-        for stretch in segments.stretches.iter().filter(|s| s.dwell >= IMPOSED) {
-            let stroke = strokes.partition_point(|s| (s.recording, s.start) <= (recording, stretch.start));
+        for segment in segments.steady_segments.iter().filter(|s| s.dwell >= IMPOSED) {
+            let stroke = strokes.partition_point(|s| (s.recording, s.start) <= (recording, segment.start));
             imposed[stroke.saturating_sub(1)] = true;
-            speeds[usize::from(stretch.velocity > 0.0)].push(stretch.velocity.abs());
+            speeds[usize::from(segment.velocity > 0.0)].push(segment.velocity.abs());
         }
     }
     let separated = |own: &Vec<f64>| {
@@ -410,7 +410,7 @@ fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
     let Input { recordings, segments, accelerations, two, .. } = input;
     let segmented = |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
         let settled = match &two.deformation {
-            Ok(found) => settled_stretches(recording, segments, &two.steady, found),
+            Ok(found) => settled_segments(recording, segments, &two.steady, found),
             Err(_) => Vec::new(),
         };
         Segmented { recording, strokes: &segments.strokes, settled, acceleration }

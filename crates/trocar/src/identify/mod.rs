@@ -20,7 +20,7 @@ use trocar_model::{Element, ParameterId, Quantity, Stages, Trocar};
 
 use crate::profile::ProfileFit;
 use crate::recording::{Recording, RecordingError, range};
-use crate::segment::{SegmentOptions, Stretch, Stroke, reversal_threshold, stretches, strokes};
+use crate::segment::{SegmentOptions, SteadySegment, Stroke, reversal_threshold, steady_segments, strokes};
 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
@@ -123,7 +123,7 @@ pub enum IdentifyError {
     NoRecording,
     /// No steady sliding anywhere.
     #[error(
-        "no steady sliding found: {strokes} strokes, {stretches} constant-velocity segments, none of them \
+        "no steady sliding found: {strokes} strokes, {steady_segments} constant-velocity segments, none of them \
          after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
          at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
          several speeds, or half a minute of motion with many reversals"
@@ -131,8 +131,8 @@ pub enum IdentifyError {
     NoSteadySliding {
         /// Strokes found.
         strokes: usize,
-        /// Stretches found.
-        stretches: usize,
+        /// Constant-velocity segments found.
+        steady_segments: usize,
     },
     /// The force opposes the motion.
     #[error(
@@ -326,10 +326,10 @@ impl Identification {
 /// Callback for a progress display: name of the stage and fraction done, 0 to 1.
 pub type Progress<'a> = &'a (dyn Fn(&str, f64) + Sync);
 
-/// Strokes and stretches of one recording.
+/// Strokes and constant-velocity segments of one recording.
 struct Segments {
     strokes: Vec<Stroke>,
-    stretches: Vec<Stretch>,
+    steady_segments: Vec<SteadySegment>,
 }
 
 /// Identifies an EMS element from recordings of any motion.
@@ -363,7 +363,7 @@ pub fn identify(
     if fit.is_none() && input.two.steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
             strokes: input.segments.iter().map(|s| s.strokes.len()).sum(),
-            stretches: input.segments.iter().map(|s| s.stretches.len()).sum(),
+            steady_segments: input.segments.iter().map(|s| s.steady_segments.len()).sum(),
         });
     }
     progress("position profile", 0.8);
@@ -404,6 +404,6 @@ fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
 
 fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
     let strokes = strokes(recording, reversal_threshold(recording));
-    let stretches = stretches(recording, &strokes, options);
-    Segments { strokes, stretches }
+    let steady_segments = steady_segments(recording, &strokes, options);
+    Segments { strokes, steady_segments }
 }

@@ -22,9 +22,9 @@ use serde::Serialize;
 use super::IdentifyError;
 use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::{Recording, local_velocity};
-use crate::segment::{Direction, Stretch, Stroke, after_start};
+use crate::segment::{Direction, SteadySegment, Stroke, after_start};
 
-const NO_STRETCH: &str = "no constant-velocity segment after the deformation";
+const NO_STEADY_SEGMENT: &str = "no constant-velocity segment after the deformation";
 
 /// Mean force and velocity of the steady sliding in one stroke at one speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -142,23 +142,24 @@ pub(super) fn sign(v: f64) -> f64 {
     }
 }
 
-/// Means over the steady part of each stroke: samples of its stretches that lie at least
+/// Means over the steady part of each stroke: samples of its constant-velocity segments that lie at least
 /// `settled(|v|)` metres after the reversal.
 ///
-/// The stretches of one plateau form one datum.
+/// The segments of one plateau form one datum.
 pub(super) fn stroke_means(
     index: usize,
     recording: &Recording,
     strokes: &[Stroke],
-    stretches: &[Stretch],
+    steady_segments: &[SteadySegment],
     settled: impl Fn(f64) -> f64,
 ) -> Vec<StrokeMean> {
-    let parts = after_start(recording, strokes, stretches, settled);
+    let parts = after_start(recording, strokes, steady_segments, settled);
     let mut means: Vec<StrokeMean> = Vec::new();
     for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own: Vec<Stretch> = parts.iter().filter(|s| strokes[s.stroke].direction == direction).copied().collect();
-        for stretch in over_common_positions(recording, own) {
-            let Some(mean) = mean_of(index, recording, &stretch, direction) else { continue };
+        let own: Vec<SteadySegment> =
+            parts.iter().filter(|s| strokes[s.stroke].direction == direction).copied().collect();
+        for segment in over_common_positions(recording, own) {
+            let Some(mean) = mean_of(index, recording, &segment, direction) else { continue };
             match means.iter_mut().rev().find(|m| m.plateau == mean.plateau) {
                 Some(earlier) => *earlier = merged(earlier, &mean),
                 None => means.push(mean),
@@ -169,16 +170,16 @@ pub(super) fn stroke_means(
     means
 }
 
-/// The parts of the stretches over the positions common to (nearly) all of them, if these parts
+/// The parts of the segments over the positions common to (nearly) all of them, if these parts
 /// have at least a third of the usual length.
 ///
 /// A friction that changes along the stroke then affects all speeds equally. Otherwise slow
 /// strokes, whose plateaus are longer, would include the ends of the stroke.
-fn over_common_positions(recording: &Recording, stretches: Vec<Stretch>) -> Vec<Stretch> {
+fn over_common_positions(recording: &Recording, steady_segments: Vec<SteadySegment>) -> Vec<SteadySegment> {
     let x = &recording.position;
-    // Ends of the plateaus: a plateau may be split into several stretches.
+    // Ends of the plateaus: a plateau may be split into several segments.
     let mut plateaus: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
-    for s in &stretches {
+    for s in &steady_segments {
         let (a, b) = (x[s.start].min(x[s.end - 1]), x[s.start].max(x[s.end - 1]));
         let ends = plateaus.entry(s.plateau).or_insert((a, b));
         *ends = (ends.0.min(a), ends.1.max(b));
@@ -189,19 +190,19 @@ fn over_common_positions(recording: &Recording, stretches: Vec<Stretch>) -> Vec<
         values[(part * (values.len() - 1) as f64).round() as usize]
     };
     if plateaus.len() < 2 {
-        return stretches;
+        return steady_segments;
     }
     let (low, high) = (quantile(|e| e.0, 0.9), quantile(|e| e.1, 0.1));
     if high - low < quantile(|e| e.1 - e.0, 0.5) / 3.0 {
-        return stretches;
+        return steady_segments;
     }
     let inside = |i: &usize| (low..=high).contains(&x[*i]);
-    let common = |s: &Stretch| {
+    let common = |s: &SteadySegment| {
         let start = (s.start..s.end).find(inside)?;
         let end = (start..s.end).rev().find(inside)? + 1;
-        Some(Stretch { start, end, ..*s })
+        Some(SteadySegment { start, end, ..*s })
     };
-    stretches.iter().filter_map(common).collect()
+    steady_segments.iter().filter_map(common).collect()
 }
 
 fn merged(a: &StrokeMean, b: &StrokeMean) -> StrokeMean {
@@ -217,9 +218,9 @@ fn merged(a: &StrokeMean, b: &StrokeMean) -> StrokeMean {
     }
 }
 
-/// Mean over a stretch; its error from the scatter of ten batch means, which includes slow ripple.
-fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Direction) -> Option<StrokeMean> {
-    let Stretch { start, end, .. } = *stretch;
+/// Mean over a segment; its error from the scatter of ten batch means, which includes slow ripple.
+fn mean_of(index: usize, rec: &Recording, segment: &SteadySegment, direction: Direction) -> Option<StrokeMean> {
+    let SteadySegment { start, end, .. } = *segment;
     let n = end.saturating_sub(start);
     if n < 5 || rec.time[end - 1] - rec.time[start] < 0.04 || (start..end).any(|i| rec.is_clipped(i)) {
         return None;
@@ -236,9 +237,9 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
     let velocity = (rec.position[end - 1] - rec.position[start]) / (rec.time[end - 1] - rec.time[start]);
     Some(StrokeMean {
         recording: index,
-        plateau: stretch.plateau,
+        plateau: segment.plateau,
         sample: start,
-        dwell: stretch.dwell,
+        dwell: segment.dwell,
         direction,
         velocity_m_s: velocity,
         force_n: mean,
@@ -344,7 +345,7 @@ pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, Identif
     if recordings.iter().map(work).sum::<f64>() < -CLEARLY * most {
         return Err(IdentifyError::ForceSign { coulomb_force: -coulomb });
     }
-    let none = |value, unit| Estimate::undetermined(value, unit, NO_STRETCH);
+    let none = |value, unit| Estimate::undetermined(value, unit, NO_STEADY_SEGMENT);
     let mut levels = blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N"));
     let mut speeds: Vec<f64> = recordings.iter().flat_map(|r| local_velocity(r, 0.05)).map(f64::abs).collect();
     speeds.sort_by(f64::total_cmp);
@@ -391,7 +392,7 @@ fn common_line(means: &[StrokeMean]) -> SteadyFit {
     let both = has(means, Direction::Insertion) && has(means, Direction::Withdrawal);
     let slope = speeds_differ(means, Direction::Insertion) || speeds_differ(means, Direction::Withdrawal);
     if means.is_empty() {
-        let none = |unit| Estimate::undetermined(0.0, unit, NO_STRETCH);
+        let none = |unit| Estimate::undetermined(0.0, unit, NO_STEADY_SEGMENT);
         return blank(none("N"), none("N s/m"), none("N"));
     }
     let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be distinguished";

@@ -1,7 +1,7 @@
 //! Recordings as steps for the simulation: position increments, durations, readings, weights and
 //! clusters.
 //!
-//! Within a settled constant-velocity stretch a longer step loses nothing, so its samples are
+//! Within a settled constant-velocity segment a longer step loses nothing, so its samples are
 //! averaged. Elsewhere samples are averaged while the motion is at most a few thousandths of the
 //! half width. Their mean reading is compared with the force at their mean position. A *cluster* is
 //! a cycle of two strokes (or several short ones): the unit that is left out for intervals. Short
@@ -13,7 +13,7 @@ use trocar_model::{Seal, Stages};
 
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
-use crate::segment::{Direction, Stretch, Stroke};
+use crate::segment::{Direction, SteadySegment, Stroke};
 
 /// Most samples averaged, and longest time, s: stick-slip has a frequency of about 10 Hz or more.
 const THINNING: usize = 50;
@@ -126,8 +126,8 @@ pub(crate) struct Training {
 pub(crate) struct Segmented<'a> {
     pub(crate) recording: &'a Recording,
     pub(crate) strokes: &'a [Stroke],
-    /// Constant-velocity stretches from where the sliding has settled.
-    pub(crate) settled: Vec<Stretch>,
+    /// Constant-velocity segments from where the sliding has settled.
+    pub(crate) settled: Vec<SteadySegment>,
     /// Acceleration, m/s².
     pub(crate) acceleration: &'a [f64],
 }
@@ -248,7 +248,7 @@ struct Progress {
 fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, scaled: &mut Vec<ScaledStroke>) -> Run {
     let recording = part.recording;
     let mut steps = Vec::new();
-    let mut stretch = part.settled.partition_point(|s| s.end <= range.start);
+    let mut segment = part.settled.partition_point(|s| s.end <= range.start);
     let cluster = scaled.last().map_or(0, |s| s.cluster + 1);
     let mut at = range.start;
     let direction = part.strokes.iter().find(|p| p.end > at).map(|p| p.direction);
@@ -262,10 +262,10 @@ fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, scal
         is_first: true,
     };
     while at + 1 < range.end {
-        while part.settled.get(stretch).is_some_and(|s| s.end <= at + 1) {
-            stretch += 1;
+        while part.settled.get(segment).is_some_and(|s| s.end <= at + 1) {
+            segment += 1;
         }
-        let inside = part.settled.get(stretch).filter(|s| s.start <= at);
+        let inside = part.settled.get(segment).filter(|s| s.start <= at);
         progress.reverse(part, index, at, limits, scaled);
         let next = match inside {
             Some(s) => together(part, at, s.end, limits.sliding),

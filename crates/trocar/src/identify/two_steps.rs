@@ -18,7 +18,7 @@ use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
 use super::{IdentifyError, IdentifyOptions, Parameter, Segments, stribeck};
 use crate::cancel;
 use crate::recording::Recording;
-use crate::segment::{Direction, Stretch, after_start};
+use crate::segment::{Direction, SteadySegment, after_start};
 
 /// Result of the two steps.
 pub(super) struct TwoSteps {
@@ -52,8 +52,8 @@ fn alternately(
 ) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
     let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<StrokeMean> {
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let halved: Vec<Stretch> = s.stretches.iter().map(|st| latter_half(r, st)).collect();
-            steady::stroke_means(i, r, &s.strokes, if second_half { &halved } else { &s.stretches }, settled)
+            let halved: Vec<SteadySegment> = s.steady_segments.iter().map(|st| latter_half(r, st)).collect();
+            steady::stroke_means(i, r, &s.strokes, if second_half { &halved } else { &s.steady_segments }, settled)
         };
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
@@ -133,14 +133,14 @@ fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64
     2.2 * found.half_width.value + 5.0 * time_constant * speed
 }
 
-/// The part of each stretch in which the sliding has settled.
-pub(super) fn settled_stretches(
+/// The part of each segment in which the sliding has settled.
+pub(super) fn settled_segments(
     recording: &Recording,
     segments: &Segments,
     steady: &SteadyFit,
     found: &DeformationFit,
-) -> Vec<Stretch> {
-    after_start(recording, &segments.strokes, &segments.stretches, |speed| settled_travel(steady, found, speed))
+) -> Vec<SteadySegment> {
+    after_start(recording, &segments.strokes, &segments.steady_segments, |speed| settled_travel(steady, found, speed))
 }
 
 /// Blocks of all motion instead of the plateau means, down to a fiftieth of the fastest plateau.
@@ -154,16 +154,16 @@ fn with_transients(plateaus: Vec<StrokeMean>, recordings: &[Recording], segments
     found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.strokes, 0.02 * fastest, BLOCK)).collect()
 }
 
-fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
+fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment {
     let x = &recording.position;
-    let middle = 0.5 * (x[stretch.start] + x[stretch.end - 1]);
-    let inserting = x[stretch.end - 1] > x[stretch.start];
+    let middle = 0.5 * (x[segment.start] + x[segment.end - 1]);
+    let inserting = x[segment.end - 1] > x[segment.start];
     let behind = |i: &usize| if inserting { x[*i] >= middle } else { x[*i] <= middle };
-    let start = (stretch.start..stretch.end).find(behind).unwrap_or(stretch.start);
-    Stretch { start, ..*stretch }
+    let start = (segment.start..segment.end).find(behind).unwrap_or(segment.start);
+    SteadySegment { start, ..*segment }
 }
 
-/// Drops means of stretches over which the force still rises from one limit to the other, which is
+/// Drops means of segments over which the force still rises from one limit to the other, which is
 /// not sliding.
 fn without_trend(means: Vec<StrokeMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<StrokeMean> {
     let steady = |mean: &StrokeMean| {
@@ -171,8 +171,8 @@ fn without_trend(means: Vec<StrokeMean>, recordings: &[Recording], segments: &[S
         let mut sorted = recording.force.clone();
         sorted.sort_by(f64::total_cmp);
         let swing = sorted[sorted.len() * 19 / 20] - sorted[sorted.len() / 20];
-        let own = segments[mean.recording].stretches.iter().filter(|s| s.plateau == mean.plateau);
-        let quarter = |s: &Stretch| ((s.end - s.start) / 4).max(1);
+        let own = segments[mean.recording].steady_segments.iter().filter(|s| s.plateau == mean.plateau);
+        let quarter = |s: &SteadySegment| ((s.end - s.start) / 4).max(1);
         let level = |from: usize, to: usize| recording.force[from..to].iter().sum::<f64>() / (to - from) as f64;
         own.map(|s| (level(s.end - quarter(s), s.end) - level(s.start, s.start + quarter(s))).abs())
             .all(|trend| trend < 0.4 * swing)

@@ -11,15 +11,15 @@ typedef struct {
 static trocar_local trocar_local_at(const trocar_element *e, double z)
 {
     trocar_local local;
-    const trocar_stretch *stretch;
+    const trocar_span *span;
     local.middle = trocar_middle_and_gap(e, z, &local.gap);
     if (z > e->half_width_m || z < -e->half_width_m) {
         local.middle_slope = e->end_stiffness_n_m[z > 0.0];
         local.gap_slope = 0.0;
         return local;
     }
-    stretch = trocar_stretch_at(e, z);
-    trocar_series(stretch->slope_n_m, (z - stretch->middle_m) * stretch->inverse_half_1_m, &local.middle_slope,
+    span = trocar_span_at(e, z);
+    trocar_series(span->slope_n_m, (z - span->middle_m) * span->inverse_half_1_m, &local.middle_slope,
                   &local.gap_slope);
     local.gap_slope = local.gap > 0.0 ? local.gap_slope : 0.0; /* where h is clipped it stays at zero */
     return local;

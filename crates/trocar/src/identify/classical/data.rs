@@ -4,10 +4,10 @@
 use trocar_model::Stages;
 
 use crate::identify::training::{Segmented, Training};
-use crate::identify::two_steps::settled_stretches;
+use crate::identify::two_steps::settled_segments;
 use crate::identify::{Identification, IdentifyOptions, Segments, segment};
 use crate::recording::Recording;
-use crate::segment::Stretch;
+use crate::segment::SteadySegment;
 
 use super::kind::Scales;
 
@@ -64,10 +64,14 @@ pub(crate) fn plain_training(
     training
 }
 
-fn segmented(recording: &Recording, found: &Identification, options: &IdentifyOptions) -> (Segments, Vec<Stretch>) {
+fn segmented(
+    recording: &Recording,
+    found: &Identification,
+    options: &IdentifyOptions,
+) -> (Segments, Vec<SteadySegment>) {
     let segments = segment(recording, &options.segment);
     let settled = match &found.deformation {
-        Ok(deformation) => settled_stretches(recording, &segments, &found.steady, deformation),
+        Ok(deformation) => settled_segments(recording, &segments, &found.steady, deformation),
         Err(_) => Vec::new(),
     };
     (segments, settled)

@@ -1,6 +1,6 @@
 //! Classical friction models, identified from the same recordings as an EMS element.
 //!
-//! Data and preprocessing are the same: strokes and stretches from the segmentation, samples
+//! Data and preprocessing are the same: strokes and constant-velocity segments from the segmentation, samples
 //! averaged where the motion is small, scoring from where the initial state no longer matters, and
 //! clusters of strokes for the intervals. Every model is fitted by free-run simulation (output-error
 //! least squares). Linear models are thereby solved in closed form. The stiffnesses of Maxwell-Slip

@@ -12,7 +12,7 @@ use crate::recording::Recording;
 use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::{fixed, significant};
-use crate::segment::{SegmentOptions, reversal_threshold, stretches, strokes, travel};
+use crate::segment::{SegmentOptions, reversal_threshold, steady_segments, strokes, travel};
 use crate::validate::{Validation, validate};
 
 /// Most recordings for which the residual is drawn.
@@ -106,7 +106,7 @@ pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Rang
     let mut found = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
         let strokes = strokes(recording, reversal_threshold(recording));
-        let stretches = stretches(recording, &strokes, &SegmentOptions::default());
+        let steady_segments = steady_segments(recording, &strokes, &SegmentOptions::default());
         let longest = strokes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
         let known = known(index);
         for (number, pair) in strokes.windows(2).enumerate() {
@@ -114,7 +114,7 @@ pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Rang
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
             let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
             if inside && full && first.end == second.start {
-                let own = stretches.iter().filter(|s| s.stroke == number).max_by_key(|s| s.end - s.start);
+                let own = steady_segments.iter().filter(|s| s.stroke == number).max_by_key(|s| s.end - s.start);
                 let duration = recording.time[first.end] - recording.time[first.start];
                 let mean = travel(recording, first, first.end) / duration;
                 let speed = own.map_or(mean, |s| s.velocity.abs());
