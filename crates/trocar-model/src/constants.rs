@@ -5,7 +5,7 @@
 //! [`crate::flat`].
 
 use crate::elastic::{COUNT, Span};
-use crate::ems::{Contact, Element, Folding};
+use crate::ems::{Contact, Element, VelocityWeakening};
 use crate::gms::Gms;
 use crate::leuven::Leuven;
 use crate::lugre::LuGre;
@@ -27,8 +27,8 @@ pub struct SpanConstants {
 /// What is known of sliding to one side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactConstants {
-    /// One force may belong to several slip speeds: [`Folding`] is not unique.
-    pub folds: bool,
+    /// The sliding force falls with speed somewhere ([`VelocityWeakening`]), so one force may belong to several slip speeds.
+    pub velocity_weakening: bool,
     /// β + min dD/dż, N·s/m.
     pub damping: f64,
     /// max|g'|, N·s/m; may be infinite.
@@ -104,9 +104,9 @@ impl From<&Span> for SpanConstants {
 
 impl From<&Contact> for ContactConstants {
     fn from(contact: &Contact) -> Self {
-        let Contact { folding, damping, steepest_fall, free, end_force, end_stiffness, rate, lag } = *contact;
-        let folds = folding != Folding::Unique;
-        Self { folds, damping, steepest_fall, free, end_force, end_stiffness, rate, lag }
+        let Contact { weakening, damping, steepest_fall, free, end_force, end_stiffness, rate, lag } = *contact;
+        let velocity_weakening = weakening != VelocityWeakening::None;
+        Self { velocity_weakening, damping, steepest_fall, free, end_force, end_stiffness, rate, lag }
     }
 }
 

@@ -230,8 +230,11 @@ impl Element {
         if self.is_free(direction) {
             return (guess, 0.0);
         }
-        let stride =
-            if self.folds(direction, rise.now) { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+        let stride = if self.is_multivalued(direction, rise.now) {
+            STRIBECK_STRIDE * sliding.stribeck_velocity
+        } else {
+            f64::INFINITY
+        };
         let (speed, slope) = find_root(residual, Search { guess, stride, residual: RESIDUAL * sliding.static_force });
         (speed, -slope)
     }
@@ -307,21 +310,21 @@ impl Element {
 
     /// Where the slip speed at the end of the step is sought.
     ///
-    /// With a single root any start will do, and the last speed is the nearest. A folded friction law is followed on
+    /// With a single root any start will do, and the last speed is the nearest. A multivalued friction law is followed on
     /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
     /// side, is the stable one.
     fn search(&self, onset: &Onset, implicit: f64, now: f64, guess: f64) -> Search {
         let sliding = self.sliding(onset.direction);
         let residual = RESIDUAL * sliding.static_force;
-        let folds = self.folds(onset.direction, now);
+        let multivalued = self.is_multivalued(onset.direction, now);
         let softens = self.least_stiffness * implicit + self.least_drag(onset.direction, now) <= 0.0;
-        if !folds && !softens {
+        if !multivalued && !softens {
             return Search { guess, stride: f64::INFINITY, residual };
         }
-        let in_speed = if folds { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+        let in_speed = if multivalued { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
         let c = self.params.deformation.half_width();
         let in_deflection = if self.least_stiffness <= 0.0 { DEFLECTION_STRIDE * c / implicit } else { f64::INFINITY };
-        let guess = if folds { guess.min(onset.speed + in_speed).max(onset.speed - in_speed) } else { 0.0 };
+        let guess = if multivalued { guess.min(onset.speed + in_speed).max(onset.speed - in_speed) } else { 0.0 };
         Search { guess, stride: in_speed.min(in_deflection), residual }
     }
 

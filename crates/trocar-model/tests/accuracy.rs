@@ -185,7 +185,7 @@ fn stribeck_and_damping() {
                 100,
             );
         }
-        // A Stribeck speed above 103 mm/s does not fold at β = 5 N·s/m.
+        // Above a Stribeck speed of 103 mm/s there is no velocity weakening at β = 5 N·s/m.
         for speed in [0.11, 0.15] {
             let params = ElementParams { damping, ..with_friction(stribeck(speed)) };
             check(&format!("Stribeck {speed} m/s, sigma {sigma}"), params, GENERAL_TOLERANCE, 100);

@@ -49,7 +49,7 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
     let mut made: Vec<(&str, Seal)> = vec![
         ("ems", (Element::new(plausible)?).into()),
         ("ems_stribeck", (stribeck(plausible, [12.0, 0.0, 0.0])?).into()),
-        ("ems_folded", (folded(plausible)?).into()),
+        ("ems_velocity_weakening", (velocity_weakening(plausible)?).into()),
         ("ems_slow", (slow(plausible)?).into()),
         ("ems_stages", both.into()),
     ];
@@ -113,7 +113,7 @@ fn stribeck(params: ElementParams, damping: [f64; 3]) -> Result<Element, Box<dyn
 }
 
 /// One whose force falls so fast with speed that it sticks and slips.
-fn folded(params: ElementParams) -> Result<Element, Box<dyn Error>> {
+fn velocity_weakening(params: ElementParams) -> Result<Element, Box<dyn Error>> {
     let mut own = *stribeck(params, [0.0; 3])?.params();
     for side in [&mut own.insertion, &mut own.withdrawal] {
         (side.stribeck_velocity, side.stribeck_exponent) = (0.01, 0.8);

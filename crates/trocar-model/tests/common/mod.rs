@@ -79,7 +79,7 @@ pub(crate) fn seals() -> impl Strategy<Value = Seal> {
         })
 }
 
-/// With Stribeck friction that does not fold, or folds, and seal damping.
+/// With Stribeck friction, with and without velocity weakening, and seal damping.
 pub(crate) fn general_elements() -> impl Strategy<Value = Element> {
     (seals(), 0.6..1.0_f64, 1e-3..0.1_f64, 0.7..2.5_f64, 0.0..3.0_f64).prop_map(
         |(seal, ratio, stribeck_velocity, stribeck_exponent, sigma)| {

@@ -147,7 +147,7 @@ fn write_contact(text: &mut String, sliding: &SlidingFriction, known: &ContactCo
         ("stribeck", "inverse_stribeck_velocity_s_m", number(1.0 / sliding.stribeck_velocity)),
         ("stribeck", "stribeck_exponent", number(sliding.stribeck_exponent)),
         ("stribeck", "steepest_fall_n_s_m", number(known.steepest_fall)),
-        ("stribeck", "may_fold", u8::from(known.folds).to_string()),
+        ("stribeck", "velocity_weakening", u8::from(known.velocity_weakening).to_string()),
     ];
     write_members(text, 16, filling, &members);
     text.push_str("            },\n");

@@ -371,9 +371,9 @@ static double trocar_least_drag(const trocar_balance *b)
 }
 
 //@if stribeck
-static int trocar_folds(const trocar_balance *b)
+static int trocar_is_multivalued(const trocar_balance *b)
 {
-    return b->contact->may_fold && trocar_least_drag(b) <= 0.0;
+    return b->contact->velocity_weakening && trocar_least_drag(b) <= 0.0;
 }
 
 //@end
@@ -387,7 +387,7 @@ static double trocar_slip_at(trocar_balance *b, double elastic, double guess, do
     }
     b->elastic = elastic;
 //@if stribeck
-    if (trocar_folds(b)) {
+    if (trocar_is_multivalued(b)) {
         stride = 0.1 * b->contact->stribeck_velocity_m_s;
     }
 //@end
@@ -437,22 +437,22 @@ static double trocar_slip_after(const trocar_element *e, const trocar_element_st
     return trocar_slip_at(&b, elastic, last, drag);
 }
 
-/* Where the slip speed at the end of the step is sought: a folded friction law is followed on its present branch; where
- * only the seal softens, the root of least slip is the stable one. */
+/* Where the slip speed at the end of the step is sought: a multivalued friction law is followed on its present branch;
+ * where only the seal softens, the root of least slip is the stable one. */
 static double trocar_search(const trocar_balance *b, const trocar_onset *onset, double guess, double *stride)
 {
     const double least_stiffness = b->element->least_stiffness_n_m;
     double in_speed = HUGE_VAL, in_deflection = HUGE_VAL;
-    int folds = 0;
+    int multivalued = 0;
 //@if stribeck
-    folds = trocar_folds(b);
+    multivalued = trocar_is_multivalued(b);
 //@end
     *stride = HUGE_VAL;
-    if (!folds && !(least_stiffness * b->implicit + trocar_least_drag(b) <= 0.0)) {
+    if (!multivalued && !(least_stiffness * b->implicit + trocar_least_drag(b) <= 0.0)) {
         return guess;
     }
 //@if stribeck
-    if (folds) {
+    if (multivalued) {
         in_speed = 0.1 * b->contact->stribeck_velocity_m_s;
     }
 //@end
@@ -460,7 +460,7 @@ static double trocar_search(const trocar_balance *b, const trocar_onset *onset, 
         in_deflection = 1.0 / 32.0 * b->element->half_width_m / b->implicit;
     }
     *stride = trocar_least(in_speed, in_deflection);
-    return folds ? trocar_most(trocar_least(guess, onset->speed + in_speed), onset->speed - in_speed) : 0.0;
+    return multivalued ? trocar_most(trocar_least(guess, onset->speed + in_speed), onset->speed - in_speed) : 0.0;
 }
 
 /* One implicit step with theta, EMS (14). */

@@ -28,7 +28,7 @@ typedef struct {
     double inverse_stribeck_velocity_s_m;
     double stribeck_exponent;            /* delta */
     double steepest_fall_n_s_m;          /* max|g'| */
-    int may_fold;                        /* one force may belong to several slip speeds */
+    int velocity_weakening;              /* one force may belong to several slip speeds */
 //@end
 //@end
 } trocar_contact;
