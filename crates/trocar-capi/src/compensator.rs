@@ -9,7 +9,7 @@ use trocar_runtime::compensate::{self, CompensateError, CompensateOptions};
 
 use crate::message::{Failure, Message};
 use crate::model::Model;
-use crate::pointer::{Place, looked_at};
+use crate::pointer::{OutPointer, looked_at};
 use crate::status::{Status, guarded};
 
 /// First word of every compensator, "TROCARC1".
@@ -292,7 +292,7 @@ pub unsafe extern "C" fn trocar_compensator_options_init(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(options) }?;
+        let mut place = unsafe { OutPointer::new(options) }?;
         if struct_size != size_of::<CompensatorOptions>() {
             return Err(Status::OutOfRange);
         }
@@ -319,7 +319,7 @@ pub unsafe extern "C" fn trocar_compensator_new(
     let message = unsafe { Message::new(message, message_size) };
     message.tell(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(compensator) }?;
+        let mut place = unsafe { OutPointer::new(compensator) }?;
         place.set(std::ptr::null_mut());
         // SAFETY: by the rule of the crate.
         let (model, options) = unsafe { (Model::lent(model)?, CompensatorOptions::read(options)?) };
@@ -372,7 +372,7 @@ pub unsafe extern "C" fn trocar_compensator_step(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(estimate) }?;
+        let mut place = unsafe { OutPointer::new(estimate) }?;
         place.set(Estimate::NONE);
         // SAFETY: by the rule of the crate.
         let mut taken = unsafe { Taken::new(compensator) }?;
@@ -388,7 +388,7 @@ pub unsafe extern "C" fn trocar_compensator_step(
 pub unsafe extern "C" fn trocar_compensator_drift(compensator: *const Compensator, drift: *mut Drift) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (mut taken, mut place) = unsafe { (Taken::new(compensator)?, Place::new(drift)?) };
+        let (mut taken, mut place) = unsafe { (Taken::new(compensator)?, OutPointer::new(drift)?) };
         let compensate::Drift { level, viscosity, level_std, viscosity_std } = taken.with(|observer| observer.drift());
         place.set(Drift { level, viscosity, level_std, viscosity_std });
         Ok(())

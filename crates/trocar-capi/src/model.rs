@@ -9,7 +9,7 @@ use trocar_model::{Seal, Trocar, Tunable as ModelTunable};
 use trocar_runtime::model_file::{ModelFile, ModelFileError};
 
 use crate::message::{Failure, Message};
-use crate::pointer::{Array, Place, looked_at, text};
+use crate::pointer::{Array, OutPointer, looked_at, text};
 use crate::status::{Status, guarded};
 
 /// First word of every model, "TROCARM1".
@@ -139,10 +139,10 @@ fn status_of(error: &ModelFileError) -> Status {
 /// Hands a new model over to C.
 ///
 /// # Safety
-/// As for [`Place::new`].
+/// As for [`OutPointer::new`].
 unsafe fn hand_over(place: *mut *mut Model, made: impl FnOnce() -> Result<Box<Model>, Failure>) -> Result<(), Failure> {
     // SAFETY: by contract.
-    let mut place = unsafe { Place::new(place) }?;
+    let mut place = unsafe { OutPointer::new(place) }?;
     place.set(std::ptr::null_mut());
     place.set(Box::into_raw(made()?));
     Ok(())
@@ -308,7 +308,7 @@ pub unsafe extern "C" fn trocar_model_kind(model: *const Model) -> *const c_char
 pub unsafe extern "C" fn trocar_model_tunable_count(model: *const Model, count: *mut usize) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, mut count) = unsafe { (Model::lent(model)?, Place::new(count)?) };
+        let (model, mut count) = unsafe { (Model::lent(model)?, OutPointer::new(count)?) };
         count.set(model.tunables.len());
         Ok(())
     })
@@ -321,7 +321,7 @@ pub unsafe extern "C" fn trocar_model_tunable_count(model: *const Model, count: 
 pub unsafe extern "C" fn trocar_model_tunable(model: *const Model, index: usize, tunable: *mut Tunable) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, mut tunable) = unsafe { (Model::lent(model)?, Place::new(tunable)?) };
+        let (model, mut tunable) = unsafe { (Model::lent(model)?, OutPointer::new(tunable)?) };
         tunable.set(model.tunables.get(index).ok_or(Status::OutOfRange)?.lent());
         Ok(())
     })

@@ -18,9 +18,9 @@ pub(crate) fn looked_at<T>(pointer: *const T) -> Result<*const T, Status> {
 }
 
 /// A place of C for one result.
-pub(crate) struct Place<'a, T>(*mut T, PhantomData<&'a mut T>);
+pub(crate) struct OutPointer<'a, T>(*mut T, PhantomData<&'a mut T>);
 
-impl<T: Copy> Place<'_, T> {
+impl<T: Copy> OutPointer<'_, T> {
     /// # Safety
     /// `pointer` must be null or misaligned, or stay writable as long as the place is used.
     pub(crate) unsafe fn new(pointer: *mut T) -> Result<Self, Status> {

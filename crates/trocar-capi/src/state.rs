@@ -8,7 +8,7 @@ use trocar_model::{Mode, TrocarState};
 
 use crate::message::{Failure, Message};
 use crate::model::{Content, Model};
-use crate::pointer::{Array, ArrayMut, Place};
+use crate::pointer::{Array, ArrayMut, OutPointer};
 use crate::status::{Status, guarded};
 
 /// Bytes of a state.
@@ -238,7 +238,7 @@ pub unsafe extern "C" fn trocar_state_init_at_deflection(
 pub unsafe extern "C" fn trocar_state_position(state: *const State, position_m: *mut f64) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (words, mut place) = unsafe { (Words::new(state)?, Place::new(position_m)?) };
+        let (words, mut place) = unsafe { (Words::new(state)?, OutPointer::new(position_m)?) };
         place.set(words.read(POSITION)?);
         Ok(())
     })
@@ -250,7 +250,7 @@ pub unsafe extern "C" fn trocar_state_position(state: *const State, position_m: 
 pub unsafe extern "C" fn trocar_state_force(state: *const State, force_n: *mut f64) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (words, mut place) = unsafe { (Words::new(state)?, Place::new(force_n)?) };
+        let (words, mut place) = unsafe { (Words::new(state)?, OutPointer::new(force_n)?) };
         place.set(words.read(FORCE)?);
         Ok(())
     })
@@ -267,7 +267,8 @@ pub unsafe extern "C" fn trocar_state_deflection(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, words, mut place) = unsafe { (Model::lent(model)?, Words::new(state)?, Place::new(deflection_m)?) };
+        let (model, words, mut place) =
+            unsafe { (Model::lent(model)?, Words::new(state)?, OutPointer::new(deflection_m)?) };
         place.set(words.decoded(model)?.deformation().ok_or(Status::Unsupported)?.deflection);
         Ok(())
     })
@@ -280,7 +281,7 @@ pub unsafe extern "C" fn trocar_state_deflection(
 pub unsafe extern "C" fn trocar_state_mode(model: *const Model, state: *const State, mode: *mut i32) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, words, mut place) = unsafe { (Model::lent(model)?, Words::new(state)?, Place::new(mode)?) };
+        let (model, words, mut place) = unsafe { (Model::lent(model)?, Words::new(state)?, OutPointer::new(mode)?) };
         place.set(match words.decoded(model)?.deformation().ok_or(Status::Unsupported)?.mode {
             Mode::Deforming => MODE_DEFORMING,
             Mode::Sliding => MODE_SLIDING,

@@ -3,7 +3,7 @@
 use trocar_model::{Trocar, TrocarState};
 
 use crate::model::Model;
-use crate::pointer::{Array, ArrayMut, Place};
+use crate::pointer::{Array, ArrayMut, OutPointer};
 use crate::state::{State, Words};
 use crate::status::{Status, guarded};
 
@@ -44,7 +44,7 @@ unsafe fn step(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(force_n) }?;
+        let mut place = unsafe { OutPointer::new(force_n) }?;
         place.set(0.0);
         // SAFETY: by the rule of the crate.
         let words = unsafe { Words::new(state) }?;
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn trocar_simulate(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut done = if done.is_null() { None } else { Some(unsafe { Place::new(done) }?) };
+        let mut done = if done.is_null() { None } else { Some(unsafe { OutPointer::new(done) }?) };
         let mut report = |rows| done.iter_mut().for_each(|done| done.set(rows));
         report(0);
         // SAFETY: by the rule of the crate.

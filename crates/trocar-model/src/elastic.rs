@@ -524,7 +524,7 @@ pub(crate) struct ShapeDifference {
 
 /// Where a deflection lies: beyond an end by so much (m), or in a span at t; and whether h is clipped there.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Location {
+pub(crate) enum DeflectionLocation {
     Beyond { upper: bool, excess: f64 },
     Within { span: usize, t: f64, clipped: bool },
 }
@@ -558,25 +558,25 @@ impl DeformationForce {
     }
 
     /// Where `z`, m, lies.
-    pub(crate) fn locate(&self, z: f64) -> Location {
+    pub(crate) fn locate(&self, z: f64) -> DeflectionLocation {
         if z.abs() > self.half_width {
-            return Location::Beyond { upper: z > 0.0, excess: z.abs() - self.half_width };
+            return DeflectionLocation::Beyond { upper: z > 0.0, excess: z.abs() - self.half_width };
         }
         let span = if z < self.joins[0] { 0 } else { 1 + usize::from(z >= self.joins[1]) };
         let own = &self.spans[span];
         let t = own.local(z);
-        Location::Within { span, t, clipped: estrin(&own.force, t)[1] <= 0.0 }
+        DeflectionLocation::Within { span, t, clipped: estrin(&own.force, t)[1] <= 0.0 }
     }
 
     /// `difference` of M and h at `location`, N.
     #[inline(always)]
-    pub(crate) fn more_at(&self, difference: &ShapeDifference, location: &Location) -> (f64, f64) {
+    pub(crate) fn more_at(&self, difference: &ShapeDifference, location: &DeflectionLocation) -> (f64, f64) {
         match *location {
-            Location::Within { span, t, clipped } => {
+            DeflectionLocation::Within { span, t, clipped } => {
                 let [mid, gap] = estrin(&difference.spans[span], t);
                 (mid, if clipped { 0.0 } else { gap })
             }
-            Location::Beyond { upper, excess } => {
+            DeflectionLocation::Beyond { upper, excess } => {
                 let (k, outwards) = if upper { (1, 1.0) } else { (0, -1.0) };
                 let bend = difference.end_stiffness[k] * excess - self.end_stiffness[k] * difference.half_width;
                 (difference.end_force[k] + outwards * bend, 0.0)

@@ -7,7 +7,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use trocar::fleet::{
-    Cell, Collector, Config, Dataset, DatasetError, Depth, FleetError, Input, Tally, columns, identify_one,
+    Collector, Config, Dataset, DatasetError, Depth, FleetCell, FleetError, Input, Tally, columns, identify_one,
     identify_source, journal_path,
 };
 use trocar::recording::{Choice, ReadOptions};
@@ -98,12 +98,12 @@ pub(crate) fn fleet_frame(
 fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<PyAny>>> {
     let config = config.0.clone();
     let row = run(py, How { progress: None, threads: 1 }, move |_| identify_one(&input, &config))?;
-    let value = |cell: Cell| match cell {
-        Cell::Empty => Ok(py.None()),
-        Cell::Boolean(value) => value.into_py_any(py),
-        Cell::Integer(value) => value.into_py_any(py),
-        Cell::Float(value) => value.into_py_any(py),
-        Cell::Text(value) => value.into_py_any(py),
+    let value = |cell: FleetCell| match cell {
+        FleetCell::Empty => Ok(py.None()),
+        FleetCell::Boolean(value) => value.into_py_any(py),
+        FleetCell::Integer(value) => value.into_py_any(py),
+        FleetCell::Float(value) => value.into_py_any(py),
+        FleetCell::Text(value) => value.into_py_any(py),
     };
     row.cells.into_iter().map(value).collect()
 }

@@ -69,8 +69,8 @@ pub(crate) fn simulate_full<'py>(
     let trocar = model.get().trocar();
     let mut run = Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let tells = run.state.deformation().is_some();
-    let mut rows = vec![Row::default(); time.len()];
-    run.chunks(py, &mut rows, Row::take)?;
+    let mut rows = vec![SimulatedSample::default(); time.len()];
+    run.chunks(py, &mut rows, SimulatedSample::take)?;
     let force = PyArray1::from_iter(py, rows.iter().map(|row| row.force));
     let deformation = tells.then(|| {
         let deflection = PyArray1::from_iter(py, rows.iter().map(|row| row.deflection));
@@ -80,13 +80,13 @@ pub(crate) fn simulate_full<'py>(
 }
 
 #[derive(Clone, Copy, Default)]
-struct Row {
+struct SimulatedSample {
     force: f64,
     deflection: f64,
     slides: bool,
 }
 
-impl Row {
+impl SimulatedSample {
     fn take(state: &TrocarState, row: &mut Self) {
         row.force = state.force();
         if let Some(Deformation { deflection, mode }) = state.deformation() {

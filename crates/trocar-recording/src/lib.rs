@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 #[cfg(feature = "parquet")]
 use block::Block;
-use block::Row;
+use block::SampleRow;
 use collect::Collector;
 use columns::Quantity;
 use line::Line;
@@ -26,7 +26,7 @@ use screen::Count;
 pub use choice::{Choice, check_topics};
 pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
-pub use error::{Place, RecordingError};
+pub use error::{Location, RecordingError};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
@@ -157,7 +157,7 @@ impl Recording {
         let mut collector = Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
         for k in 0..time.len() {
             let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
-            collector.add(Row { line: k as u64, values });
+            collector.add(SampleRow { line: k as u64, values });
         }
         collector.finish(&name, name.clone(), readings.sha256(), sensor_limit)
     }

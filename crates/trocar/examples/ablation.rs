@@ -13,7 +13,7 @@ use trocar::identify::{Candidate, Identification, IdentifyOptions, Term, identif
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 use trocar::replay::replay;
 use trocar::segment::{reversal_threshold, strokes};
-use trocar::validate::{Part, RecordingValidation, Validation, validate};
+use trocar::validate::{PhaseError, RecordingValidation, Validation, validate};
 
 /// What is fitted, and what is scored.
 struct Data {
@@ -177,7 +177,7 @@ fn print_rest(data: &Data, rows: &[&Row]) -> Result<(), Box<dyn Error>> {
 }
 
 fn rest(row: &Row, recording: &Recording, scores: &RecordingValidation) -> String {
-    let part = |part: &Part| if part.samples == 0 { "–".to_owned() } else { format!("{:.4}", part.rms_n) };
+    let part = |part: &PhaseError| if part.samples == 0 { "–".to_owned() } else { format!("{:.4}", part.rms_n) };
     let phases = [&scores.by_phase.deformation, &scores.by_phase.sliding, &scores.by_phase.hold].map(part).join(" | ");
     let Makeup { white, level, within } = makeup(row, recording);
     format!(

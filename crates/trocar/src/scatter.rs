@@ -271,7 +271,7 @@ struct Compared {
 
 /// Definition of 'the same place'.
 #[derive(Clone, Copy)]
-enum Place {
+enum PlaceDefinition {
     Position,
     SinceReversal,
     ToReversal,
@@ -310,9 +310,9 @@ impl Group {
                 let since = track.stroke.starts_at_reversal && distances[0] <= longest;
                 let to = track.ends_at_reversal && distances[1] <= longest;
                 let by_place = [
-                    at(Place::Position),
-                    since.then(|| at(Place::SinceReversal)).flatten(),
-                    to.then(|| at(Place::ToReversal)).flatten(),
+                    at(PlaceDefinition::Position),
+                    since.then(|| at(PlaceDefinition::SinceReversal)).flatten(),
+                    to.then(|| at(PlaceDefinition::ToReversal)).flatten(),
                 ];
                 Candidate { sample, distances, by_place }
             })
@@ -326,7 +326,7 @@ impl Group {
         own: usize,
         way: f64,
         force: f64,
-        place: Place,
+        place: PlaceDefinition,
         [behind, before]: [f64; 2],
     ) -> Option<[f64; 2]> {
         let track = &self.tracks[own];
@@ -335,10 +335,10 @@ impl Group {
         let mut sums = OverOrder::default();
         for other in others {
             let there = match place {
-                Place::Position if way - other.start < behind || other.end - way < before => continue,
-                Place::Position => way,
-                Place::SinceReversal if other.stroke.starts_at_reversal => other.start + (way - track.start),
-                Place::ToReversal if other.ends_at_reversal => other.end - (track.end - way),
+                PlaceDefinition::Position if way - other.start < behind || other.end - way < before => continue,
+                PlaceDefinition::Position => way,
+                PlaceDefinition::SinceReversal if other.stroke.starts_at_reversal => other.start + (way - track.start),
+                PlaceDefinition::ToReversal if other.ends_at_reversal => other.end - (track.end - way),
                 _ => continue,
             };
             if let Some(reading) = other.reading(there) {

@@ -45,7 +45,7 @@ const LAGS: usize = 10;
 
 /// Error over a group of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Part {
+pub struct PhaseError {
     /// Root mean square error, N; 0 without samples.
     pub rms_n: f64,
     /// Samples.
@@ -58,22 +58,22 @@ pub struct Part {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Phases {
     /// The seal deforms; without samples for a classical model.
-    pub deformation: Part,
+    pub deformation: PhaseError,
     /// The instrument slides; without samples for a classical model.
-    pub sliding: Part,
+    pub sliding: PhaseError,
     /// The instrument moves, for a classical model, which does not distinguish deforming from
     /// sliding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub moving: Option<Part>,
+    pub moving: Option<PhaseError>,
     /// The instrument is held (slower than 1 mm/s).
-    pub hold: Part,
+    pub hold: PhaseError,
     /// The part of `deformation` after a partial reversal: the deflection has reversed since the
     /// seal last slid. `None` without such samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub partial: Option<Part>,
+    pub partial: Option<PhaseError>,
     /// The same part of `hold`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub partial_hold: Option<Part>,
+    pub partial_hold: Option<PhaseError>,
 }
 
 /// Error of the strokes around one speed.
@@ -339,8 +339,8 @@ impl Validation {
             let (squares, samples) = parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
             (samples > 0 && samples as f64 >= SEEN * all as f64).then(|| (squares.max(0.0) / samples as f64).sqrt())
         };
-        let sums = |part: Part| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
-        let without = |all: Part, part: Option<Part>| {
+        let sums = |part: PhaseError| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
+        let without = |all: PhaseError, part: Option<PhaseError>| {
             let (all, part) = (sums(all), part.map_or((0.0, 0), sums));
             (all.0 - part.0, all.1 - part.1)
         };
@@ -520,8 +520,8 @@ pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -
 impl Phases {
     /// Combination of two parts of one recording.
     fn plus(&self, other: &Self) -> Self {
-        let squares = |part: &Part| part.rms_n * part.rms_n * part.samples as f64;
-        let none = Part { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
+        let squares = |part: &PhaseError| part.rms_n * part.rms_n * part.samples as f64;
+        let none = PhaseError { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
         let parts = |phases: &Self| {
             let Self { deformation, sliding, moving, hold, partial, partial_hold } = *phases;
             let [moving, partial, partial_hold] = [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
@@ -530,7 +530,7 @@ impl Phases {
         let pairs = || parts(self).into_iter().zip(parts(other));
         // The last two are subsets of others.
         let total: f64 = pairs().take(4).map(|(a, b)| squares(&a) + squares(&b)).sum();
-        let mut both = pairs().map(|(a, b)| Part {
+        let mut both = pairs().map(|(a, b)| PhaseError {
             rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
             samples: a.samples + b.samples,
             share_of_squares: if total > 0.0 { (squares(&a) + squares(&b)) / total } else { 0.0 },
@@ -538,7 +538,7 @@ impl Phases {
         let mut next = || both.next().unwrap_or(none);
         let (deformation, sliding, moving, hold) = (next(), next(), next(), next());
         let (partial, partial_hold) = (next(), next());
-        let used = |part: Part| Some(part).filter(|part| part.samples > 0);
+        let used = |part: PhaseError| Some(part).filter(|part| part.samples > 0);
         Self {
             deformation,
             sliding,
@@ -559,7 +559,7 @@ impl Phases {
         let total: f64 = sums.iter().map(|s| s.squares).sum();
         let part = |s: Sums| {
             let share = if total > 0.0 { s.squares / total } else { 0.0 };
-            Part { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
+            PhaseError { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
         };
         let [full, sliding, moving, hold, partial, partial_hold] = sums;
         let used = |sums: Sums| Some(part(sums)).filter(|part| part.samples > 0);

@@ -9,7 +9,7 @@ use trocar::output::AtomicFile;
 use trocar::report::fleet::{self as fleet_report, Roles};
 use trocar::report::page;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::{Reading, Rod};
 use crate::progress::Progress;
@@ -70,7 +70,7 @@ enum Far {
     Full,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     if args.out == Path::new("-") {
         return Err(BadArgument("--out - : the table needs a file, beside which its journal stands".into()).into());
     }
@@ -116,7 +116,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     file.commit()?;
     say(console, &fleet, started.elapsed().as_secs_f64());
     console.remark(&format!("table: {}\nreport: {}", args.out.display(), report.display()));
-    Ok(Done::doubtful_if(fleet.tally.failed > 0))
+    Ok(Completion::doubtful_if(fleet.tally.failed > 0))
 }
 
 fn report_beside(table: &Path) -> PathBuf {

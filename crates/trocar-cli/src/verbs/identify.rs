@@ -10,7 +10,7 @@ use trocar::survey::Survey;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::{Reading, Rod};
 use crate::progress::Progress;
@@ -96,7 +96,7 @@ fn term(text: &str) -> Result<Term, String> {
     Term::ALL.into_iter().find(|term| term.name() == text.trim()).ok_or_else(|| format!("expected one of {}", names()))
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
     let held_out = recordings.split_off(args.recordings.len());
@@ -127,7 +127,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let text = if args.json { done.summary().to_json() } else { in_brief(&done) };
     console::print(&text)?;
     console.remark(&format!("report: {}", args.out.join("report.html").display()));
-    Ok(Done::doubtful_if(overlaps || done.is_doubtful()))
+    Ok(Completion::doubtful_if(overlaps || done.is_doubtful()))
 }
 
 /// Runs the workflow; prints first what the recordings can determine, and finally what is doubtful.

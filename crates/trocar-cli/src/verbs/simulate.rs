@@ -8,7 +8,7 @@ use trocar::recording::position_resolution;
 use trocar::simulate::{Beginning, SimulateOptions, simulate_file};
 use trocar_model::BacklashFilter;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{BadArgument, Console};
 use crate::input::{Choosing, finite, not_negative};
 use crate::progress::Progress;
@@ -58,7 +58,7 @@ fn backlash_width(text: &str) -> Result<BacklashWidth, String> {
     not_negative(text).map(BacklashWidth::Given).map_err(|error| format!("{error}, in metres, or 'auto'"))
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
     let kind = model.trocar.seal().kind();
     if args.initial_deflection_mm.is_some() && model.stages().is_err() {
@@ -83,7 +83,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if let Some(departure) = profile.and_then(|profile| Departure::of(profile, done.lowest, done.highest)) {
         console.warn(&departure.to_string());
     }
-    Ok(Done::Clean)
+    Ok(Completion::Clean)
 }
 
 /// Initial state of the seal, and its source.

@@ -14,7 +14,7 @@ use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
 use crate::damping::SealDamping;
 use crate::direction::Direction;
-use crate::elastic::{Location, ShapeDifference};
+use crate::elastic::{DeflectionLocation, ShapeDifference};
 use crate::ems::{Element, State};
 use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
@@ -142,7 +142,7 @@ struct Course {
 
 /// The deformation force where the leader arrives.
 struct Bend {
-    location: Location,
+    location: DeflectionLocation,
     /// z⁺ - z, m.
     travel: f64,
     /// dM/dz and dq/dz there, N/m; the latter is ±h' where q follows ±h, and κ elsewhere.

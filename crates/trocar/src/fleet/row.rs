@@ -12,7 +12,7 @@ use crate::table::{Field, Kind};
 /// Numbers are finite: an unbounded end of an interval is empty.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Cell {
+pub enum FleetCell {
     /// Nothing.
     #[default]
     Empty,
@@ -26,7 +26,7 @@ pub enum Cell {
     Text(String),
 }
 
-impl Cell {
+impl FleetCell {
     /// A number; empty unless it is finite.
     pub fn number(value: f64) -> Self {
         if value.is_finite() { Self::Float(value) } else { Self::Empty }
@@ -79,7 +79,7 @@ impl Cell {
     }
 }
 
-impl From<Option<f64>> for Cell {
+impl From<Option<f64>> for FleetCell {
     fn from(value: Option<f64>) -> Self {
         value.map_or(Self::Empty, Self::number)
     }
@@ -150,7 +150,7 @@ pub(super) fn parameters() -> Vec<ParameterId> {
     identify::reported(DEGREES)
 }
 
-/// The columns of every [`Row`], in order.
+/// The columns of every [`FleetRow`], in order.
 pub fn columns() -> Vec<Field> {
     let fixed = |(name, kind): &(&str, Kind)| Field::new(*name, *kind);
     let mut all: Vec<Field> = BEFORE.iter().map(fixed).collect();
@@ -166,9 +166,9 @@ pub fn columns() -> Vec<Field> {
 
 /// Result of one recording, in the order of [`columns`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct FleetRow {
     /// The cells.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<FleetCell>,
 }
 
 thread_local! {
@@ -182,14 +182,14 @@ pub fn place(name: &str) -> Option<usize> {
     PLACES.with(|places| places.get(name).copied())
 }
 
-impl Row {
+impl FleetRow {
     /// An empty row.
     pub(super) fn empty() -> Self {
-        Self { cells: vec![Cell::Empty; PLACES.with(std::collections::HashMap::len)] }
+        Self { cells: vec![FleetCell::Empty; PLACES.with(std::collections::HashMap::len)] }
     }
 
     /// The cell in the column of that name; `None` if there is no such column.
-    pub fn get(&self, name: &str) -> Option<&Cell> {
+    pub fn get(&self, name: &str) -> Option<&FleetCell> {
         place(name).and_then(|at| self.cells.get(at))
     }
 
@@ -204,7 +204,7 @@ impl Row {
     }
 
     /// Fills a cell. A name that is not a column is a bug of this module and is ignored.
-    pub(super) fn set(&mut self, name: &str, cell: Cell) {
+    pub(super) fn set(&mut self, name: &str, cell: FleetCell) {
         debug_assert!(place(name).is_some(), "no column {name}");
         if let Some(at) = place(name) {
             self.cells[at] = cell;

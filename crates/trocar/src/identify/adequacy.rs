@@ -111,7 +111,7 @@ const LEFT_RISE: f64 = 0.5;
 
 /// Sums over one recording.
 #[derive(Default)]
-struct Seen {
+struct RecordingSums {
     /// Σ e² and samples: deforming, sliding; and Σ e² without the friction scale of strokes.
     squares: [f64; 2],
     samples: [usize; 2],
@@ -129,7 +129,7 @@ struct Seen {
 
 /// Judges the model.
 pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
-    let seen: Vec<Seen> = (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
+    let seen: Vec<RecordingSums> = (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
     let mut undetermined = Vec::new();
     if model.has_shape {
         undetermined.extend(sliding_reversals(input, model, &seen));
@@ -148,14 +148,14 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     Adequacy { phases, undetermined, doubts, stick_slip, residual_rms: (squares / samples.max(1) as f64).sqrt() }
 }
 
-fn look(input: &Input, model: &Model, index: usize) -> Seen {
+fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     let (recording, segments) = (&input.recordings[index], &input.segments[index]);
     let candidate = model.candidate;
     let run = replay(&model.trocar, recording, candidate.offset);
     let velocity = local_velocity(recording, (5.0 * recording.quality.median_interval).max(0.02));
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
-    let mut seen = Seen::default();
+    let mut seen = RecordingSums::default();
     let acceleration = &input.accelerations[index];
     let reading = |i: usize| recording.force[i] - candidate.offset - candidate.unmodelled_mass * acceleration[i];
     let x = &recording.position;
@@ -194,7 +194,7 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
 
 /// Checks that there are enough reversals with sliding before and after, and that the force is constant where the model
 /// slides.
-fn sliding_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, String)> {
+fn sliding_reversals(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<(Group, String)> {
     let count: usize = seen.iter().map(|s| s.sliding_reversals).sum();
     let longest = input.recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
     let mut all = Vec::new();
@@ -238,7 +238,7 @@ fn rise_left(candidate: &Candidate, speed: f64) -> Option<f64> {
 struct Speeds(Vec<(f64, f64)>);
 
 impl Speeds {
-    fn new(seen: &[Seen]) -> Self {
+    fn new(seen: &[RecordingSums]) -> Self {
         let mut speeds: Vec<(f64, f64)> = seen.iter().flat_map(|s| s.speeds.iter().copied()).collect();
         speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self(speeds)
@@ -299,7 +299,7 @@ impl Speeds {
     }
 }
 
-fn phases(input: &Input, model: &Model, seen: &[Seen]) -> Vec<Phase> {
+fn phases(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<Phase> {
     let noise = input.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let force = (seen.iter().map(|s| s.power).sum::<f64>() / samples.max(1) as f64).sqrt();

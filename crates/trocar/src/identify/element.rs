@@ -23,7 +23,7 @@ use super::training::acceleration_is_resolved;
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
-use super::unexplained::{Left, Unexplained};
+use super::unexplained::{Unexplained, UnexplainedEffects};
 use super::{FreeMotion, IdentifyOptions, Progress, Segments};
 use crate::recording::{Recording, range};
 use crate::replay::replay;
@@ -64,7 +64,7 @@ pub(super) struct ElementFit {
     pub(super) scale: FrictionScale,
     /// Root mean square error, N, of the paper's element fitted to the same readings.
     pub(super) paper_rms: f64,
-    pub(super) left: Left,
+    pub(super) left: UnexplainedEffects,
 }
 
 /// A fit with its training data and the variances of its friction scale.
@@ -194,7 +194,7 @@ impl Scaled {
     /// Adds the trials of the terms and the error of the paper's element.
     fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
         let scale = FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
-        let left = Left::by(input.recordings, &self.training, &self.fitted);
+        let left = UnexplainedEffects::by(input.recordings, &self.training, &self.fitted);
         ElementFit { fitted: self.fitted, trials, scale, paper_rms, left }
     }
 }

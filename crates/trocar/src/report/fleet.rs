@@ -3,7 +3,7 @@
 use super::document::{Document, Section, Tile};
 use super::figures::fleet as figures;
 use super::figures::fleet::{ByType, Shown};
-use crate::fleet::{Cell, Config, Fleet};
+use crate::fleet::{Config, Fleet, FleetCell};
 use crate::summary::PROGRAM;
 use trocar_model::Quantity;
 
@@ -27,7 +27,8 @@ const SPECIMENS: [&str; 5] = ["specimen", "serial_number", "serial", "seal", "ce
 impl Roles {
     /// These columns, if `fleet` has them, else columns of the usual names.
     fn settle(&self, fleet: &Fleet) -> Self {
-        let has = |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| *c != Cell::Empty));
+        let has =
+            |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| *c != FleetCell::Empty));
         let numeric =
             |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| c.as_number().is_some()));
         let found = |given: &Option<String>, usual: &[&str], fits: &dyn Fn(&str) -> bool| {

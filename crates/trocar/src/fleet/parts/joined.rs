@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::{Cells, Taken, cell, is_in};
-use crate::fleet::row::Cell;
+use crate::fleet::row::FleetCell;
 use crate::recording::RecordingError;
 
 /// A column of several files.
@@ -42,8 +42,8 @@ impl Joined {
     }
 
     /// The value common to all its cells; `None` if they vary or are timestamps.
-    pub(super) fn constant(&self, parts: &[Taken<'_>]) -> Result<Option<Cell>, RecordingError> {
-        let mut first: Option<Cell> = None;
+    pub(super) fn constant(&self, parts: &[Taken<'_>]) -> Result<Option<FleetCell>, RecordingError> {
+        let mut first: Option<FleetCell> = None;
         let is_told = |cells: Option<Cells>| cells.is_some_and(|cells| !matches!(cells, Cells::Moment(_)));
         if !self.places.iter().all(|place| place.is_some_and(|(_, cells)| is_told(cells))) {
             return Ok(None);

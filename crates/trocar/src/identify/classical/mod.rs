@@ -13,5 +13,5 @@ mod starts;
 
 pub(crate) use data::{ASSUMED_WIDTH, ClassicalData};
 pub use fit::ClassicalFit;
-pub(crate) use fit::{Kin, LONG, SHORT, doubts, fit};
+pub(crate) use fit::{LONG, RelatedFits, SHORT, doubts, fit};
 pub use kind::Kind;
