@@ -18,7 +18,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// What the model would leave untouched without a word is told here.
+    /// Reports what the model would ignore silently.
     fn check(&self) -> Result<(), Status> {
         let Self { position, displacement, duration } = self;
         if ![position, displacement, duration].iter().all(|number| number.is_finite()) {
@@ -50,7 +50,7 @@ unsafe fn step(
         let words = unsafe { Words::new(state) }?;
         place.set(words.last_force());
         // SAFETY: by the rule of the crate.
-        let model = unsafe { Model::lent(model) }?;
+        let model = unsafe { Model::borrowed(model) }?;
         let taken = words.taken(model)?;
         let mut state = taken.read(model)?;
         motion(&state).check()?;
@@ -149,7 +149,7 @@ pub unsafe extern "C" fn trocar_simulate(
         let mut report = |rows| done.iter_mut().for_each(|done| done.set(rows));
         report(0);
         // SAFETY: by the rule of the crate.
-        let (model, words) = unsafe { (Model::lent(model)?, Words::new(state)?) };
+        let (model, words) = unsafe { (Model::borrowed(model)?, Words::new(state)?) };
         // SAFETY: by the rule of the crate.
         let (times, positions) = unsafe { (Array::new(time_s, count)?, Array::new(position_m, count)?) };
         // SAFETY: by the rule of the crate.

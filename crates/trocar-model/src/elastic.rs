@@ -578,8 +578,8 @@ impl DeformationForce {
             }
             DeflectionLocation::Beyond { upper, excess } => {
                 let (k, outwards) = if upper { (1, 1.0) } else { (0, -1.0) };
-                let bend = difference.end_stiffness[k] * excess - self.end_stiffness[k] * difference.half_width;
-                (difference.end_force[k] + outwards * bend, 0.0)
+                let change = difference.end_stiffness[k] * excess - self.end_stiffness[k] * difference.half_width;
+                (difference.end_force[k] + outwards * change, 0.0)
             }
         }
     }

@@ -43,7 +43,7 @@ pub struct ElementParams {
 /// What the seal does at the moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The seal sticks to the instrument and bends: v_sl = 0, EMS (10); with creep, |v_sl| <= v_c.
+    /// The seal sticks to the instrument and deforms: v_sl = 0, EMS (10); with creep, |v_sl| <= v_c.
     Deforming,
     /// The instrument slides through the seal, EMS (14).
     Sliding,
@@ -65,7 +65,7 @@ pub struct State {
 }
 
 impl State {
-    /// Bending without any slip.
+    /// Deformation without any slip.
     #[inline(always)]
     pub(crate) fn stuck(deflection: f64, yield_force: f64, force: f64, arms: ArmForces) -> Self {
         Self {
@@ -209,7 +209,7 @@ impl Element {
         if params.friction_lag > 0.0 && params.creep_velocity == 0.0 {
             return Err(ParamError::LagWithoutCreep { lag: params.friction_lag });
         }
-        check_pins(&params)?;
+        check_end_points(&params)?;
         let extremes = params.deformation.extremes();
         let constant = params.insertion.is_constant() && params.withdrawal.is_constant();
         let highest = (1.0 + PIN_TOLERANCE) * params.insertion.static_force;
@@ -441,14 +441,14 @@ impl Friction for Element {
 }
 
 /// Both branches must end where sliding begins: (-c, -F_s) and (+c, +F_s).
-fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
+fn check_end_points(params: &ElementParams) -> Result<(), ParamError> {
     let c = params.deformation.half_width();
     let ends = [(-c, -params.withdrawal.static_force), (c, params.insertion.static_force)];
     for (deflection, expected) in ends {
         for branch in [params.deformation.insertion(), params.deformation.withdrawal()] {
             let force = branch.force(deflection);
             if (force - expected).abs() > PIN_TOLERANCE * expected.abs() {
-                return Err(ParamError::NotPinned { deflection, force, expected });
+                return Err(ParamError::EndPointConstraint { deflection, force, expected });
             }
         }
     }

@@ -80,7 +80,7 @@ impl LiteralState {
 }
 
 impl PaperLiteral {
-    /// The element with `params`. Branches need not be pinned; `yield_stiffness` has no meaning here.
+    /// The element with `params`. Branches need not meet the end-point constraint; `yield_stiffness` has no meaning here.
     ///
     /// # Errors
     /// A sliding or damping parameter out of its range.

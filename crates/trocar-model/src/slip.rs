@@ -146,7 +146,7 @@ impl Element {
         Onset { z, q, local, arms, direction, speed, drag, rise: state.rise }
     }
 
-    /// From stick: bends with the instrument, EMS (10).
+    /// From stick: deforms with the instrument, EMS (10).
     #[inline(always)]
     fn leave_stick(&self, state: &State, motion: Motion) -> State {
         let (z, q) = (state.deflection, state.yield_force);
@@ -162,7 +162,7 @@ impl Element {
         self.yield_within(state, motion, force)
     }
 
-    /// Bends up to the yield point within the step, (12), and slides from there; `trial` is the force without slip.
+    /// Deforms up to the yield point within the step, (12), and slides from there; `trial` is the force without slip.
     #[inline(never)]
     fn yield_within(&self, state: &State, motion: Motion, trial: f64) -> State {
         let (z, q) = (state.deflection, state.yield_force);
@@ -170,14 +170,14 @@ impl Element {
         let direction = Direction::of(trial);
         let s = direction.sign();
         let limit = self.sliding(direction).static_force;
-        let bent = |part: f64| part * motion.velocity * motion.time;
-        let arms_at = |part: f64| self.params.relaxation.within(&state.arms, part * motion.time).forces(bent(part));
+        let moved = |part: f64| part * motion.velocity * motion.time;
+        let arms_at = |part: f64| self.params.relaxation.within(&state.arms, part * motion.time).forces(moved(part));
         let force_at = |part: f64| {
-            let elastic = self.params.deformation.reach(z, q, z + bent(part)).0;
+            let elastic = self.params.deformation.reach(z, q, z + moved(part)).0;
             s * (elastic + arms_at(part).iter().sum::<f64>() + damping) - limit
         };
         let part = yield_fraction(force_at, s * trial - limit);
-        let reached = z + bent(part);
+        let reached = z + moved(part);
         let yield_force = self.params.deformation.reach(z, q, reached).1;
         let local = self.params.deformation.local(reached);
         let arms = arms_at(part);
@@ -329,7 +329,7 @@ impl Element {
     }
 
     /// θ of the module documentation, from the rate K/(β + g' + D') at the start, and the slip speed at the end if
-    /// nothing bends. θ = 1 where the start does not decay.
+    /// the seal does not deform. θ = 1 where the start does not decay.
     ///
     /// A creeping contact is slow and may let go within the step: there θ follows the drag of sliding, which is exact for
     /// what comes, and costs nothing where the slip is small.

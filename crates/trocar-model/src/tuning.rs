@@ -2,7 +2,7 @@
 //!
 //! The parameters of an element hang together: both branches end at ±F_s. So the numbers here are chosen such that each
 //! can be changed by itself. A new force F_s stretches the branches between the new ends (an affine map of their forces,
-//! which keeps them joined and pinned, and takes the yield stiffness and the second relaxing arm along; the first has numbers of its
+//! which keeps them joined and at their end points, and takes the yield stiffness and the second relaxing arm along; the first has numbers of its
 //! own); a new half width stretches them along the deflection.
 //!
 //! - **Rest**: where the two directions are changed apart, the deflection without force moves away from 0; an undeformed seal then

@@ -100,7 +100,7 @@ fn stiff_constant_friction_is_exact() {
 
 #[test]
 fn branches_that_pass_the_sliding_force() {
-    // The same seal with its hump above F_c: pinned by F_s at the ends, but with a softer contact it would slide early.
+    // The same seal with its hump above F_c: held at F_s at the ends, but with a softer contact it would slide early.
     for beta in [20.0, 5.0] {
         let params = common::humped(beta);
         check(&format!("hump above F_c, beta {beta}"), params, SNAPPING_TOLERANCE, 400);

@@ -423,6 +423,6 @@ fn impossible_parameters_are_refused_with_reasons() {
     let mut params = plausible();
     params.insertion = SlidingFriction::coulomb(2.5, 5.0);
     let refused = Element::new(params).unwrap_err();
-    assert!(matches!(refused, ParamError::NotPinned { .. }));
+    assert!(matches!(refused, ParamError::EndPointConstraint { .. }));
     assert!(refused.to_string().starts_with("both branches must pass 2.5 N (the static force) at 0.008 m"));
 }

@@ -1,4 +1,4 @@
-//! Writes the cases that all doors must agree on: model files of every kind, and one motion.
+//! Writes the cases that all interfaces must agree on: model files of every kind, and one motion.
 //!
 //! ```text
 //! cargo run --release -p trocar --example conformance FOLDER

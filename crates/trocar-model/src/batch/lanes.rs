@@ -220,14 +220,14 @@ impl Lanes {
     }
 
     #[inline(always)]
-    fn pass<const VISCOUS: bool, const BEND: bool, const SLIDE: bool>(&mut self, stride: Stride) -> LaneSet {
+    fn pass<const VISCOUS: bool, const DEFORMS: bool, const SLIDE: bool>(&mut self, stride: Stride) -> LaneSet {
         // Apart from what is read, so that the compiler sees lanes that do not hang together.
         let mut new = [[0.0; LANES]; 4];
         let mut size = [0.0; LANES];
         for i in 0..LANES {
-            let bent = if BEND { self.bent(i, stride) } else { Next::NONE };
+            let deformed = if DEFORMS { self.deformed(i, stride) } else { Next::NONE };
             let slid = if SLIDE { self.slid::<VISCOUS>(i, stride) } else { Next::NONE };
-            let next = if SLIDE && (!BEND || self.slides(i, stride)) { slid } else { bent };
+            let next = if SLIDE && (!DEFORMS || self.slides(i, stride)) { slid } else { deformed };
             new[0][i] = next.deflection;
             new[1][i] = next.yield_force;
             new[2][i] = next.force;
@@ -260,7 +260,7 @@ impl Lanes {
 
     /// [`Element::step`] without slip, in the same operations.
     #[inline(always)]
-    fn bent(&self, i: usize, stride: Stride) -> Next {
+    fn deformed(&self, i: usize, stride: Stride) -> Next {
         let target = self.target(i, stride);
         let t = (target - self.mid[i]) * self.inverse_half[i];
         let mid = estrin(&self.mid_force, i, t);

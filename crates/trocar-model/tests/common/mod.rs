@@ -10,7 +10,7 @@ fn cubic(from: f64, to: f64, b: f64, d: f64) -> [f64; 4] {
     [0.5 * (from + to) - b, 0.5 * (to - from) - d, b, d]
 }
 
-/// Ingredients of a random seal, all plain numbers so that failing cases shrink.
+/// Numbers of a random seal, all plain numbers so that failing cases shrink.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seal {
     pub(crate) half_width: f64,

@@ -17,7 +17,7 @@ use crate::recording::{ReadOptions, RecordingError};
 use crate::table::{self, Column, Table};
 
 /// Extensions of files that may be recordings.
-const ENDINGS: [&str; 18] = [
+const EXTENSIONS: [&str; 18] = [
     "csv", "tsv", "txt", "dat", "gz", "zst", "parquet", "pq", "arrow", "feather", "ipc", "mat", "h5", "hdf5", "mcap",
     "db3", "bag", "log",
 ];
@@ -53,7 +53,7 @@ pub enum DatasetError {
     #[error(
         "{}: no recordings, expected files that end in {}\n\nhint: a manifest, a CSV or Parquet file with a column 'path', names files \
          with other extensions",
-        path.display(), ENDINGS.join(", ")
+        path.display(), EXTENSIONS.join(", ")
     )]
     Empty {
         /// The data set.
@@ -175,7 +175,7 @@ impl Dataset {
         };
         files.sort_by_key(|path| name(path));
         let (taken, left_out): (Vec<_>, Vec<_>) =
-            files.into_iter().partition(|path| ends_in(path, &ENDINGS) || is_bag(path));
+            files.into_iter().partition(|path| ends_in(path, &EXTENSIONS) || is_bag(path));
         let file = |path: PathBuf| {
             let name = name(&path);
             DataFile { metadata: hive(&name), name, path }

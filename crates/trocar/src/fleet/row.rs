@@ -106,7 +106,7 @@ const BEFORE: [(&str, Kind); 13] = [
 ];
 
 /// Columns of the data and of the fit, after the parameters.
-const BEHIND: [(&str, Kind); 36] = [
+const TRAILING: [(&str, Kind); 36] = [
     ("method", Kind::Text),
     ("residual_rms_n", Kind::Number),
     ("force_rms_n", Kind::Number),
@@ -160,7 +160,7 @@ pub fn columns() -> Vec<Field> {
             [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_determined", Kind::Boolean)];
         all.extend(ends.map(end));
     }
-    all.extend(BEHIND.iter().map(fixed));
+    all.extend(TRAILING.iter().map(fixed));
     all
 }
 

@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::estimate::{Estimate, LinearFit, t_p_value, t_quantile};
-use super::shape::{BranchShape, Pins};
+use super::shape::{BranchShape, EndForces};
 use crate::recording::Recording;
 use crate::segment::{Direction, Stroke};
 
@@ -70,8 +70,8 @@ impl Limits {
     }
 
     /// The end points of both branches: (−c, −F_s) and (+c, +F_s).
-    pub fn pins(&self) -> Pins {
-        Pins { low: -self.withdrawal, high: self.insertion }
+    pub fn end_forces(&self) -> EndForces {
+        EndForces { low: -self.withdrawal, high: self.insertion }
     }
 }
 
@@ -351,7 +351,7 @@ pub(super) fn fit(
             1e3 * lsb
         ));
     }
-    let branch = |d| branch_fit(&curves_of(&full_reversals, d), limits.pins(), degrees);
+    let branch = |d| branch_fit(&curves_of(&full_reversals, d), limits.end_forces(), degrees);
     let (Some(insertion_branch), Some(withdrawal_branch)) =
         (branch(Direction::Insertion), branch(Direction::Withdrawal))
     else {
@@ -403,9 +403,9 @@ fn mean_square(values: &[f64]) -> f64 {
     values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64
 }
 
-fn branch_fit(curves: &[&[f64]], pins: Pins, degrees: [usize; 2]) -> Option<BranchFit> {
+fn branch_fit(curves: &[&[f64]], end_forces: EndForces, degrees: [usize; 2]) -> Option<BranchFit> {
     let points = mean_points(curves);
-    let (shape, rms) = BranchShape::fit(degrees, pins, &points)?;
+    let (shape, rms) = BranchShape::fit(degrees, end_forces, &points)?;
     let (single_polynomial, single_polynomial_rms) = single_polynomial(&points)?;
     let spread = |k: usize| {
         let squares: f64 = curves.iter().map(|c| (c[k] - points[k].1).powi(2)).sum();

@@ -513,12 +513,12 @@ fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
     const POINTS: usize = 100;
     let seal = ElementParams::plausible_10_5_mm().ok()?.deformation;
     let (c, end) = (seal.half_width(), seal.insertion().force(seal.half_width()));
-    let pins = candidate.pins();
-    let force = pins.high.min(-pins.low) / end;
+    let end_forces = candidate.end_forces();
+    let force = end_forces.high.min(-end_forces.low) / end;
     let fitted = |branch: &Branch| {
         let at = |k: usize| 2.0 * (k as f64 + 0.5) / POINTS as f64 - 1.0;
         let points: Vec<(f64, f64)> = (0..POINTS).map(|k| (at(k), force * branch.force(c * at(k)))).collect();
-        BranchShape::fit(degrees, pins, &points).map(|found| found.0)
+        BranchShape::fit(degrees, end_forces, &points).map(|found| found.0)
     };
     Some(Candidate {
         insertion_branch: fitted(seal.insertion())?,
@@ -563,8 +563,8 @@ fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
 
 /// The candidate with straight branches of polynomials of `degrees`.
 pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
-    let pins = candidate.pins();
-    let branch = BranchShape { join_force: 0.5 * (pins.low + pins.high), ..BranchShape::straight(degrees) };
+    let end_forces = candidate.end_forces();
+    let branch = BranchShape { join_force: 0.5 * (end_forces.low + end_forces.high), ..BranchShape::straight(degrees) };
     Candidate { half_width, insertion_branch: branch.clone(), withdrawal_branch: branch, ..candidate.clone() }
 }
 

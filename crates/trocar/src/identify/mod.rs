@@ -32,7 +32,7 @@ pub use numbers::reported;
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;
 pub use scale::{FrictionScale, Jump, StrokeFriction};
-pub use shape::{BranchShape, Pins};
+pub use shape::{BranchShape, EndForces};
 pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, SteadyFit, StribeckFit, StrokeMean};
 pub use stick_slip::StickSlip;

@@ -3,7 +3,7 @@
 use trocar_model::{DeformationForce, ElementParams, ParamError, SealDamping, SlidingFriction};
 
 use super::candidate::Candidate;
-use super::shape::{BranchShape, Pins};
+use super::shape::{BranchShape, EndForces};
 use crate::segment::Direction;
 
 /// A second seal in parallel with the first, or the part of a lip that snaps through separately.
@@ -35,15 +35,15 @@ impl SecondStage {
         }
     }
 
-    fn pins(&self, first: &Candidate) -> Pins {
+    fn end_forces(&self, first: &Candidate) -> EndForces {
         let force = |own: &SlidingFriction| self.sliding(own).static_force;
-        Pins { low: -force(&first.withdrawal), high: force(&first.insertion) }
+        EndForces { low: -force(&first.withdrawal), high: force(&first.insertion) }
     }
 
     pub(super) fn params(&self, first: &Candidate) -> Result<ElementParams, ParamError> {
-        let pins = self.pins(first);
-        let insertion_branch = self.insertion_branch.branch(self.half_width, pins)?;
-        let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, pins)?;
+        let end_forces = self.end_forces(first);
+        let insertion_branch = self.insertion_branch.branch(self.half_width, end_forces)?;
+        let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, end_forces)?;
         let deformation = DeformationForce::new(insertion_branch, withdrawal_branch, None)?;
         let [insertion, withdrawal] = [&first.insertion, &first.withdrawal].map(|own| self.sliding(own));
         Ok(ElementParams {
@@ -59,8 +59,14 @@ impl SecondStage {
 const POINTS: usize = 200;
 
 /// Force, N, of a stage at `travel`, m, after a reversal at the far end of its deflections.
-fn upon_stroke(shape: &BranchShape, half_width: f64, pins: Pins, direction: Direction, travel: f64) -> Option<f64> {
-    let branch = shape.branch(half_width, pins).ok()?;
+fn upon_stroke(
+    shape: &BranchShape,
+    half_width: f64,
+    end_forces: EndForces,
+    direction: Direction,
+    travel: f64,
+) -> Option<f64> {
+    let branch = shape.branch(half_width, end_forces).ok()?;
     let deflection = direction.sign() * (travel - half_width).min(half_width);
     Some(branch.force(deflection))
 }
@@ -69,14 +75,14 @@ fn upon_stroke(shape: &BranchShape, half_width: f64, pins: Pins, direction: Dire
 /// travel (m) over a full stroke.
 fn fitted(
     degrees: [usize; 2],
-    (half_width, pins): (f64, Pins),
+    (half_width, end_forces): (f64, EndForces),
     direction: Direction,
     force: impl Fn(f64) -> Option<f64>,
 ) -> Option<BranchShape> {
     let at = |k: usize| (2.0 * (k as f64 + 0.5) / POINTS as f64) - 1.0;
     let point = |u: f64| Some((u, force(half_width * (1.0 + direction.sign() * u))?));
     let points: Option<Vec<(f64, f64)>> = (0..POINTS).map(|k| point(at(k))).collect();
-    BranchShape::fit(degrees, pins, &points?).map(|found| found.0)
+    BranchShape::fit(degrees, end_forces, &points?).map(|found| found.0)
 }
 
 const DIRECTIONS: [Direction; 2] = [Direction::Insertion, Direction::Withdrawal];
@@ -97,7 +103,7 @@ impl Candidate {
 
     /// Force, N, of the first stage over a full stroke.
     fn first_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
-        upon_stroke(self.branch_of(direction), self.half_width, self.pins(), direction, travel)
+        upon_stroke(self.branch_of(direction), self.half_width, self.end_forces(), direction, travel)
     }
 
     /// Force, N, of the second stage over a full stroke; 0 without one.
@@ -107,7 +113,7 @@ impl Candidate {
             Direction::Insertion => &second.insertion_branch,
             Direction::Withdrawal => &second.withdrawal_branch,
         };
-        upon_stroke(shape, second.half_width, second.pins(self), direction, travel)
+        upon_stroke(shape, second.half_width, second.end_forces(self), direction, travel)
     }
 
     /// The candidate with forces scaled by `factor` and branches that give `force` (N) over full
@@ -121,7 +127,7 @@ impl Candidate {
         let mut whole = Candidate { half_width, ..self.clone() };
         [&mut whole.insertion, &mut whole.withdrawal].into_iter().for_each(|s| scaled(s, factor));
         whole.seal_damping *= factor;
-        let ends = (half_width, whole.pins());
+        let ends = (half_width, whole.end_forces());
         let degrees = self.insertion_branch.degrees();
         let [insertion_branch, withdrawal_branch] =
             DIRECTIONS.map(|d| fitted(degrees, ends, d, |travel| force(d, travel)));
@@ -147,8 +153,8 @@ impl Candidate {
         };
         let smaller =
             self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| self.first_upon_stroke(d, travel))?;
-        let pins = second.pins(&smaller);
-        second.insertion_branch.join_force = 0.5 * (pins.low + pins.high);
+        let end_forces = second.end_forces(&smaller);
+        second.insertion_branch.join_force = 0.5 * (end_forces.low + end_forces.high);
         second.withdrawal_branch.join_force = second.insertion_branch.join_force;
         let with = Candidate { second: Some(second), ..smaller };
         let first_alone = |d, travel| Some(self.first_upon_stroke(d, travel)? - with.second_upon_stroke(d, travel)?);

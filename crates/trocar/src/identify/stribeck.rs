@@ -54,7 +54,7 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
         () if bump <= 0.0 => "the force falls towards low speed: not a Stribeck curve, the line is kept".to_owned(),
         () if at_slowest < LEAST_PART_SEEN * bump => format!(
             "the force rises below {:.0} mm/s, but such a narrow bump lies outside the speeds measured: the line is kept, \
-             record slower strokes to pin it",
+             record slower strokes to determine it",
             1e3 * slowest
         ),
         () => {

@@ -307,12 +307,12 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
 
 /// Branches refitted to full reversals resampled by cycle (or left out one at a time).
 fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates<Candidate> {
-    let pins = two.candidate.pins();
+    let end_forces = two.candidate.end_forces();
     let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
         let own: Vec<&FullReversal> = found.full_reversals.iter().filter(|t| t.direction == direction).collect();
         let curves: Vec<&[f64]> =
             (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
-        BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
+        BranchShape::fit(options.degrees, end_forces, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
     let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.full_reversals, d).len());
     let with = |insertion_branch, withdrawal_branch| Candidate {

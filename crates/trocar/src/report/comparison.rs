@@ -158,7 +158,7 @@ fn criteria(comparison: &Comparison) -> Section {
         ))
         .paragraph(
             "The criteria weigh how well a model fits against how many numbers it takes. They ignore how it does on other recordings, \
-             that the error is structure which every model leaves rather than noise, whether the data pin the numbers counted, and \
+             that the error is structure which every model leaves rather than noise, whether the data determine the numbers counted, and \
              the cost of a step.",
         );
     let timed = comparison.entries.iter().any(|entry| entry.ns_per_sample.is_some());

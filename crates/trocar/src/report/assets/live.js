@@ -275,9 +275,9 @@ class Strip {
     this.box.style.marginLeft = plot.bbox.left / ratio + "px";
     this.box.style.width = plot.bbox.width / ratio + "px";
     this.handle.style.left = part(position);
-    const bent = Number.isFinite(deflection) ? deflection : 0, from = Math.min(position, position - bent);
+    const deformed = Number.isFinite(deflection) ? deflection : 0, from = Math.min(position, position - deformed);
     this.seal.style.left = part(from);
-    this.seal.style.width = 100 * MM * Math.abs(bent) / (high - low) + "%";
+    this.seal.style.width = 100 * MM * Math.abs(deformed) / (high - low) + "%";
     this.handle.setAttribute("aria-valuenow", (MM * position).toFixed(1));
     this.handle.setAttribute("aria-valuetext", text);
   }

@@ -4,7 +4,7 @@ use trocar_model::{Branch, Element, Friction, Stages};
 
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::identify::{
-    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, FullReversal, Identification, Pins, bin_centres,
+    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, EndForces, FullReversal, Identification, bin_centres,
     legendre,
 };
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
@@ -180,8 +180,8 @@ fn withdrawal_branch(found: &Identification) -> &Branch {
 
 /// The two-step fit of a branch.
 fn fitted(found: &Identification, deformation: &DeformationFit, shape: &BranchShape) -> Option<Branch> {
-    let pins: Pins = found.two_step.pins();
-    shape.branch(deformation.half_width.value, pins).ok()
+    let end_forces: EndForces = found.two_step.end_forces();
+    shape.branch(deformation.half_width.value, end_forces).ok()
 }
 
 fn single(fit: &BranchFit, u: f64) -> f64 {
@@ -231,8 +231,8 @@ fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit,
     }
     // As in the measured snap-throughs, z is measured from where the force leaves the sliding
     // limit.
-    let pins = found.two_step.pins();
-    let limit = sign * if sign > 0.0 { pins.low } else { pins.high };
+    let end_forces = found.two_step.end_forces();
+    let limit = sign * if sign > 0.0 { end_forces.low } else { end_forces.high };
     for _ in 0..BRANCH_POINTS {
         if sign * found.stages.step(&mut state, sign * step, duration) >= limit {
             break;

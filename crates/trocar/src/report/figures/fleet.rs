@@ -162,7 +162,7 @@ pub(in super::super) fn distributions(types: &ByType) -> Figure {
     };
     let figure = SHOWN.iter().map(panel).fold(Figure::new("distributions", 0, "Parameters by type"), Figure::panel);
     figure.columns(2).caption(
-        "Each point is a recording whose data pin the parameter; below them the quartiles as a line and the median as a point. The \
+        "Each point is a recording whose data determine the parameter; below them the quartiles as a line and the median as a point. The \
          forces of insertion and withdrawal are the lines of steady sliding at rest, with the sensor's offset in them; their mean is F_c.",
     )
 }
@@ -278,7 +278,7 @@ pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
     }
     let mut reasons: Vec<(&str, Vec<&Record>)> = reasons.into_iter().collect();
     reasons.sort_by_key(|(_, records)| std::cmp::Reverse(records.len()));
-    let table = Table::new("Failed recordings", ["Reason", "Recordings", "First", "What was said of it"]);
+    let table = Table::new("Failed recordings", ["Reason", "Recordings", "First", "Message"]);
     let row = |table: Table, (kind, records): &(&str, Vec<&Record>)| {
         let text = |name| records[0].text(name).unwrap_or_default().to_owned();
         let said = text("reason");
