@@ -459,8 +459,8 @@ class Compensation:
     FAULTS: ClassVar[tuple[tuple[str, str], ...]] = tuple(_core.faults())
 
     @classmethod
-    def _of(cls, columns: Sequence[Any], said: Sequence[Any], drift: Sequence[float]) -> Compensation:
-        values: list[Any] = [*columns, *said, Drift(*drift)]
+    def _of(cls, columns: Sequence[Any], estimate: Sequence[Any], drift: Sequence[float]) -> Compensation:
+        values: list[Any] = [*columns, *estimate, Drift(*drift)]
         return cls(*values)
 
     @property

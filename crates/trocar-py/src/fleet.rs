@@ -155,7 +155,7 @@ impl FleetTable {
         Ok(orders.map_err(wrong)?.unwrap_or_default())
     }
 
-    /// Takes the rows of a file; recordings done, taken over from before, and failed.
+    /// Takes the rows of a file; recordings done, reused from before, and failed.
     fn add(&self, source: usize, parts: &str) -> PyResult<(usize, usize, usize)> {
         self.with(|collector| collector.add(source, parts))
     }
@@ -190,7 +190,7 @@ impl FleetTable {
 
     fn with(&self, take: impl FnOnce(&mut Collector) -> Result<Tally, FleetError>) -> PyResult<(usize, usize, usize)> {
         let tally = take(self.open().as_mut().ok_or_else(written)?).map_err(of_fleet)?;
-        Ok((tally.done, tally.taken_over, tally.failed))
+        Ok((tally.done, tally.reused, tally.failed))
     }
 }
 

@@ -52,7 +52,7 @@ pub(crate) fn simulate<'py>(
 
 /// The same with the deflection, m, and whether the seal slides: (force, deflection, sliding).
 ///
-/// Deflection and sliding are None for a classical model, which does not tell.
+/// Deflection and sliding are None for a classical model, which has neither.
 #[pyfunction]
 #[pyo3(signature = (model, time_s, position_m, *, initial_force_n=None, initial_deflection_m=None))]
 #[allow(clippy::type_complexity)]

@@ -250,7 +250,7 @@ impl Recording {
             *force -= mass * (a + gravity);
         }
         let window_ms = 1e3 * window;
-        self.quality.notes.push(format!("inertia of {mass} kg taken out, acceleration over {window_ms:.3} ms"));
+        self.quality.notes.push(format!("inertia of {mass} kg subtracted, acceleration over {window_ms:.3} ms"));
         Ok(self)
     }
 }

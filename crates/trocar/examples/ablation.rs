@@ -94,7 +94,7 @@ fn load(folder: &Path) -> Result<Data, RecordingError> {
 fn heading(title: &str) {
     println!("\n### {title}\n");
     println!(
-        "| fit | optional terms | parameters | own data, N | friction scales taken out, N | surgeon, N | full strokes, N |"
+        "| fit | optional terms | parameters | own data, N | friction scales removed, N | surgeon, N | full strokes, N |"
     );
     println!("|---|---|---|---|---|---|---|");
 }
@@ -197,7 +197,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     heading("From the paper's element to all terms");
     [&paper, &bare, &all].iter().for_each(|row| println!("{}", row.text()));
     println!(
-        "\nFriction scales taken out: error of the fit beside the friction scale that it gives each stroke; a dash: no fit, the paper's \
+        "\nFriction scales removed: error of the fit beside the friction scale that it gives each stroke; a dash: no fit, the paper's \
          two steps alone."
     );
     print_rest(&data, &[&paper, &bare, &all])?;

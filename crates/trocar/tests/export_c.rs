@@ -528,7 +528,7 @@ const PORTS: [(&str, &[&str], u64); 10] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0x8c8424c0e9a974a9,
+        0xadfacd2ad0179df5,
     ),
     ("sliding.c", &["sliding.rs"], 0xcaa865499f0170f7),
     ("static.c", &["stribeck.rs"], 0xa4cb6b831ec6ed83),

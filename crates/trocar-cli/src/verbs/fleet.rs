@@ -130,17 +130,17 @@ fn files(count: usize) -> String {
 }
 
 fn in_words(tally: &Tally, seconds: f64) -> String {
-    let rate = (tally.done - tally.taken_over) as f64 / seconds.max(1e-3);
+    let rate = (tally.done - tally.reused) as f64 / seconds.max(1e-3);
     let failed = if tally.failed > 0 { format!(", {} failed", tally.failed) } else { String::new() };
     format!("{} of {} recordings, {rate:.1}/s{failed}", tally.done, tally.total)
 }
 
 /// Times are printed only to standard error.
 fn say(console: &Console, fleet: &Fleet, seconds: f64) {
-    let Tally { done, taken_over, failed, samples, .. } = fleet.tally;
+    let Tally { done, reused, failed, samples, .. } = fleet.tally;
     let count = |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
     console.remark(&format!(
-        "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {taken_over} taken over from the journal",
+        "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {reused} reused from the journal",
         count("ok"),
         count("doubtful"),
     ));

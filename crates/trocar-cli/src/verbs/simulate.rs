@@ -117,7 +117,7 @@ fn filter_for_resolution(console: &Console, args: &Args) -> anyhow::Result<Backl
         BadArgument(format!("--backlash-m auto needs the resolution of the positions, {why}: {motion}\n\nhint: {hint}"))
     };
     if args.motion.as_os_str() == "-" || std::fs::metadata(&args.motion).is_ok_and(|data| !data.is_file()) {
-        return Err(refuse("which a stream does not tell beforehand").into());
+        return Err(refuse("which is not known beforehand for a stream").into());
     }
     let resolution = position_resolution(&args.motion, &args.choosing.choice())?;
     if resolution == 0.0 {

@@ -44,7 +44,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
     console.remark(&format!(
-        "offset {} N and moving mass {} kg taken out of the readings",
+        "offset {} N and moving mass {} kg subtracted from the readings",
         number(offset),
         number(mass)
     ));

@@ -93,7 +93,7 @@ impl Lanes {
         &self.force
     }
 
-    /// 1 for a model that slides, 0 for one that deforms, NaN for one that does not tell.
+    /// 1 for a model that slides, 0 for one that deforms, NaN for one without a mode.
     #[inline(always)]
     pub fn sliding(&self) -> [f64; LANES] {
         self.slip.map(|slip| if slip.is_nan() { slip } else { f64::from(u8::from(slip != 0.0)) })

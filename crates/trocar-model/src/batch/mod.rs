@@ -63,7 +63,7 @@ pub trait Many: Friction {
     /// Puts a new state of that element back.
     fn put_single(state: &mut Self::State, single: State);
 
-    /// Whether the model slides; `None` for one that does not tell.
+    /// Whether the model slides; `None` for one without a mode.
     fn slides(state: &Self::State) -> Option<bool>;
 }
 

@@ -46,7 +46,7 @@ pub struct Tally {
     /// Recordings with a row.
     pub done: usize,
     /// Number of these reused from the journal.
-    pub taken_over: usize,
+    pub reused: usize,
     /// Number of these that failed.
     pub failed: usize,
     /// Samples of all recordings with a row.
@@ -321,7 +321,7 @@ impl Gathered {
             let (place, row) = match done {
                 RowSource::New(entry) => (self.note(&entry, journal)?, entry.row),
                 RowSource::Journal(place) => {
-                    self.tally.taken_over += 1;
+                    self.tally.reused += 1;
                     let row = journal.row(&place)?;
                     (place, row)
                 }

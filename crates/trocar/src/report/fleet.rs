@@ -113,7 +113,7 @@ fn specimens(types: &ByType, roles: &Roles) -> Section {
         "Mixed effects: value = mean of the type + deviation of the specimen ({specimen}) + deviation of the recording. The interval of each \
          recording counts as its known error of measurement. Components by restricted maximum likelihood, common to all types; intervals \
          of means by Student's t with the specimens of the type less one. ICC is the part of the variance that is between specimens, \
-         without the error of measurement. Drift with use is not taken out."
+         without the error of measurement. Drift with use is not removed."
     ));
     section = missing.into_iter().fold(section, Section::paragraph);
     if means.rows.is_empty() { section } else { section.table(means).table(components) }

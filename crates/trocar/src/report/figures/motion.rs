@@ -42,7 +42,7 @@ pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Ve
             significant(free.held_s, 3)
         ),
         format!(
-            "The root mean square error, friction scales taken out, is {} N for the paper's element and {} N for the model.{rest}{stages}",
+            "The root mean square error, friction scales removed, is {} N for the paper's element and {} N for the model.{rest}{stages}",
             significant(fit.paper_rms_n, 3),
             significant(fit.rms_n, 3)
         ),

@@ -60,7 +60,7 @@ fn caption(found: &Identification, name: &str, shown: &FullReversal, transients:
     };
     format!(
         "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {}{stages} Sensor offset \
-         and inertia of any mass between sensor and seal are taken out of the measured force; the model's force is the seal's alone.",
+         and inertia of any mass between sensor and seal are subtracted from the measured force; the model's force is the seal's alone.",
         MM * shown.speed,
         transients.in_words()
     )

@@ -158,7 +158,7 @@ fn caption(found: &Identification) -> String {
     let [slowest, fastest] = steady.speed_range_m_s.map(|v| MM * v);
     let mut text = format!(
         "(a) Force in steady sliding against velocity, as in figure 6 of EMS, the sensor offset of {} N removed: {} means, one \
-         per stroke and constant speed, or one per 0.1 s of motion where the deformation is negligible and inertia was taken out. (b) The \
+         per stroke and constant speed, or one per 0.1 s of motion where the deformation is negligible and inertia was subtracted. (b) The \
          same less the fit. ",
         fixed(found.model.offset, 3),
         steady.means.len()

@@ -185,7 +185,7 @@ pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Dra
     let stages = if scored.stages { " (of the first of the model's elements)" } else { "" };
     Ok(figure.caption(format!(
         "Measured force, computed force (upper row) and computed deflection{stages} (lower row{rows}), as in figure 9 of EMS, on {}. {speeds} The \
-         sensor offset of {} N is taken out of the measured force; the model's force is the seal's alone, from measured positions \
+         sensor offset of {} N is subtracted from the measured force; the model's force is the seal's alone, from measured positions \
          only. Over all samples whose state is known the root mean square error is {:.3} N.",
         scored.kind(),
         fixed(scored.offset, 3),
