@@ -1,6 +1,6 @@
 """Compares forces of several programs with those of the library: python compare.py FOLDER
 
-FOLDER holds a folder DOOR.forces per program, with one file of forces (N) per model, a row each; the command line's hold
+FOLDER holds a folder INTERFACE.forces per program, with one file of forces (N) per model, a row each; the command line's hold
 whole tables. Prints the largest difference by program, and ends with 1 where one is larger than it may be.
 """
 
@@ -12,7 +12,7 @@ import sys
 # which brings its own exponential and takes log and log1p from the C library.
 EXACT = 0.0
 EXPORTED = 1e-12
-DOORS = {
+INTERFACES = {
     "command line": EXACT,
     "C": EXACT,
     "C++": EXACT,
@@ -43,19 +43,19 @@ def main(folder):
     print("| program | models equal to the last bit | largest difference (N) | of the largest force | in |")
     print("|---|---|---|---|---|")
     failed = []
-    for door, allowed in DOORS.items():
+    for interface, allowed in INTERFACES.items():
         equal, worst = 0, (0.0, 0.0, "-")
         for name, expected in library.items():
-            found = forces(folder / f"{door}.forces" / name)
+            found = forces(folder / f"{interface}.forces" / name)
             if len(found) != len(expected):
-                sys.exit(f"{door}, {name}: {len(found)} forces, expected {len(expected)}")
+                sys.exit(f"{interface}, {name}: {len(found)} forces, expected {len(expected)}")
             equal += bits(found) == bits(expected)
             difference = max(abs(a - b) for a, b in zip(found, expected))
             if not difference <= worst[0]:
                 worst = (difference, difference / max(map(abs, expected)), name)
-        print(f"| {door} | {equal} of {len(library)} | {worst[0]:.1e} | {worst[1]:.1e} | {worst[2]} |")
+        print(f"| {interface} | {equal} of {len(library)} | {worst[0]:.1e} | {worst[1]:.1e} | {worst[2]} |")
         if not worst[1] <= allowed or (allowed == EXACT and equal < len(library)):
-            failed.append(door)
+            failed.append(interface)
     if failed:
         sys.exit(f"further off than allowed: {', '.join(failed)}")
 

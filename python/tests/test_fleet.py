@@ -205,7 +205,7 @@ def test_an_interrupted_run_goes_on(folder: Path, tmp_path: Path) -> None:
     journal = tmp_path / "table.parquet.journal"
     with open(journal, "a") as file:
         file.write('{"name": "torn')
-    assert fleet.identify_dataset(folder, out, engine="serial").taken_over == 3
+    assert fleet.identify_dataset(folder, out, engine="serial").reused == 3
     assert out.read_bytes() == whole.read_bytes()
     assert not journal.exists()
 

@@ -189,19 +189,19 @@ def test_models_are_compared(training: list[trocar.Recording], held_out: list[tr
 
 def test_the_tissue_is_told_from_the_trocar(found: trocar.Identification, held_out: list[trocar.Recording]) -> None:
     recording = held_out[0]
-    said = trocar.compensate(found.model, recording)
+    estimate = trocar.compensate(found.model, recording)
     # This bench has no tissue: the remainder is the error of the model, within its band.
-    settled = said.tissue_force_n[1500:]
+    settled = estimate.tissue_force_n[1500:]
     assert np.abs(settled).mean() < 2 * found.parameters["coulomb_force_n"].value / 50
-    assert (np.abs(settled) < 3 * said.tissue_force_std_n[1500:]).mean() > 0.95
-    assert said.drift.level == pytest.approx(1, abs=0.05) and not said.faults and not said.is_doubtful
+    assert (np.abs(settled) < 3 * estimate.tissue_force_std_n[1500:]).mean() > 0.95
+    assert estimate.drift.level == pytest.approx(1, abs=0.05) and not estimate.faults and not estimate.is_doubtful
     live = trocar.Compensator(found.model)
     times = np.diff(recording.time_s, prepend=recording.time_s[0])
     rows = zip(recording.position_m[:500].tolist(), recording.force_n[:500].tolist(), times[:500].tolist())
     stepped = [live.step(*row).tissue_force_n for row in rows]
-    assert np.array_equal(stepped, said.tissue_force_n[:500])
+    assert np.array_equal(stepped, estimate.tissue_force_n[:500])
     rest = live.run(recording.time_s[500:] - recording.time_s[0], recording.position_m[500:], recording.force_n[500:])
-    assert np.allclose(rest.tissue_force_n, said.tissue_force_n[500:], atol=1e-6)  # N; the times differ by rounding
+    assert np.allclose(rest.tissue_force_n, estimate.tissue_force_n[500:], atol=1e-6)  # N; the times differ by rounding
 
 
 def test_faulty_samples_are_named(found: trocar.Identification) -> None:
@@ -232,8 +232,8 @@ def test_results_that_cannot_be_pickled_say_what_can(found: trocar.Identificatio
 def test_everything_shows_itself(found: trocar.Identification, training: list[trocar.Recording]) -> None:
     classical = trocar.Model.load(CONFORMANCE / "models" / "gms.json")
     assert found.validation is not None
-    said = trocar.compensate(found.model, training[1])
-    things = [found, found.validation, found.model, classical, training[0], found.figures["static-friction"], said]
+    estimate = trocar.compensate(found.model, training[1])
+    things = [found, found.validation, found.model, classical, training[0], found.figures["static-friction"], estimate]
     for thing in things:
         html = thing._repr_html_()
         assert html.startswith("<") and html.count("<div") == html.count("</div") and "nan" not in html

@@ -102,8 +102,8 @@ def test_mypy_is_content(tmp_path: Path) -> None:
         "    stepper = trocar.Stepper(model)\n"
         "    stepper.state = stepper.state\n"
         "    comparison = trocar.compare(recording, models=['ems', 'gms:4'])\n"
-        "    said = trocar.compensate(model, recording)\n"
-        "    return stepper.step(1e-3, 1e-3) + float(force.sum()) + comparison.best.fit_percent + said.drift.level\n"
+        "    estimate = trocar.compensate(model, recording)\n"
+        "    return stepper.step(1e-3, 1e-3) + float(force.sum()) + comparison.best.fit_percent + estimate.drift.level\n"
     )
     config = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path / "cache")]
     for what in ([str(script)], ["-p", "trocar"]):

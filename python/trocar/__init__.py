@@ -266,7 +266,7 @@ def compensate(
     """
     (scored,) = _recordings("recording", recording)
     columns = (scored.time_s, scored.position_m, scored.force_n)
-    said, drift = _core.compensate(
+    estimate, drift = _core.compensate(
         model,
         *columns,
         offset_n=offset_n,
@@ -276,7 +276,7 @@ def compensate(
         force_error_n=force_error_n,
         adaptation=adaptation,
     )
-    return Compensation._of(columns, said, drift)
+    return Compensation._of(columns, estimate, drift)
 
 
 def simulate_full(

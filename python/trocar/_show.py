@@ -113,7 +113,7 @@ def _validation_table(found: Validation) -> str:
     if len(rows) > 1:
         rows.append(("all", _number(found.rms_n, 3), f"{found.fit_percent:.2f}", "", "", ""))
     caption = (
-        f"<b>Validation</b>, offset {_number(found.offset_n, 3)} N and moving mass {_number(found.moving_mass_kg, 3)} kg taken out"
+        f"<b>Validation</b>, offset {_number(found.offset_n, 3)} N and moving mass {_number(found.moving_mass_kg, 3)} kg subtracted"
     )
     warnings = [f"{r.name}: {warning}" for r in found.recordings for warning in r.warnings]
     return _table(head, rows, caption) + _list("<b>Doubtful:</b>", warnings)

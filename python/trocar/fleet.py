@@ -119,7 +119,7 @@ class Outcome:
     #: Name of each failed recording, and the reason.
     failed: tuple[tuple[str, str], ...]
     #: Recordings whose rows were reused from an interrupted run.
-    taken_over: int
+    reused: int
     #: Files skipped because of their extension.
     left_out: tuple[str, ...]
 
@@ -158,21 +158,21 @@ def identify_dataset(
     try:
         orders = table.orders()
         parts = _serial(orders, config) if engine == "serial" else _dask(orders, config, client, workers)
-        taken_over = 0
+        reused = 0
         for done, (source, text) in enumerate(parts, 1):
             if text is None:
                 table.lose(source, "worker_died", "every worker that worked on it died or failed")
             else:
-                _, taken_over, _ = table.add(source, text)
+                _, reused, _ = table.add(source, text)
             if progress is not None:
                 progress(done, len(orders))
-        said = table.write()
+        rows = table.write()
     finally:
         table.close()
-    failed = tuple((name, str(reason)) for name, status, reason in said if status == "failed")
-    ok = sum(status == "ok" for _, status, _ in said)
-    doubtful = len(said) - ok - len(failed)
-    return Outcome(Path(out), len(said), ok, doubtful, failed, taken_over, tuple(table.left_out))
+    failed = tuple((name, str(reason)) for name, status, reason in rows if status == "failed")
+    ok = sum(status == "ok" for _, status, _ in rows)
+    doubtful = len(rows) - ok - len(failed)
+    return Outcome(Path(out), len(rows), ok, doubtful, failed, reused, tuple(table.left_out))
 
 
 def _work(order: str, config: Config) -> str:

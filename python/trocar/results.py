@@ -193,10 +193,10 @@ class Identification:
     validation: Optional[Validation]
     #: The contents of summary.json.
     summary: Mapping[str, Any] = field(repr=False)
-    _done: _core.Found = field(repr=False)
+    _done: _core.Identified = field(repr=False)
 
     @classmethod
-    def _of(cls, done: _core.Found) -> Identification:
+    def _of(cls, done: _core.Identified) -> Identification:
         summary = json.loads(done.summary_json())
         found = summary["parameters"]
         validated = done.validated()
@@ -459,8 +459,8 @@ class Compensation:
     FAULTS: ClassVar[tuple[tuple[str, str], ...]] = tuple(_core.faults())
 
     @classmethod
-    def _of(cls, columns: Sequence[Any], said: Sequence[Any], drift: Sequence[float]) -> Compensation:
-        values: list[Any] = [*columns, *said, Drift(*drift)]
+    def _of(cls, columns: Sequence[Any], estimate: Sequence[Any], drift: Sequence[float]) -> Compensation:
+        values: list[Any] = [*columns, *estimate, Drift(*drift)]
         return cls(*values)
 
     @property

@@ -95,7 +95,7 @@ enum trocar_status
      */
     TROCAR_STATUS_OTHER_MODEL = 5,
     /**
-     * Another thread is using the state or the compensator at this moment.
+     * Another thread is using the state or the compensator.
      */
     TROCAR_STATUS_STATE_BUSY = 6,
     /**
@@ -111,7 +111,7 @@ enum trocar_status
      */
     TROCAR_STATUS_OUT_OF_RANGE = 9,
     /**
-     * The model knows no such quantity: classical models have no deflection and no mode, and not every model says how
+     * The model has no such quantity: classical models have no deflection and no mode, and not every model states how
      * far off its force is.
      */
     TROCAR_STATUS_UNSUPPORTED = 10,
@@ -197,7 +197,7 @@ typedef int32_t trocar_fault;
  * An observer of the force on the tissue: what a sensor outside the body reads less what the trocar takes. Made by
  * trocar_compensator_new(), ended by trocar_compensator_free(). It keeps a copy of what it needs of its model.
  *
- * One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY. After a call that ended with
+ * One thread at a time may use a compensator. A second one gets TROCAR_STATUS_STATE_BUSY. After a call that ended with
  * TROCAR_STATUS_INTERNAL it is lost: all calls but trocar_compensator_free() give that status from then on.
  */
 typedef struct trocar_compensator trocar_compensator;
@@ -209,7 +209,7 @@ typedef struct trocar_compensator trocar_compensator;
 typedef struct trocar_model trocar_model;
 
 /**
- * How a compensator is set up. trocar_compensator_options_init() fills it; NaN stands for what the model file says.
+ * How a compensator is set up. trocar_compensator_options_init() fills it; NaN stands for the value in the model file.
  */
 typedef struct {
     /**
@@ -217,11 +217,11 @@ typedef struct {
      */
     size_t struct_size;
     /**
-     * Reading without any force, N; NaN: as the model file says, else 0.
+     * Reading without any force, N; NaN: as in the model file, else 0.
      */
     double offset_n;
     /**
-     * Mass between sensor and seal, kg, 0 or more; NaN: as the model file says, else 0.
+     * Mass between sensor and seal, kg, 0 or more; NaN: as in the model file, else 0.
      */
     double moving_mass_kg;
     /**
@@ -233,17 +233,17 @@ typedef struct {
      */
     double sensor_limit_n;
     /**
-     * Standard deviation of the model's force, N, 0 or more; NaN: as the model file says, by phase.
+     * Standard deviation of the model's force, N, 0 or more; NaN: as in the model file, by phase.
      */
     double force_error_n;
     /**
-     * 1: friction and viscosity are followed in use; 0: they stay those of the model.
+     * 1: friction and viscosity are adapted in use; 0: they stay those of the model.
      */
     int32_t adaptation;
 } trocar_compensator_options;
 
 /**
- * What a compensator says after each sample. Forces are those of the instrument on what it touches.
+ * Estimate of a compensator after each sample. Forces are those of the instrument on what it touches.
  */
 typedef struct {
     /**
@@ -251,7 +251,7 @@ typedef struct {
      */
     double trocar_force_n;
     /**
-     * Force on the tissue, N; NaN where the reading cannot tell.
+     * Force on the tissue, N; NaN where the reading does not determine it.
      */
     double tissue_force_n;
     /**
@@ -259,7 +259,7 @@ typedef struct {
      */
     double tissue_force_std_n;
     /**
-     * 1 while friction and viscosity are being followed, 0 while tissue is touched or the motion tells nothing of them.
+     * 1 while friction and viscosity are being adapted, 0 during contact with tissue or without informative motion.
      */
     int32_t adapting;
     /**
@@ -291,7 +291,7 @@ typedef struct {
 } trocar_drift;
 
 /**
- * A number of a model that can be turned by itself, trocar_model_tunable(). The texts live as long as the model.
+ * A number of a model that can be adjusted by itself, trocar_model_tunable(). The texts live as long as the model.
  */
 typedef struct {
     /**
@@ -330,7 +330,7 @@ typedef struct {
  * first use trocar_state_init() or its like must fill it: memory without its mark, or with a number that is not finite, is
  * refused, TROCAR_STATUS_NOT_A_STATE. Finite numbers written over its own are not noticed.
  *
- * One thread at a time may use a state. A second one is told, TROCAR_STATUS_STATE_BUSY.
+ * One thread at a time may use a state. A second one gets TROCAR_STATUS_STATE_BUSY.
  */
 typedef struct {
     /**
@@ -354,7 +354,7 @@ uint32_t trocar_abi_version(void);
 const char *trocar_version(void);
 
 /**
- * Fills options with what trocar_compensator_new() takes for NULL: all as the model file says, with adaptation.
+ * Fills options with what trocar_compensator_new() takes for NULL: all as in the model file, with adaptation.
  * struct_size is sizeof *options.
  *
  * Refuses: TROCAR_STATUS_OUT_OF_RANGE where the library knows a struct of another size; it then writes nothing.
@@ -368,7 +368,7 @@ trocar_status trocar_compensator_options_init(trocar_compensator_options *option
  * message as for trocar_model_load().
  *
  * Refuses: TROCAR_STATUS_OUT_OF_RANGE for an option, TROCAR_STATUS_UNSUPPORTED where neither the model file nor
- * force_error_n says how far off the model's force is.
+ * force_error_n states how far off the model's force is.
  */
 trocar_status trocar_compensator_new(const trocar_model *model,
                                      const trocar_compensator_options *options,
@@ -377,7 +377,7 @@ trocar_status trocar_compensator_new(const trocar_model *model,
                                      size_t message_size);
 
 /**
- * Ends a compensator; NULL is fine. Nobody may use it later.
+ * Frees a compensator; NULL is allowed. No thread may use it later.
  *
  * Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
  */
@@ -464,7 +464,7 @@ trocar_status trocar_model_tuned(const trocar_model *model,
                                  size_t message_size);
 
 /**
- * Ends a model; NULL is fine. Nobody may use the model at that moment or later. States are not touched.
+ * Frees a model; NULL is allowed. No thread may use the model during the call or later. States are not touched.
  */
 trocar_status trocar_model_free(trocar_model *model);
 
@@ -475,7 +475,7 @@ trocar_status trocar_model_free(trocar_model *model);
 const char *trocar_model_kind(const trocar_model *model);
 
 /**
- * How many numbers of the model can be turned.
+ * How many numbers of the model can be adjusted.
  */
 trocar_status trocar_model_tunable_count(const trocar_model *model, size_t *count);
 
@@ -548,7 +548,7 @@ trocar_status trocar_state_mode(const trocar_model *model,
                                 int32_t *mode);
 
 /**
- * Writes the state as TROCAR_STATE_NUMBERS finite numbers, for a file or another program; count says how many there is
+ * Writes the state as TROCAR_STATE_NUMBERS finite numbers, for a file or another program; count is the number that there is
  * place for. The numbers do not name their model.
  *
  * Refuses: TROCAR_STATUS_OUT_OF_RANGE where count is smaller.

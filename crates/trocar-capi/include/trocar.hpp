@@ -88,7 +88,7 @@ class Error : public std::runtime_error {
 };
 #endif
 
-/** A number of a model that can be turned by itself. */
+/** A number of a model that can be adjusted by itself. */
 struct Tunable {
     std::string name;
     std::string unit;
@@ -161,7 +161,7 @@ class Model {
         return kind != nullptr ? kind : "";
     }
 
-    /** The numbers that can be turned. */
+    /** The numbers that can be adjusted. */
     std::vector<Tunable> tunables() const {
         std::vector<Tunable> all;
         std::size_t count = 0;
@@ -237,7 +237,7 @@ class State {
         return trocar_state_init_at_force(model_.get(), &state_, position_m, force_n);
     }
 
-    /** Starts again, bent by deflection_m; refused by classical models. */
+    /** Starts again with the deflection deflection_m; refused by classical models. */
     Status rest_at_deflection(double position_m, double deflection_m) noexcept {
         return trocar_state_init_at_deflection(model_.get(), &state_, position_m, deflection_m);
     }
@@ -337,7 +337,7 @@ inline const char *fault_message(Fault fault) noexcept { return trocar_fault_mes
 /** Where friction and viscosity stand, over those of the model. */
 using Drift = trocar_drift;
 
-/** How a compensator is set up; nothing stands for what the model file says. */
+/** How a compensator is set up; nothing stands for the value in the model file. */
 struct CompensatorOptions {
     /** Reading without any force, N. */
     std::optional<double> offset_n;
@@ -353,11 +353,11 @@ struct CompensatorOptions {
     bool adaptation = true;
 };
 
-/** What a compensator says after each sample. Forces are those of the instrument on what it touches. */
+/** Estimate of a compensator after each sample. Forces are those of the instrument on what it touches. */
 struct Estimate {
     /** On seal and trocar, N. */
     double trocar_force_n = 0.0;
-    /** On the tissue, N; NaN where the reading cannot tell, and where the step was refused. */
+    /** On the tissue, N; NaN where the reading does not determine it, and where the step was refused. */
     double tissue_force_n = std::numeric_limits<double>::quiet_NaN();
     /** Standard deviation of both, N. */
     double tissue_force_std_n = std::numeric_limits<double>::quiet_NaN();
@@ -448,7 +448,7 @@ class Compensator {
 
     explicit Compensator(trocar_compensator *own) noexcept : compensator_(own) {}
 
-    /** False where a given value is NaN, which would be taken for nothing. */
+    /** False where a given value is NaN, which would count as not given. */
     static bool fill(const CompensatorOptions &from, trocar_compensator_options &to) noexcept {
         bool numbers = true;
         const auto set = [&numbers](const std::optional<double> &given, double &place) {

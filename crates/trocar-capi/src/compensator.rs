@@ -9,7 +9,7 @@ use trocar_runtime::compensate::{self, CompensateError, CompensateOptions};
 
 use crate::message::{Failure, Message};
 use crate::model::Model;
-use crate::pointer::{Place, looked_at};
+use crate::pointer::{OutPointer, checked};
 use crate::status::{Status, guarded};
 
 /// First word of every compensator, "TROCARC1".
@@ -22,7 +22,7 @@ const LOST: u64 = u64::from_le_bytes(*b"TROCARC?");
 /// An observer of the force on the tissue: what a sensor outside the body reads less what the trocar takes. Made by
 /// trocar_compensator_new(), ended by trocar_compensator_free(). It keeps a copy of what it needs of its model.
 ///
-/// One thread at a time may use a compensator. A second one is told, TROCAR_STATUS_STATE_BUSY. After a call that ended with
+/// One thread at a time may use a compensator. A second one gets TROCAR_STATUS_STATE_BUSY. After a call that ended with
 /// TROCAR_STATUS_INTERNAL it is lost: all calls but trocar_compensator_free() give that status from then on.
 pub struct Compensator {
     content: Content,
@@ -42,23 +42,23 @@ const _: fn() = || {
     may_move::<compensate::Compensator>();
 };
 
-/// How a compensator is set up. trocar_compensator_options_init() fills it; NaN stands for what the model file says.
+/// How a compensator is set up. trocar_compensator_options_init() fills it; NaN stands for the value in the model file.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct CompensatorOptions {
     /// Size of this struct in bytes; a library that knows another one refuses it.
     pub struct_size: usize,
-    /// Reading without any force, N; NaN: as the model file says, else 0.
+    /// Reading without any force, N; NaN: as in the model file, else 0.
     pub offset_n: f64,
-    /// Mass between sensor and seal, kg, 0 or more; NaN: as the model file says, else 0.
+    /// Mass between sensor and seal, kg, 0 or more; NaN: as in the model file, else 0.
     pub moving_mass_kg: f64,
     /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset.
     pub gravity_m_s2: f64,
     /// Largest force that the sensor can read, N, above 0; NaN: none is known.
     pub sensor_limit_n: f64,
-    /// Standard deviation of the model's force, N, 0 or more; NaN: as the model file says, by phase.
+    /// Standard deviation of the model's force, N, 0 or more; NaN: as in the model file, by phase.
     pub force_error_n: f64,
-    /// 1: friction and viscosity are followed in use; 0: they stay those of the model.
+    /// 1: friction and viscosity are adapted in use; 0: they stay those of the model.
     pub adaptation: i32,
 }
 
@@ -84,17 +84,17 @@ pub enum Fault {
     Gap = 7,
 }
 
-/// What a compensator says after each sample. Forces are those of the instrument on what it touches.
+/// Estimate of a compensator after each sample. Forces are those of the instrument on what it touches.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate {
     /// Force on seal and trocar, N.
     pub trocar_force_n: f64,
-    /// Force on the tissue, N; NaN where the reading cannot tell.
+    /// Force on the tissue, N; NaN where the reading does not determine it.
     pub tissue_force_n: f64,
     /// Standard deviation of both, N; NaN before the first position.
     pub tissue_force_std_n: f64,
-    /// 1 while friction and viscosity are being followed, 0 while tissue is touched or the motion tells nothing of them.
+    /// 1 while friction and viscosity are being adapted, 0 during contact with tissue or without informative motion.
     pub adapting: i32,
     /// What cannot be right about this sample.
     pub fault: Fault,
@@ -154,13 +154,13 @@ impl Estimate {
 }
 
 impl From<compensate::Estimate> for Estimate {
-    fn from(said: compensate::Estimate) -> Self {
+    fn from(estimate: compensate::Estimate) -> Self {
         Self {
-            trocar_force_n: said.trocar_force,
-            tissue_force_n: said.tissue_force,
-            tissue_force_std_n: said.std,
-            adapting: said.adapting.into(),
-            fault: said.fault.into(),
+            trocar_force_n: estimate.trocar_force,
+            tissue_force_n: estimate.tissue_force,
+            tissue_force_std_n: estimate.std,
+            adapting: estimate.adapting.into(),
+            fault: estimate.fault.into(),
         }
     }
 }
@@ -177,17 +177,17 @@ impl CompensatorOptions {
     };
 
     /// # Safety
-    /// `options` must be null, misaligned, or point to a struct as large as its first field says.
+    /// `options` must be null, misaligned, or point to a struct of the size in its first field.
     unsafe fn read(options: *const Self) -> Result<CompensateOptions, Failure> {
         if options.is_null() {
             return Ok(CompensateOptions::default());
         }
-        let options = looked_at(options)?;
+        let options = checked(options)?;
         // The size first: what is smaller must not be read as a whole.
         // SAFETY: not null, aligned; the rest by contract.
         let size = unsafe { options.cast::<usize>().read() };
         check_size(size)?;
-        // SAFETY: of the size it says.
+        // SAFETY: of the size in its first field.
         let options = unsafe { options.read() };
         let known = |value: f64| (!value.is_nan()).then_some(value);
         let adaptation = match options.adaptation {
@@ -249,7 +249,7 @@ impl<'a> Taken<'a> {
     /// # Safety
     /// As for [`Self::new`].
     unsafe fn marked(compensator: *const Compensator, wanted: u64) -> Result<Self, Status> {
-        let compensator = looked_at(compensator)?;
+        let compensator = checked(compensator)?;
         // The mark first: what is no compensator must not be read as one, nor written to.
         // SAFETY: not null, aligned; the rest by contract. Only ever used as an atomic.
         let mark = unsafe { &*compensator.cast::<AtomicU64>() };
@@ -265,13 +265,13 @@ impl<'a> Taken<'a> {
         }
     }
 
-    /// What `body` says of the observer.
+    /// What `body` returns for the observer.
     fn with<T>(&mut self, body: impl FnOnce(&mut compensate::Compensator) -> T) -> T {
         self.whole = false;
-        // SAFETY: whoever has taken it is alone with it, and `self` is lent for as long.
-        let said = body(unsafe { &mut *self.content.observer.get() });
+        // SAFETY: whoever has taken it is alone with it, and `self` is borrowed for as long.
+        let estimate = body(unsafe { &mut *self.content.observer.get() });
         self.whole = true;
-        said
+        estimate
     }
 }
 
@@ -281,7 +281,7 @@ impl Drop for Taken<'_> {
     }
 }
 
-/// Fills options with what trocar_compensator_new() takes for NULL: all as the model file says, with adaptation.
+/// Fills options with what trocar_compensator_new() takes for NULL: all as in the model file, with adaptation.
 /// struct_size is sizeof *options.
 ///
 /// Refuses: TROCAR_STATUS_OUT_OF_RANGE where the library knows a struct of another size; it then writes nothing.
@@ -292,7 +292,7 @@ pub unsafe extern "C" fn trocar_compensator_options_init(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(options) }?;
+        let mut place = unsafe { OutPointer::new(options) }?;
         if struct_size != size_of::<CompensatorOptions>() {
             return Err(Status::OutOfRange);
         }
@@ -306,7 +306,7 @@ pub unsafe extern "C" fn trocar_compensator_options_init(
 /// message as for trocar_model_load().
 ///
 /// Refuses: TROCAR_STATUS_OUT_OF_RANGE for an option, TROCAR_STATUS_UNSUPPORTED where neither the model file nor
-/// force_error_n says how far off the model's force is.
+/// force_error_n states how far off the model's force is.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_compensator_new(
     model: *const Model,
@@ -317,12 +317,12 @@ pub unsafe extern "C" fn trocar_compensator_new(
 ) -> Status {
     // SAFETY: by the rule of the crate.
     let message = unsafe { Message::new(message, message_size) };
-    message.tell(|| {
+    message.report(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(compensator) }?;
+        let mut place = unsafe { OutPointer::new(compensator) }?;
         place.set(std::ptr::null_mut());
         // SAFETY: by the rule of the crate.
-        let (model, options) = unsafe { (Model::lent(model)?, CompensatorOptions::read(options)?) };
+        let (model, options) = unsafe { (Model::borrowed(model)?, CompensatorOptions::read(options)?) };
         let seal = *model.trocar.seal();
         let observer = compensate::Compensator::with_seal(&model.file, seal, &options).map_err(refused)?;
         let content = Content { mark: AtomicU64::new(MARK), observer: UnsafeCell::new(observer) };
@@ -331,7 +331,7 @@ pub unsafe extern "C" fn trocar_compensator_new(
     })
 }
 
-/// Ends a compensator; NULL is fine. Nobody may use it later.
+/// Frees a compensator; NULL is allowed. No thread may use it later.
 ///
 /// Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
 #[unsafe(no_mangle)]
@@ -372,7 +372,7 @@ pub unsafe extern "C" fn trocar_compensator_step(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(estimate) }?;
+        let mut place = unsafe { OutPointer::new(estimate) }?;
         place.set(Estimate::NONE);
         // SAFETY: by the rule of the crate.
         let mut taken = unsafe { Taken::new(compensator) }?;
@@ -388,7 +388,7 @@ pub unsafe extern "C" fn trocar_compensator_step(
 pub unsafe extern "C" fn trocar_compensator_drift(compensator: *const Compensator, drift: *mut Drift) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (mut taken, mut place) = unsafe { (Taken::new(compensator)?, Place::new(drift)?) };
+        let (mut taken, mut place) = unsafe { (Taken::new(compensator)?, OutPointer::new(drift)?) };
         let compensate::Drift { level, viscosity, level_std, viscosity_std } = taken.with(|observer| observer.drift());
         place.set(Drift { level, viscosity, level_std, viscosity_std });
         Ok(())

@@ -36,17 +36,17 @@ impl Message<'_> {
         place.set(end, 0);
     }
 
-    /// Runs `body`, and says what it says: nothing where all went well.
-    pub(crate) fn tell(mut self, body: impl FnOnce() -> Result<(), Failure>) -> Status {
-        let mut said = None;
+    /// Runs `body` and writes its message: none on success.
+    pub(crate) fn report(mut self, body: impl FnOnce() -> Result<(), Failure>) -> Status {
+        let mut text = None;
         let status = guarded(|| {
             body().map_err(|failure| {
-                said = failure.text;
+                text = failure.text;
                 failure.status
             })
         });
         let plain = status.text().to_str().unwrap_or_default();
-        self.set(said.as_deref().unwrap_or(if status == Status::Ok { "" } else { plain }));
+        self.set(text.as_deref().unwrap_or(if status == Status::Ok { "" } else { plain }));
         status
     }
 }

@@ -9,7 +9,7 @@ use trocar_model::{Seal, Trocar, Tunable as ModelTunable};
 use trocar_runtime::model_file::{ModelFile, ModelFileError};
 
 use crate::message::{Failure, Message};
-use crate::pointer::{Array, Place, looked_at, text};
+use crate::pointer::{Array, OutPointer, checked, text};
 use crate::status::{Status, guarded};
 
 /// First word of every model, "TROCARM1".
@@ -42,7 +42,7 @@ struct TunableText {
     tunable: ModelTunable,
 }
 
-/// A number of a model that can be turned by itself, trocar_model_tunable(). The texts live as long as the model.
+/// A number of a model that can be adjusted by itself, trocar_model_tunable(). The texts live as long as the model.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct Tunable {
@@ -78,8 +78,8 @@ impl Model {
 
     /// # Safety
     /// `model` must be null, misaligned, or readable for the size of a model during `'a`.
-    pub(crate) unsafe fn lent<'a>(model: *const Self) -> Result<&'a Content, Status> {
-        let model = looked_at(model)?;
+    pub(crate) unsafe fn borrowed<'a>(model: *const Self) -> Result<&'a Content, Status> {
+        let model = checked(model)?;
         // The mark first: what is no model must not be read as one.
         // SAFETY: not null, aligned; the rest by contract.
         let mark = unsafe { model.cast::<u64>().read() };
@@ -103,7 +103,7 @@ impl TunableText {
         }
     }
 
-    fn lent(&self) -> Tunable {
+    fn borrowed(&self) -> Tunable {
         let range = self.tunable.id.declaration().range;
         Tunable {
             name: self.name.as_ptr(),
@@ -139,10 +139,10 @@ fn status_of(error: &ModelFileError) -> Status {
 /// Hands a new model over to C.
 ///
 /// # Safety
-/// As for [`Place::new`].
+/// As for [`OutPointer::new`].
 unsafe fn hand_over(place: *mut *mut Model, made: impl FnOnce() -> Result<Box<Model>, Failure>) -> Result<(), Failure> {
     // SAFETY: by contract.
-    let mut place = unsafe { Place::new(place) }?;
+    let mut place = unsafe { OutPointer::new(place) }?;
     place.set(std::ptr::null_mut());
     place.set(Box::into_raw(made()?));
     Ok(())
@@ -179,7 +179,7 @@ pub unsafe extern "C" fn trocar_model_load(
 ) -> Status {
     // SAFETY: by the rule of the crate.
     let message = unsafe { Message::new(message, message_size) };
-    message.tell(|| {
+    message.report(|| {
         let made = || {
             // SAFETY: by the rule of the crate.
             let path = path_of(unsafe { text(path) }?)?;
@@ -202,7 +202,7 @@ pub unsafe extern "C" fn trocar_model_parse(
 ) -> Status {
     // SAFETY: by the rule of the crate.
     let message = unsafe { Message::new(message, message_size) };
-    message.tell(|| {
+    message.report(|| {
         let made = || {
             // SAFETY: by the rule of the crate.
             let bytes: Vec<u8> = unsafe { Array::new(json.cast::<u8>(), json_length) }?.iter().collect();
@@ -220,7 +220,7 @@ pub unsafe extern "C" fn trocar_model_parse(
 pub unsafe extern "C" fn trocar_model_plausible(model: *mut *mut Model) -> Status {
     // SAFETY: no message is wanted.
     let silent = unsafe { Message::new(std::ptr::null_mut(), 0) };
-    silent.tell(|| {
+    silent.report(|| {
         let made = || {
             let file = ModelFile::plausible_10_5_mm().map_err(|error| Failure::new(Status::Internal, error))?;
             Model::from_file(file)
@@ -246,10 +246,10 @@ pub unsafe extern "C" fn trocar_model_tuned(
 ) -> Status {
     // SAFETY: by the rule of the crate.
     let message = unsafe { Message::new(message, message_size) };
-    message.tell(|| {
+    message.report(|| {
         let made = || {
             // SAFETY: by the rule of the crate.
-            let (old, values) = unsafe { (Model::lent(model)?, Array::new(values, count)?) };
+            let (old, values) = unsafe { (Model::borrowed(model)?, Array::new(values, count)?) };
             if count > old.tunables.len() {
                 let text = format!("the model has {} numbers to turn, got {count}", old.tunables.len());
                 return Err(Failure::new(Status::OutOfRange, text));
@@ -263,7 +263,7 @@ pub unsafe extern "C" fn trocar_model_tuned(
     })
 }
 
-/// Ends a model; NULL is fine. Nobody may use the model at that moment or later. States are not touched.
+/// Frees a model; NULL is allowed. No thread may use the model during the call or later. States are not touched.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_model_free(model: *mut Model) -> Status {
     guarded(|| {
@@ -271,7 +271,7 @@ pub unsafe extern "C" fn trocar_model_free(model: *mut Model) -> Status {
             return Ok(());
         }
         // SAFETY: by the rule of the crate.
-        unsafe { Model::lent(model) }?;
+        unsafe { Model::borrowed(model) }?;
         // SAFETY: it bears the mark of a model, and all models come from `Box::into_raw`.
         let mut model = unsafe { Box::from_raw(model) };
         // SAFETY: the place of a live value. Volatile, or the compiler drops a write that nobody may read; it serves
@@ -294,7 +294,7 @@ pub unsafe extern "C" fn trocar_model_kind(model: *const Model) -> *const c_char
         ("gms", c"gms"),
     ];
     // SAFETY: by the rule of the crate.
-    match unsafe { Model::lent(model) }.map(|model| model.trocar.seal()) {
+    match unsafe { Model::borrowed(model) }.map(|model| model.trocar.seal()) {
         Err(_) => std::ptr::null(),
         Ok(Seal::Ems(_)) => c"ems".as_ptr(),
         Ok(Seal::Classical(model)) => {
@@ -303,12 +303,12 @@ pub unsafe extern "C" fn trocar_model_kind(model: *const Model) -> *const c_char
     }
 }
 
-/// How many numbers of the model can be turned.
+/// How many numbers of the model can be adjusted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_model_tunable_count(model: *const Model, count: *mut usize) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, mut count) = unsafe { (Model::lent(model)?, Place::new(count)?) };
+        let (model, mut count) = unsafe { (Model::borrowed(model)?, OutPointer::new(count)?) };
         count.set(model.tunables.len());
         Ok(())
     })
@@ -321,8 +321,8 @@ pub unsafe extern "C" fn trocar_model_tunable_count(model: *const Model, count: 
 pub unsafe extern "C" fn trocar_model_tunable(model: *const Model, index: usize, tunable: *mut Tunable) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, mut tunable) = unsafe { (Model::lent(model)?, Place::new(tunable)?) };
-        tunable.set(model.tunables.get(index).ok_or(Status::OutOfRange)?.lent());
+        let (model, mut tunable) = unsafe { (Model::borrowed(model)?, OutPointer::new(tunable)?) };
+        tunable.set(model.tunables.get(index).ok_or(Status::OutOfRange)?.borrowed());
         Ok(())
     })
 }

@@ -1,4 +1,4 @@
-//! Pointers from C: looked at once, then safe to use.
+//! Pointers from C: checked once, then safe to use.
 //!
 //! Callers' memory is never turned into a reference, so what a caller lets overlap stays defined: an array of forces may
 //! be the array of positions.
@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use crate::status::Status;
 
 /// `pointer`, where it is neither null nor misaligned.
-pub(crate) fn looked_at<T>(pointer: *const T) -> Result<*const T, Status> {
+pub(crate) fn checked<T>(pointer: *const T) -> Result<*const T, Status> {
     match pointer {
         p if p.is_null() => Err(Status::NullPointer),
         p if !p.is_aligned() => Err(Status::Misaligned),
@@ -18,17 +18,17 @@ pub(crate) fn looked_at<T>(pointer: *const T) -> Result<*const T, Status> {
 }
 
 /// A place of C for one result.
-pub(crate) struct Place<'a, T>(*mut T, PhantomData<&'a mut T>);
+pub(crate) struct OutPointer<'a, T>(*mut T, PhantomData<&'a mut T>);
 
-impl<T: Copy> Place<'_, T> {
+impl<T: Copy> OutPointer<'_, T> {
     /// # Safety
     /// `pointer` must be null or misaligned, or stay writable as long as the place is used.
     pub(crate) unsafe fn new(pointer: *mut T) -> Result<Self, Status> {
-        looked_at(pointer).map(|_| Self(pointer, PhantomData))
+        checked(pointer).map(|_| Self(pointer, PhantomData))
     }
 
     pub(crate) fn set(&mut self, value: T) {
-        // SAFETY: looked at by `new`, writable by its contract.
+        // SAFETY: checked by `new`, writable by its contract.
         unsafe { self.0.write(value) }
     }
 }
@@ -37,11 +37,11 @@ impl<T: Copy> Place<'_, T> {
 pub(crate) struct Array<'a, T> {
     first: *mut T,
     count: usize,
-    lent: PhantomData<&'a mut T>,
+    borrowed: PhantomData<&'a mut T>,
 }
 
 impl<T: Copy> Array<'_, T> {
-    /// An array to read from; `first` is not looked at where `count` is 0.
+    /// An array to read from; `first` is not checked where `count` is 0.
     ///
     /// # Safety
     /// `first` must be null or misaligned, or point to `count` values as long as the array is used.
@@ -50,13 +50,13 @@ impl<T: Copy> Array<'_, T> {
             return Err(Status::OutOfRange);
         }
         if count > 0 {
-            looked_at(first)?;
+            checked(first)?;
         }
-        Ok(Self { first: first.cast_mut(), count, lent: PhantomData })
+        Ok(Self { first: first.cast_mut(), count, borrowed: PhantomData })
     }
 
     pub(crate) fn get(&self, index: usize) -> Option<T> {
-        // SAFETY: below `count`; looked at by `new`, readable by its contract.
+        // SAFETY: below `count`; checked by `new`, readable by its contract.
         (index < self.count).then(|| unsafe { self.first.add(index).read() })
     }
 
@@ -78,7 +78,7 @@ impl<T: Copy> ArrayMut<'_, T> {
 
     pub(crate) fn set(&mut self, index: usize, value: T) {
         if index < self.0.count {
-            // SAFETY: below `count`; looked at by `new`, writable by its contract.
+            // SAFETY: below `count`; checked by `new`, writable by its contract.
             unsafe { self.0.first.add(index).write(value) }
         }
     }
@@ -90,5 +90,5 @@ impl<T: Copy> ArrayMut<'_, T> {
 /// `text` must be null, or point to bytes with a NUL among them that nobody changes during `'a`.
 pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<&'a CStr, Status> {
     // SAFETY: not null; the rest is up to the caller.
-    looked_at(text).map(|text| unsafe { CStr::from_ptr(text) })
+    checked(text).map(|text| unsafe { CStr::from_ptr(text) })
 }

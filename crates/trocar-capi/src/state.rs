@@ -8,7 +8,7 @@ use trocar_model::{Mode, TrocarState};
 
 use crate::message::{Failure, Message};
 use crate::model::{Content, Model};
-use crate::pointer::{Array, ArrayMut, Place};
+use crate::pointer::{Array, ArrayMut, OutPointer};
 use crate::status::{Status, guarded};
 
 /// Bytes of a state.
@@ -44,7 +44,7 @@ const _: () = assert!(NUMBERS + STATE_NUMBERS <= WORDS && size_of::<State>() == 
 /// first use trocar_state_init() or its like must fill it: memory without its mark, or with a number that is not finite, is
 /// refused, TROCAR_STATUS_NOT_A_STATE. Finite numbers written over its own are not noticed.
 ///
-/// One thread at a time may use a state. A second one is told, TROCAR_STATUS_STATE_BUSY.
+/// One thread at a time may use a state. A second one gets TROCAR_STATUS_STATE_BUSY.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct State {
@@ -69,7 +69,7 @@ impl<'a> Words<'a> {
 
     fn word(&self, index: usize) -> &'a AtomicU64 {
         let inside = index.min(WORDS - 1);
-        // SAFETY: inside the state, which `new` looked at; its memory is only ever used as atomics.
+        // SAFETY: inside the state, which `new` checked; its memory is only ever used as atomics.
         unsafe { &*self.0.add(inside) }
     }
 
@@ -185,7 +185,7 @@ unsafe fn begin(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, words) = unsafe { (Model::lent(model)?, Words::new(state)?) };
+        let (model, words) = unsafe { (Model::borrowed(model)?, Words::new(state)?) };
         if !numbers.iter().all(|number| number.is_finite()) {
             return Err(Status::NotFinite);
         }
@@ -238,7 +238,7 @@ pub unsafe extern "C" fn trocar_state_init_at_deflection(
 pub unsafe extern "C" fn trocar_state_position(state: *const State, position_m: *mut f64) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (words, mut place) = unsafe { (Words::new(state)?, Place::new(position_m)?) };
+        let (words, mut place) = unsafe { (Words::new(state)?, OutPointer::new(position_m)?) };
         place.set(words.read(POSITION)?);
         Ok(())
     })
@@ -250,7 +250,7 @@ pub unsafe extern "C" fn trocar_state_position(state: *const State, position_m: 
 pub unsafe extern "C" fn trocar_state_force(state: *const State, force_n: *mut f64) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (words, mut place) = unsafe { (Words::new(state)?, Place::new(force_n)?) };
+        let (words, mut place) = unsafe { (Words::new(state)?, OutPointer::new(force_n)?) };
         place.set(words.read(FORCE)?);
         Ok(())
     })
@@ -267,7 +267,8 @@ pub unsafe extern "C" fn trocar_state_deflection(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, words, mut place) = unsafe { (Model::lent(model)?, Words::new(state)?, Place::new(deflection_m)?) };
+        let (model, words, mut place) =
+            unsafe { (Model::borrowed(model)?, Words::new(state)?, OutPointer::new(deflection_m)?) };
         place.set(words.decoded(model)?.deformation().ok_or(Status::Unsupported)?.deflection);
         Ok(())
     })
@@ -280,7 +281,8 @@ pub unsafe extern "C" fn trocar_state_deflection(
 pub unsafe extern "C" fn trocar_state_mode(model: *const Model, state: *const State, mode: *mut i32) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, words, mut place) = unsafe { (Model::lent(model)?, Words::new(state)?, Place::new(mode)?) };
+        let (model, words, mut place) =
+            unsafe { (Model::borrowed(model)?, Words::new(state)?, OutPointer::new(mode)?) };
         place.set(match words.decoded(model)?.deformation().ok_or(Status::Unsupported)?.mode {
             Mode::Deforming => MODE_DEFORMING,
             Mode::Sliding => MODE_SLIDING,
@@ -289,7 +291,7 @@ pub unsafe extern "C" fn trocar_state_mode(model: *const Model, state: *const St
     })
 }
 
-/// Writes the state as TROCAR_STATE_NUMBERS finite numbers, for a file or another program; count says how many there is
+/// Writes the state as TROCAR_STATE_NUMBERS finite numbers, for a file or another program; count is the number that there is
 /// place for. The numbers do not name their model.
 ///
 /// Refuses: TROCAR_STATUS_OUT_OF_RANGE where count is smaller.
@@ -326,9 +328,10 @@ pub unsafe extern "C" fn trocar_state_restore(
 ) -> Status {
     // SAFETY: by the rule of the crate.
     let message = unsafe { Message::new(message, message_size) };
-    message.tell(|| {
+    message.report(|| {
         // SAFETY: by the rule of the crate.
-        let (model, words, numbers) = unsafe { (Model::lent(model)?, Words::new(state)?, Array::new(numbers, count)?) };
+        let (model, words, numbers) =
+            unsafe { (Model::borrowed(model)?, Words::new(state)?, Array::new(numbers, count)?) };
         if count < STATE_NUMBERS {
             let text = format!("a saved state has {STATE_NUMBERS} numbers, got {count}");
             return Err(Failure::new(Status::OutOfRange, text));

@@ -20,7 +20,7 @@ pub enum Status {
     NotAState = 4,
     /// The state was initialised for another model.
     OtherModel = 5,
-    /// Another thread is using the state or the compensator at this moment.
+    /// Another thread is using the state or the compensator.
     StateBusy = 6,
     /// A number is NaN or infinite, or the position, velocity or state it leads to is.
     NotFinite = 7,
@@ -28,7 +28,7 @@ pub enum Status {
     DurationNotPositive = 8,
     /// An index or a number of elements is out of range.
     OutOfRange = 9,
-    /// The model knows no such quantity: classical models have no deflection and no mode, and not every model says how
+    /// The model has no such quantity: classical models have no deflection and no mode, and not every model states how
     /// far off its force is.
     Unsupported = 10,
     /// The model file cannot be read.

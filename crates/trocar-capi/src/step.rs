@@ -3,7 +3,7 @@
 use trocar_model::{Trocar, TrocarState};
 
 use crate::model::Model;
-use crate::pointer::{Array, ArrayMut, Place};
+use crate::pointer::{Array, ArrayMut, OutPointer};
 use crate::state::{State, Words};
 use crate::status::{Status, guarded};
 
@@ -18,7 +18,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// What the model would leave untouched without a word is told here.
+    /// Reports what the model would ignore silently.
     fn check(&self) -> Result<(), Status> {
         let Self { position, displacement, duration } = self;
         if ![position, displacement, duration].iter().all(|number| number.is_finite()) {
@@ -44,13 +44,13 @@ unsafe fn step(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut place = unsafe { Place::new(force_n) }?;
+        let mut place = unsafe { OutPointer::new(force_n) }?;
         place.set(0.0);
         // SAFETY: by the rule of the crate.
         let words = unsafe { Words::new(state) }?;
         place.set(words.last_force());
         // SAFETY: by the rule of the crate.
-        let model = unsafe { Model::lent(model) }?;
+        let model = unsafe { Model::borrowed(model) }?;
         let taken = words.taken(model)?;
         let mut state = taken.read(model)?;
         motion(&state).check()?;
@@ -145,11 +145,11 @@ pub unsafe extern "C" fn trocar_simulate(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let mut done = if done.is_null() { None } else { Some(unsafe { Place::new(done) }?) };
+        let mut done = if done.is_null() { None } else { Some(unsafe { OutPointer::new(done) }?) };
         let mut report = |rows| done.iter_mut().for_each(|done| done.set(rows));
         report(0);
         // SAFETY: by the rule of the crate.
-        let (model, words) = unsafe { (Model::lent(model)?, Words::new(state)?) };
+        let (model, words) = unsafe { (Model::borrowed(model)?, Words::new(state)?) };
         // SAFETY: by the rule of the crate.
         let (times, positions) = unsafe { (Array::new(time_s, count)?, Array::new(position_m, count)?) };
         // SAFETY: by the rule of the crate.

@@ -56,14 +56,14 @@ enum Verb {
 
 /// Result of a verb that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Done {
+enum Completion {
     /// No warnings.
     Clean,
     /// Data were lost or the result is doubtful; the warnings give the details.
     Doubtful,
 }
 
-impl Done {
+impl Completion {
     fn doubtful_if(doubtful: bool) -> Self {
         if doubtful { Self::Doubtful } else { Self::Clean }
     }
@@ -91,13 +91,13 @@ fn main() -> ExitCode {
         std::thread::park();
     }
     match outcome {
-        Ok(Done::Clean) => ExitCode::SUCCESS,
-        Ok(Done::Doubtful) => ExitCode::from(3),
+        Ok(Completion::Clean) => ExitCode::SUCCESS,
+        Ok(Completion::Doubtful) => ExitCode::from(3),
         Err(error) => console::fail(&error),
     }
 }
 
-fn run(console: &Console, verb: Verb) -> anyhow::Result<Done> {
+fn run(console: &Console, verb: Verb) -> anyhow::Result<Completion> {
     match verb {
         Verb::Inspect(args) => verbs::inspect::run(console, &args),
         Verb::Bench(args) => verbs::bench::run(console, &args),

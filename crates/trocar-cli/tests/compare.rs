@@ -272,7 +272,7 @@ fn models_say_where_they_come_from() {
         assert_eq!(file.origin.recordings[0].sha256, json["recordings"][0]["sha256"].as_str().unwrap());
         let sensor = file.sensor.unwrap();
         assert_eq!(sensor.moving_mass_kg, 0.04);
-        // What the sensor reads at rest includes the weight that was taken out.
+        // What the sensor reads at rest includes the weight that was subtracted.
         let weight = sensor.offset_n - model["offset_n"].as_f64().unwrap();
         assert!((weight + 0.04 * 9.81).abs() < SAME_ERROR, "{weight} N");
         for (name, interval) in &file.intervals {

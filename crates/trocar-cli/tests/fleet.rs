@@ -148,7 +148,7 @@ fn killed_again_and_again(place: &Place, set: &str, code: i32) {
     assert!(!place.path("t.parquet.journal").exists());
 }
 
-/// What is in the journal is taken over while the recording and the configuration are the same.
+/// What is in the journal is reused while the recording and the configuration are the same.
 #[test]
 fn a_changed_recording_is_done_again() {
     let place = place();
@@ -161,11 +161,11 @@ fn a_changed_recording_is_done_again() {
     let path = place.path("set/trocar_type=a/insertion_count=0/strokes.csv");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.lines().take(3000).collect::<Vec<_>>().join("\n")).unwrap();
-    place.run("fleet set --out t.parquet").ends_with(3).says(&["7 taken over"]);
+    place.run("fleet set --out t.parquet").ends_with(3).says(&["7 reused"]);
     fs::create_dir(place.path("u.parquet")).unwrap();
     place.run("fleet set --out u.parquet").ends_with(1);
     fs::remove_dir(place.path("u.parquet")).unwrap();
-    place.run("fleet set --out u.parquet --seed 2").ends_with(3).says(&["0 taken over"]);
+    place.run("fleet set --out u.parquet --seed 2").ends_with(3).says(&["0 reused"]);
 }
 
 /// A manifest names files and carries its columns along; rows of one table are recordings by a column.

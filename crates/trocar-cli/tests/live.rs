@@ -28,7 +28,7 @@ const LARGEST: usize = 100_000;
 struct Page {
     row: String,
     knobs: Vec<Knob>,
-    stretch: Stretch,
+    excerpt: Excerpt,
 }
 
 #[derive(Deserialize)]
@@ -41,7 +41,7 @@ struct Knob {
 }
 
 #[derive(Deserialize)]
-struct Stretch {
+struct Excerpt {
     interval: f64,
     position: Codes,
     force: Codes,
@@ -234,11 +234,11 @@ fn check_desktop(page: &Page, seen: &Desktop, folder: &Path) {
     let row: Vec<f64> = bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
     let found = Trocar::from_numbers(&row).unwrap();
     let motion = |name: &str| Motion::read(&folder.join(name));
-    let (position, force) = (page.stretch.position.values(), page.stretch.force.values());
+    let (position, force) = (page.excerpt.position.values(), page.excerpt.force.values());
 
     let recorded = motion("recorded.csv");
     assert_eq!(recorded.position, position);
-    assert!(recorded.time.iter().enumerate().all(|(i, time)| *time == i as f64 * page.stretch.interval));
+    assert!(recorded.time.iter().enumerate().all(|(i, time)| *time == i as f64 * page.excerpt.interval));
     recorded.assert_forces("recorded", &found, found.rest_at_force(position[0], force[0]));
     check_error(&seen.start, page, &recorded.force);
 
@@ -284,11 +284,11 @@ fn turned_seal(page: &Page, found: &Trocar<&[f64]>, force: f64) -> Seal {
     found.seal().tuned(&values).unwrap()
 }
 
-/// The error on the page is that of these forces against the stretch, from where the start is forgotten.
+/// The error on the page is that of these forces against the excerpt, from where the start is forgotten.
 fn check_error(seen: &Seen, page: &Page, force: &[f64]) {
     assert_eq!(seen.number("force").to_bits(), force.last().unwrap().to_bits());
-    let measured = page.stretch.force.values();
-    let squares: Vec<f64> = (page.stretch.known..force.len()).map(|i| (measured[i] - force[i]).powi(2)).collect();
+    let measured = page.excerpt.force.values();
+    let squares: Vec<f64> = (page.excerpt.known..force.len()).map(|i| (measured[i] - force[i]).powi(2)).collect();
     let error = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
     assert!((seen.number("error") / error - 1.0).abs() < ROUNDING, "{} N, expected {error} N", seen.number("error"));
 }

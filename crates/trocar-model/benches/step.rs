@@ -63,7 +63,7 @@ fn report<M: Friction>(name: &str, model: &M, displacements: &[f64]) {
 
 fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
     let constant = ElementParams::plausible_10_5_mm()?;
-    let folded = ElementParams { insertion: STRIBECK, withdrawal: STRIBECK, ..constant };
+    let weakening = ElementParams { insertion: STRIBECK, withdrawal: STRIBECK, ..constant };
     let gentle = SlidingFriction { stribeck_velocity: 0.15, ..STRIBECK };
     let unique = ElementParams { insertion: gentle, withdrawal: gentle, ..constant };
     let damping = SealDamping::constant(1.0);
@@ -74,12 +74,12 @@ fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
         ("constant friction, sigma > 0", ElementParams { damping, ..constant }),
         ("Stribeck, unique, sigma = 0", unique),
         ("Stribeck, unique, sigma > 0", ElementParams { damping, ..unique }),
-        ("Stribeck, folded, sigma = 0", folded),
-        ("Stribeck, folded, sigma > 0", ElementParams { damping, ..folded }),
+        ("Stribeck, velocity weakening, sigma = 0", weakening),
+        ("Stribeck, velocity weakening, sigma > 0", ElementParams { damping, ..weakening }),
         ("creep", ElementParams { creep_velocity: 2e-4, ..constant }),
         ("relaxation, two arms", ElementParams { relaxation, ..constant }),
         ("everything, unique", ElementParams { damping, relaxation, creep_velocity: 2e-4, ..unique }),
-        ("everything, folded", ElementParams { damping, relaxation, creep_velocity: 2e-4, ..folded }),
+        ("everything, velocity weakening", ElementParams { damping, relaxation, creep_velocity: 2e-4, ..weakening }),
     ];
     for (name, params) in cases {
         report(name, &Element::new(params)?, displacements);

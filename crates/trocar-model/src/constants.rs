@@ -4,19 +4,19 @@
 //! follow from the parameters and hold for this version of the crate: not a form to store a model in, which is
 //! [`crate::flat`].
 
-use crate::elastic::{COUNT, Stretch};
-use crate::ems::{Contact, Element, Folding};
+use crate::elastic::{COUNT, Span};
+use crate::ems::{Contact, Element, VelocityWeakening};
 use crate::gms::Gms;
 use crate::leuven::Leuven;
 use crate::lugre::LuGre;
 use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip};
 
-/// M and h over one stretch between neighbouring joins, as power series of t = (z - `mid`)·`inverse_half` in [-1, 1].
+/// M and h over one span between neighbouring joins, as power series of t = (z - `mid`)·`inverse_half` in [-1, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StretchConstants {
-    /// Middle of the stretch, m.
+pub struct SpanConstants {
+    /// Middle of the span, m.
     pub mid: f64,
-    /// Inverse of half its width, 1/m; 0 for an empty stretch.
+    /// Inverse of half its width, 1/m; 0 for an empty span.
     pub inverse_half: f64,
     /// [M, h], N, lowest degree first.
     pub force: [[f64; 2]; COUNT],
@@ -27,8 +27,8 @@ pub struct StretchConstants {
 /// What is known of sliding to one side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactConstants {
-    /// One force may belong to several slip speeds: [`Folding`] is not unique.
-    pub folds: bool,
+    /// The sliding force falls with speed somewhere ([`VelocityWeakening`]), so one force may belong to several slip speeds.
+    pub velocity_weakening: bool,
     /// β + min dD/dż, N·s/m.
     pub damping: f64,
     /// max|g'|, N·s/m; may be infinite.
@@ -55,7 +55,7 @@ pub struct ElementConstants {
     /// The two inner joins, m, ascending.
     pub joins: [f64; 2],
     /// Below, between and above the joins.
-    pub stretches: [StretchConstants; 3],
+    pub spans: [SpanConstants; 3],
     /// M at -c and +c, N.
     pub end_force: [f64; 2],
     /// dM/dz beyond -c and +c, N/m.
@@ -95,18 +95,18 @@ pub struct LeuvenConstants {
     pub damping: f64,
 }
 
-impl From<&Stretch> for StretchConstants {
-    fn from(stretch: &Stretch) -> Self {
-        let Stretch { mid, inverse_half, force, slope } = *stretch;
+impl From<&Span> for SpanConstants {
+    fn from(span: &Span) -> Self {
+        let Span { mid, inverse_half, force, slope } = *span;
         Self { mid, inverse_half, force, slope }
     }
 }
 
 impl From<&Contact> for ContactConstants {
     fn from(contact: &Contact) -> Self {
-        let Contact { folding, damping, steepest_fall, free, end_force, end_stiffness, rate, lag } = *contact;
-        let folds = folding != Folding::Unique;
-        Self { folds, damping, steepest_fall, free, end_force, end_stiffness, rate, lag }
+        let Contact { weakening, damping, steepest_fall, free, end_force, end_stiffness, rate, lag } = *contact;
+        let velocity_weakening = weakening != VelocityWeakening::None;
+        Self { velocity_weakening, damping, steepest_fall, free, end_force, end_stiffness, rate, lag }
     }
 }
 
@@ -114,12 +114,12 @@ impl Element {
     /// What the step knows beside the parameters.
     pub fn constants(&self) -> ElementConstants {
         let deformation = &self.params.deformation;
-        let [below, between, above] = &deformation.stretches;
+        let [below, between, above] = &deformation.spans;
         ElementConstants {
             confined: self.confined,
             least_stiffness: self.least_stiffness,
             joins: deformation.joins,
-            stretches: [below.into(), between.into(), above.into()],
+            spans: [below.into(), between.into(), above.into()],
             end_force: deformation.end_force,
             end_stiffness: deformation.end_stiffness,
             contacts: [(&self.withdrawal).into(), (&self.insertion).into()],

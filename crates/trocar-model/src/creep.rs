@@ -15,7 +15,7 @@
 //!
 //! # Lag of the Stribeck curve
 //!
-//! On a soft seal a force that falls with speed makes the contact stick and slip by itself ([`crate::Element::folded`]). Friction
+//! On a soft seal a force that falls with speed makes the contact stick and slip ([`crate::Element::velocity_weakening`]). Friction
 //! rises and falls with a delay, though (frictional memory, ARMSTRONG), and a lag T of the curve keeps steady sliding steady
 //! where T·K + β + σ exceeds the fall of g. For a creeping contact T may be given; the force stays opposed to the slip.
 

@@ -232,9 +232,9 @@ impl Branch {
     }
 }
 
-/// M and h over one stretch between neighbouring joins, as power series of t in [-1, 1].
+/// M and h over one span between neighbouring joins, as power series of t in [-1, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stretch {
+pub(crate) struct Span {
     pub(crate) mid: f64,
     pub(crate) inverse_half: f64,
     /// [M, h] coefficient by coefficient, N: side by side so that both are evaluated in one vector.
@@ -255,7 +255,7 @@ pub struct DeformationForce {
     yield_stiffness: f64,
     /// The two inner joins, ascending.
     pub(crate) joins: [f64; 2],
-    pub(crate) stretches: [Stretch; 3],
+    pub(crate) spans: [Span; 3],
     /// M at -c and +c.
     pub(crate) end_force: [f64; 2],
     pub(crate) end_stiffness: [f64; 2],
@@ -286,9 +286,8 @@ impl DeformationForce {
         }
         let joins = [insertion.join().min(withdrawal.join()), insertion.join().max(withdrawal.join())];
         let bounds = [-half_width, joins[0], joins[1], half_width];
-        let stretch = |k: usize, left: f64, right: f64| Stretch::new(&insertion, &withdrawal, left, right, k);
-        let stretches =
-            [stretch(0, bounds[0], bounds[1]), stretch(1, bounds[1], bounds[2]), stretch(2, bounds[2], bounds[3])];
+        let span = |k: usize, left: f64, right: f64| Span::new(&insertion, &withdrawal, left, right, k);
+        let spans = [span(0, bounds[0], bounds[1]), span(1, bounds[1], bounds[2]), span(2, bounds[2], bounds[3])];
         let mean = |z: f64| 0.5 * (insertion.force(z) + withdrawal.force(z));
         let mut this = Self {
             insertion,
@@ -296,7 +295,7 @@ impl DeformationForce {
             half_width,
             yield_stiffness: 0.0,
             joins,
-            stretches,
+            spans,
             end_force: [mean(-half_width), mean(half_width)],
             end_stiffness: [
                 withdrawal.left.stiffness(-half_width).max(withdrawal.slope_floor()),
@@ -398,8 +397,8 @@ impl DeformationForce {
         if z < -self.half_width {
             return (self.end_force[0] + self.end_stiffness[0] * (z + self.half_width), 0.0);
         }
-        let stretch = self.stretch(z);
-        let [mid, gap] = estrin(&stretch.force, stretch.local(z));
+        let span = self.span(z);
+        let [mid, gap] = estrin(&span.force, span.local(z));
         (mid, gap.max(0.0))
     }
 
@@ -409,14 +408,14 @@ impl DeformationForce {
             let mid_slope = if z > 0.0 { self.end_stiffness[1] } else { self.end_stiffness[0] };
             return Local { mid, gap, mid_slope, gap_slope: 0.0 };
         }
-        let stretch = self.stretch(z);
-        let [mid_slope, gap_slope] = estrin(&stretch.slope, stretch.local(z));
+        let span = self.span(z);
+        let [mid_slope, gap_slope] = estrin(&span.slope, span.local(z));
         // Where h is clipped it stays at zero.
         Local { mid, gap, mid_slope, gap_slope: if gap > 0.0 { gap_slope } else { 0.0 } }
     }
 
-    fn stretch(&self, z: f64) -> &Stretch {
-        let [below, between, above] = &self.stretches;
+    fn span(&self, z: f64) -> &Span {
+        let [below, between, above] = &self.spans;
         if z < self.joins[0] {
             below
         } else if z < self.joins[1] {
@@ -426,9 +425,9 @@ impl DeformationForce {
         }
     }
 
-    /// The stretch of [`Self::stretch`] and the deflections [from, to) for which it is the one.
-    pub(crate) fn stretch_around(&self, z: f64) -> (&Stretch, f64, f64) {
-        let [below, between, above] = &self.stretches;
+    /// The span of [`Self::span`] and the deflections [from, to) for which it is the one.
+    pub(crate) fn span_around(&self, z: f64) -> (&Span, f64, f64) {
+        let [below, between, above] = &self.spans;
         let [first, last] = self.joins;
         if z < first {
             (below, f64::NEG_INFINITY, first)
@@ -493,17 +492,17 @@ impl DeformationForce {
         Ok(given)
     }
 
-    /// Calls `see` on a grid over each stretch, its two ends included; the slope of h is 0 where h is not above `least_gap`.
+    /// Calls `see` on a grid over each span, its two ends included; the slope of h is 0 where h is not above `least_gap`.
     fn sample(&self, least_gap: f64, mut see: impl FnMut(Local)) {
         let bounds = [-self.half_width, self.joins[0], self.joins[1], self.half_width];
-        for ((stretch, &from), &to) in self.stretches.iter().zip(&bounds).zip(bounds.iter().skip(1)) {
+        for ((span, &from), &to) in self.spans.iter().zip(&bounds).zip(bounds.iter().skip(1)) {
             if to <= from {
                 continue;
             }
             for k in 0..=SAMPLES {
                 let t = -1.0 + 2.0 * k as f64 / SAMPLES as f64;
-                let [mid, gap] = estrin(&stretch.force, t);
-                let [mid_slope, gap_slope] = estrin(&stretch.slope, t);
+                let [mid, gap] = estrin(&span.force, t);
+                let [mid_slope, gap_slope] = estrin(&span.slope, t);
                 let gap_slope = if gap > least_gap { gap_slope } else { 0.0 };
                 see(Local { mid, gap: gap.max(0.0), mid_slope, gap_slope });
             }
@@ -515,26 +514,26 @@ impl DeformationForce {
 /// is continued beyond its joins.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShapeDifference {
-    /// [M, h] over the stretches of the other.
-    stretches: [[[f64; 2]; COUNT]; 3],
+    /// [M, h] over the spans of the other.
+    spans: [[[f64; 2]; COUNT]; 3],
     end_force: [f64; 2],
     end_stiffness: [f64; 2],
     half_width: f64,
     pub(crate) yield_stiffness: f64,
 }
 
-/// Where a deflection lies: beyond an end by so much (m), or in a stretch at t; and whether h is clipped there.
+/// Where a deflection lies: beyond an end by so much (m), or in a span at t; and whether h is clipped there.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Place {
+pub(crate) enum DeflectionLocation {
     Beyond { upper: bool, excess: f64 },
-    Within { stretch: usize, t: f64, clipped: bool },
+    Within { span: usize, t: f64, clipped: bool },
 }
 
 impl DeformationForce {
     /// What `other` has more.
     pub(crate) fn difference(&self, other: &Self) -> ShapeDifference {
         let of = |k: usize| {
-            let Stretch { mid, inverse_half, force, .. } = &self.stretches[k];
+            let Span { mid, inverse_half, force, .. } = &self.spans[k];
             let mut more = [[0.0; 2]; COUNT];
             if *inverse_half > 0.0 {
                 let [up, down] =
@@ -550,7 +549,7 @@ impl DeformationForce {
         };
         let minus = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
         ShapeDifference {
-            stretches: [of(0), of(1), of(2)],
+            spans: [of(0), of(1), of(2)],
             end_force: minus(other.end_force, self.end_force),
             end_stiffness: minus(other.end_stiffness, self.end_stiffness),
             half_width: other.half_width - self.half_width,
@@ -559,28 +558,28 @@ impl DeformationForce {
     }
 
     /// Where `z`, m, lies.
-    pub(crate) fn place(&self, z: f64) -> Place {
+    pub(crate) fn locate(&self, z: f64) -> DeflectionLocation {
         if z.abs() > self.half_width {
-            return Place::Beyond { upper: z > 0.0, excess: z.abs() - self.half_width };
+            return DeflectionLocation::Beyond { upper: z > 0.0, excess: z.abs() - self.half_width };
         }
-        let stretch = if z < self.joins[0] { 0 } else { 1 + usize::from(z >= self.joins[1]) };
-        let own = &self.stretches[stretch];
+        let span = if z < self.joins[0] { 0 } else { 1 + usize::from(z >= self.joins[1]) };
+        let own = &self.spans[span];
         let t = own.local(z);
-        Place::Within { stretch, t, clipped: estrin(&own.force, t)[1] <= 0.0 }
+        DeflectionLocation::Within { span, t, clipped: estrin(&own.force, t)[1] <= 0.0 }
     }
 
-    /// `difference` of M and h at `place`, N.
+    /// `difference` of M and h at `location`, N.
     #[inline(always)]
-    pub(crate) fn more_at(&self, difference: &ShapeDifference, place: &Place) -> (f64, f64) {
-        match *place {
-            Place::Within { stretch, t, clipped } => {
-                let [mid, gap] = estrin(&difference.stretches[stretch], t);
+    pub(crate) fn more_at(&self, difference: &ShapeDifference, location: &DeflectionLocation) -> (f64, f64) {
+        match *location {
+            DeflectionLocation::Within { span, t, clipped } => {
+                let [mid, gap] = estrin(&difference.spans[span], t);
                 (mid, if clipped { 0.0 } else { gap })
             }
-            Place::Beyond { upper, excess } => {
+            DeflectionLocation::Beyond { upper, excess } => {
                 let (k, outwards) = if upper { (1, 1.0) } else { (0, -1.0) };
-                let bend = difference.end_stiffness[k] * excess - self.end_stiffness[k] * difference.half_width;
-                (difference.end_force[k] + outwards * bend, 0.0)
+                let change = difference.end_stiffness[k] * excess - self.end_stiffness[k] * difference.half_width;
+                (difference.end_force[k] + outwards * change, 0.0)
             }
         }
     }
@@ -594,8 +593,8 @@ pub(crate) struct Extremes {
     pub(crate) least_slope: f64,
 }
 
-impl Stretch {
-    /// The stretch `index` (0, 1, 2) between the joins, from `left` to `right`; an empty one is never evaluated.
+impl Span {
+    /// The span `index` (0, 1, 2) between the joins, from `left` to `right`; an empty one is never evaluated.
     fn new(insertion: &Branch, withdrawal: &Branch, left: f64, right: f64, index: usize) -> Self {
         let half = 0.5 * (right - left);
         let mid = 0.5 * (left + right);
@@ -623,7 +622,7 @@ impl Stretch {
     }
 }
 
-/// The piece of `branch` that covers the stretch with this index and middle.
+/// The piece of `branch` that covers the span with this index and middle.
 fn piece_over(branch: &Branch, mid: f64, index: usize) -> &Piece {
     match index {
         0 => &branch.left,

@@ -43,7 +43,7 @@ pub struct ElementParams {
 /// What the seal does at the moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The seal sticks to the instrument and bends: v_sl = 0, EMS (10); with creep, |v_sl| <= v_c.
+    /// The seal sticks to the instrument and deforms: v_sl = 0, EMS (10); with creep, |v_sl| <= v_c.
     Deforming,
     /// The instrument slides through the seal, EMS (14).
     Sliding,
@@ -65,7 +65,7 @@ pub struct State {
 }
 
 impl State {
-    /// Bending without any slip.
+    /// Deformation without any slip.
     #[inline(always)]
     pub(crate) fn stuck(deflection: f64, yield_force: f64, force: f64, arms: ArmForces) -> Self {
         Self {
@@ -119,14 +119,15 @@ impl State {
     }
 }
 
-/// Whether the force decides the slip speed in one direction, in the limit of short steps.
+/// Whether the sliding force of one direction falls with the slip speed somewhere, damping included. Where it does, one
+/// force belongs to several slip speeds: the friction law is multivalued.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Folding {
-    /// One slip speed for every force: β + min dD/dż exceeds the steepest fall of g.
-    Unique,
-    /// Between these slip speeds (m/s) the sliding force falls with speed; there steady sliding is unstable and the
-    /// seal sticks and slips by itself.
-    Folded {
+pub enum VelocityWeakening {
+    /// Nowhere: β + min dD/dż exceeds the steepest fall of g, and every force has one slip speed.
+    None,
+    /// Between these slip speeds (m/s) the sliding force falls with speed. Steady sliding is unstable there, and the
+    /// seal sticks and slips.
+    Between {
         /// Where the fall begins, m/s; 0 for a shape exponent of 1 or less.
         from: f64,
         /// Where the fall ends, m/s; infinite without any damping at high speed.
@@ -151,7 +152,7 @@ pub struct Element {
 /// What is known beforehand about sliding in one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Contact {
-    pub(crate) folding: Folding,
+    pub(crate) weakening: VelocityWeakening,
     /// β + min dD/dż, N·s/m.
     pub(crate) damping: f64,
     /// max|g'|, N·s/m.
@@ -208,7 +209,7 @@ impl Element {
         if params.friction_lag > 0.0 && params.creep_velocity == 0.0 {
             return Err(ParamError::LagWithoutCreep { lag: params.friction_lag });
         }
-        check_pins(&params)?;
+        check_end_points(&params)?;
         let extremes = params.deformation.extremes();
         let constant = params.insertion.is_constant() && params.withdrawal.is_constant();
         let highest = (1.0 + PIN_TOLERANCE) * params.insertion.static_force;
@@ -233,9 +234,9 @@ impl Element {
         &self.params
     }
 
-    /// Whether the sliding law folds, for insertion and for withdrawal.
-    pub fn folded(&self) -> (Folding, Folding) {
-        (self.insertion.folding, self.withdrawal.folding)
+    /// Velocity weakening of the sliding force, for insertion and for withdrawal.
+    pub fn velocity_weakening(&self) -> (VelocityWeakening, VelocityWeakening) {
+        (self.insertion.weakening, self.withdrawal.weakening)
     }
 
     /// State at rest with zero yield force at `deflection`, m. A deflection that is not finite counts as 0.
@@ -348,8 +349,8 @@ impl Element {
     }
 
     /// Whether one force may belong to several slip speeds when `now` of a change of g shows within the step.
-    pub(crate) fn folds(&self, direction: Direction, now: f64) -> bool {
-        self.contact(direction).folding != Folding::Unique && self.least_drag(direction, now) <= 0.0
+    pub(crate) fn is_multivalued(&self, direction: Direction, now: f64) -> bool {
+        self.contact(direction).weakening != VelocityWeakening::None && self.least_drag(direction, now) <= 0.0
     }
 
     /// β + min dD/dż - `now`·max|g'|, N·s/m: above zero the slip speed is unique in continuous time.
@@ -440,14 +441,14 @@ impl Friction for Element {
 }
 
 /// Both branches must end where sliding begins: (-c, -F_s) and (+c, +F_s).
-fn check_pins(params: &ElementParams) -> Result<(), ParamError> {
+fn check_end_points(params: &ElementParams) -> Result<(), ParamError> {
     let c = params.deformation.half_width();
     let ends = [(-c, -params.withdrawal.static_force), (c, params.insertion.static_force)];
     for (deflection, expected) in ends {
         for branch in [params.deformation.insertion(), params.deformation.withdrawal()] {
             let force = branch.force(deflection);
             if (force - expected).abs() > PIN_TOLERANCE * expected.abs() {
-                return Err(ParamError::NotPinned { deflection, force, expected });
+                return Err(ParamError::EndPointConstraint { deflection, force, expected });
             }
         }
     }
@@ -467,7 +468,7 @@ impl Contact {
         let (end_force, end_stiffness) = params.deformation.end(direction == Direction::Insertion);
         let rate = end_stiffness / sliding.viscous_damping;
         Ok(Self {
-            folding: folding(sliding, params.creep_velocity, damping.least_slope()),
+            weakening: weakening(sliding, params.creep_velocity, damping.least_slope()),
             damping: sliding.viscous_damping + damping.least_slope(),
             steepest_fall: sliding.steepest_fall(),
             free,
@@ -480,19 +481,19 @@ impl Contact {
 }
 
 /// Stationary points of H(u) = g(u)·ρ(u) + b·u with b = β + min dD/dż.
-fn folding(sliding: &SlidingFriction, creep_velocity: f64, least_damping: f64) -> Folding {
+fn weakening(sliding: &SlidingFriction, creep_velocity: f64, least_damping: f64) -> VelocityWeakening {
     let b = sliding.viscous_damping + least_damping;
     if b > sliding.steepest_fall() || sliding.is_constant() {
-        return Folding::Unique;
+        return VelocityWeakening::None;
     }
     let steepest = sliding.steepest_speed();
     let falls = |u: f64| resistance(sliding, creep_velocity, Rise::INSTANT, u).slope + least_damping < 0.0;
     let Some(inside) = first_fall(falls, steepest.max(creep_velocity), sliding.stribeck_velocity) else {
-        return Folding::Unique;
+        return VelocityWeakening::None;
     };
     let from = if inside > 0.0 { boundary(falls, inside, 0.0) } else { 0.0 };
     if b == 0.0 {
-        return Folding::Folded { from, to: f64::INFINITY };
+        return VelocityWeakening::Between { from, to: f64::INFINITY };
     }
     let mut beyond = inside + sliding.stribeck_velocity;
     for _ in 0..1000 {
@@ -501,7 +502,7 @@ fn folding(sliding: &SlidingFriction, creep_velocity: f64, least_damping: f64) -
         }
         beyond *= 2.0;
     }
-    Folding::Folded { from, to: boundary(falls, inside, beyond) }
+    VelocityWeakening::Between { from, to: boundary(falls, inside, beyond) }
 }
 
 /// A slip speed at which the force falls with speed, from the steepest of g upwards: creep may fill the fall in.

@@ -91,7 +91,7 @@ pub enum ParamError {
         at_right: f64,
     },
     /// A branch misses the static force at an end of the deformation range.
-    NotPinned {
+    EndPointConstraint {
         /// The end, m.
         deflection: f64,
         /// Force of the branch there, N.
@@ -173,7 +173,7 @@ impl fmt::Display for ParamError {
             Self::EndForcesNotRising { at_left, at_right } => {
                 write!(f, "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N")
             }
-            Self::NotPinned { deflection, force, expected } => {
+            Self::EndPointConstraint { deflection, force, expected } => {
                 write!(f, "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N")
             }
             Self::YieldStiffnessTooLow { given, minimum } => write!(

@@ -51,9 +51,9 @@
 //!   end of a braking then need no rule of their own. [`paper_literal`] keeps the printed reading and says where it fails.
 //! - **Partial reversals.** EMS gives one branch per direction and nothing between; see [`elastic`] for the law that runs
 //!   along both, without jumps and without producing energy.
-//! - **Folds.** Where g falls faster than β + σ allows, one force belongs to several slip speeds and the seal sticks and
-//!   slips by itself, against the remark that proposition III.3 holds for any Stribeck curve. [`Element::folded`] tells;
-//!   the step follows the present branch to its end.
+//! - **Velocity weakening.** Where g falls faster than β + σ rise, one force belongs to several slip speeds (a multivalued
+//!   friction law) and the seal sticks and slips, although the paper remarks that proposition III.3 holds for any Stribeck
+//!   curve. [`Element::velocity_weakening`] gives the speeds; the step follows the present branch to its end.
 //!
 //! # Where it goes beyond the paper
 //!
@@ -111,7 +111,7 @@ pub use dahl::{Dahl, DahlParams, DahlState};
 pub use damping::SealDamping;
 pub use direction::Direction;
 pub use elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
-pub use ems::{Element, ElementParams, Folding, Mode, State};
+pub use ems::{Element, ElementParams, Mode, State, VelocityWeakening};
 pub use error::ParamError;
 pub use friction::Friction;
 pub use gms::{Gms, GmsElement, GmsState, SlipRate};

@@ -80,7 +80,7 @@ impl LiteralState {
 }
 
 impl PaperLiteral {
-    /// The element with `params`. Branches need not be pinned; `yield_stiffness` has no meaning here.
+    /// The element with `params`. Branches need not meet the end-point constraint; `yield_stiffness` has no meaning here.
     ///
     /// # Errors
     /// A sliding or damping parameter out of its range.
@@ -115,7 +115,7 @@ impl PaperLiteral {
         self.output(&self.enter(*state, velocity), velocity)
     }
 
-    /// Mode, branch and force at the start of a stretch with this velocity.
+    /// Mode, branch and force at the start of an interval with this velocity.
     fn enter(&self, mut state: LiteralState, velocity: f64) -> LiteralState {
         let direction = if velocity == 0.0 { state.direction } else { Direction::of(velocity) };
         if velocity == 0.0 || direction != state.direction {

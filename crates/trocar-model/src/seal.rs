@@ -98,7 +98,7 @@ impl Seal {
 }
 
 impl SealState {
-    /// How the seal is deformed; `None` for a classical model, which does not tell.
+    /// How the seal is deformed; `None` for a classical model, which has no deflection.
     pub fn deformation(&self) -> Option<Deformation> {
         match self {
             Self::Ems(state) => Some(Deformation::of(state.states())),

@@ -48,7 +48,7 @@ const FIRST_STRIDE: f64 = 1e-3;
 /// March stride as a fraction of c, in deflection.
 const DEFLECTION_STRIDE: f64 = 1.0 / 32.0;
 
-/// One stretch of motion at constant velocity.
+/// A motion at constant velocity.
 #[derive(Clone, Copy)]
 struct Motion {
     velocity: f64,
@@ -146,7 +146,7 @@ impl Element {
         Onset { z, q, local, arms, direction, speed, drag, rise: state.rise }
     }
 
-    /// From stick: bends with the instrument, EMS (10).
+    /// From stick: deforms with the instrument, EMS (10).
     #[inline(always)]
     fn leave_stick(&self, state: &State, motion: Motion) -> State {
         let (z, q) = (state.deflection, state.yield_force);
@@ -162,7 +162,7 @@ impl Element {
         self.yield_within(state, motion, force)
     }
 
-    /// Bends up to the yield point within the step, (12), and slides from there; `trial` is the force without slip.
+    /// Deforms up to the yield point within the step, (12), and slides from there; `trial` is the force without slip.
     #[inline(never)]
     fn yield_within(&self, state: &State, motion: Motion, trial: f64) -> State {
         let (z, q) = (state.deflection, state.yield_force);
@@ -170,14 +170,14 @@ impl Element {
         let direction = Direction::of(trial);
         let s = direction.sign();
         let limit = self.sliding(direction).static_force;
-        let bent = |part: f64| part * motion.velocity * motion.time;
-        let arms_at = |part: f64| self.params.relaxation.within(&state.arms, part * motion.time).forces(bent(part));
+        let moved = |part: f64| part * motion.velocity * motion.time;
+        let arms_at = |part: f64| self.params.relaxation.within(&state.arms, part * motion.time).forces(moved(part));
         let force_at = |part: f64| {
-            let elastic = self.params.deformation.reach(z, q, z + bent(part)).0;
+            let elastic = self.params.deformation.reach(z, q, z + moved(part)).0;
             s * (elastic + arms_at(part).iter().sum::<f64>() + damping) - limit
         };
         let part = yield_fraction(force_at, s * trial - limit);
-        let reached = z + bent(part);
+        let reached = z + moved(part);
         let yield_force = self.params.deformation.reach(z, q, reached).1;
         let local = self.params.deformation.local(reached);
         let arms = arms_at(part);
@@ -230,8 +230,11 @@ impl Element {
         if self.is_free(direction) {
             return (guess, 0.0);
         }
-        let stride =
-            if self.folds(direction, rise.now) { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+        let stride = if self.is_multivalued(direction, rise.now) {
+            STRIBECK_STRIDE * sliding.stribeck_velocity
+        } else {
+            f64::INFINITY
+        };
         let (speed, slope) = find_root(residual, Search { guess, stride, residual: RESIDUAL * sliding.static_force });
         (speed, -slope)
     }
@@ -307,26 +310,26 @@ impl Element {
 
     /// Where the slip speed at the end of the step is sought.
     ///
-    /// With a single root any start will do, and the last speed is the nearest. A folded friction law is followed on
+    /// With a single root any start will do, and the last speed is the nearest. A multivalued friction law is followed on
     /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
     /// side, is the stable one.
     fn search(&self, onset: &Onset, implicit: f64, now: f64, guess: f64) -> Search {
         let sliding = self.sliding(onset.direction);
         let residual = RESIDUAL * sliding.static_force;
-        let folds = self.folds(onset.direction, now);
+        let multivalued = self.is_multivalued(onset.direction, now);
         let softens = self.least_stiffness * implicit + self.least_drag(onset.direction, now) <= 0.0;
-        if !folds && !softens {
+        if !multivalued && !softens {
             return Search { guess, stride: f64::INFINITY, residual };
         }
-        let in_speed = if folds { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+        let in_speed = if multivalued { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
         let c = self.params.deformation.half_width();
         let in_deflection = if self.least_stiffness <= 0.0 { DEFLECTION_STRIDE * c / implicit } else { f64::INFINITY };
-        let guess = if folds { guess.min(onset.speed + in_speed).max(onset.speed - in_speed) } else { 0.0 };
+        let guess = if multivalued { guess.min(onset.speed + in_speed).max(onset.speed - in_speed) } else { 0.0 };
         Search { guess, stride: in_speed.min(in_deflection), residual }
     }
 
     /// θ of the module documentation, from the rate K/(β + g' + D') at the start, and the slip speed at the end if
-    /// nothing bends. θ = 1 where the start does not decay.
+    /// the seal does not deform. θ = 1 where the start does not decay.
     ///
     /// A creeping contact is slow and may let go within the step: there θ follows the drag of sliding, which is exact for
     /// what comes, and costs nothing where the slip is small.

@@ -2,7 +2,7 @@
 //!
 //! The parameters of an element hang together: both branches end at ±F_s. So the numbers here are chosen such that each
 //! can be changed by itself. A new force F_s stretches the branches between the new ends (an affine map of their forces,
-//! which keeps them joined and pinned, and takes the yield stiffness and the second relaxing arm along; the first has numbers of its
+//! which keeps them joined and at their end points, and takes the yield stiffness and the second relaxing arm along; the first has numbers of its
 //! own); a new half width stretches them along the deflection.
 //!
 //! - **Rest**: where the two directions are changed apart, the deflection without force moves away from 0; an undeformed seal then
@@ -231,9 +231,9 @@ fn tuned_element(old: &ElementParams, new: &mut New) -> Result<ElementParams, Pa
     params.insertion.check()?;
     params.withdrawal.check()?;
     let ends = |params: &ElementParams| [-params.withdrawal.static_force, params.insertion.static_force];
-    let stretch = Stretch::new(old.deformation.half_width(), half_width, ends(old), ends(&params));
-    params.relaxation.arms[1] = stretch.arm(old.relaxation.arms[1]);
-    params.deformation = stretch.deformation(&old.deformation)?;
+    let rescaling = Rescaling::new(old.deformation.half_width(), half_width, ends(old), ends(&params));
+    params.relaxation.arms[1] = rescaling.arm(old.relaxation.arms[1]);
+    params.deformation = rescaling.deformation(&old.deformation)?;
     Ok(params)
 }
 
@@ -264,14 +264,14 @@ fn set<T: Parameters>(params: &mut T, quantity: Quantity, value: f64) {
     own.for_each(|field| (field.set)(params, value));
 }
 
-/// z' = width·z, F' = shift + scale·F.
-struct Stretch {
+/// Rescaling of the branches to new ends: z' = width·z, F' = shift + scale·F.
+struct Rescaling {
     width: f64,
     shift: f64,
     scale: f64,
 }
 
-impl Stretch {
+impl Rescaling {
     fn new(old_width: f64, new_width: f64, before: [f64; 2], after: [f64; 2]) -> Self {
         let width = if new_width == old_width { 1.0 } else { new_width / old_width };
         if before == after {

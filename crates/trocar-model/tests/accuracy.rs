@@ -100,7 +100,7 @@ fn stiff_constant_friction_is_exact() {
 
 #[test]
 fn branches_that_pass_the_sliding_force() {
-    // The same seal with its hump above F_c: pinned by F_s at the ends, but with a softer contact it would slide early.
+    // The same seal with its hump above F_c: held at F_s at the ends, but with a softer contact it would slide early.
     for beta in [20.0, 5.0] {
         let params = common::humped(beta);
         check(&format!("hump above F_c, beta {beta}"), params, SNAPPING_TOLERANCE, 400);
@@ -185,7 +185,7 @@ fn stribeck_and_damping() {
                 100,
             );
         }
-        // A Stribeck speed above 103 mm/s does not fold at β = 5 N·s/m.
+        // Above a Stribeck speed of 103 mm/s there is no velocity weakening at β = 5 N·s/m.
         for speed in [0.11, 0.15] {
             let params = ElementParams { damping, ..with_friction(stribeck(speed)) };
             check(&format!("Stribeck {speed} m/s, sigma {sigma}"), params, GENERAL_TOLERANCE, 100);

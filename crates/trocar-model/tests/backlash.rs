@@ -48,7 +48,7 @@ fn seal() -> Element {
     Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()
 }
 
-/// Highest minus lowest force, N, over a hold under `readings` that begins in the middle of a bend.
+/// Highest minus lowest force, N, over a hold under `readings` that begins in the middle of a deformation.
 fn ripple(filter: &BacklashFilter, readings: &[f64]) -> f64 {
     let seal = seal();
     let (mut state, mut filtered) = (seal.rest_state(-8e-3), BacklashState::default());
@@ -57,7 +57,7 @@ fn ripple(filter: &BacklashFilter, readings: &[f64]) -> f64 {
         let displacement = filter.displacement(&mut filtered, start + 5e-5 * f64::from(k));
         seal.step(&mut state, displacement, PERIOD);
     }
-    // What the end of the bend and the first readings of the hold leave open is settled after a moment.
+    // What the end of the deformation and the first readings of the hold leave open is settled after a moment.
     let forces = readings.iter().map(|x| seal.step(&mut state, filter.displacement(&mut filtered, *x), PERIOD));
     let (low, high) =
         forces.skip(100).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), f| (low.min(f), high.max(f)));

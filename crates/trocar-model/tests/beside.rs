@@ -28,7 +28,7 @@ fn damped() -> Params {
 }
 
 /// Friction that falls with speed faster than damping makes up for.
-fn folded() -> Params {
+fn weakening() -> Params {
     Ok(with_stribeck(ElementParams::plausible_10_5_mm()?, 6.0))
 }
 
@@ -155,8 +155,8 @@ fn differences_are_derivatives() {
 /// Where one force has several slip speeds, and the seal sticks and slips by itself, what a search leaves would grow: a model that
 /// differs in nothing that counts stays beside the other.
 #[test]
-fn nothing_grows_on_a_folded_law() {
-    let params = folded().unwrap();
+fn nothing_grows_on_a_multivalued_law() {
+    let params = weakening().unwrap();
     let [model, other] = [1.0, 2.0].map(|factor| changed(params, 12, factor));
     let (forces, state) = beside(&model, &other);
     let apart = forces.iter().zip(alone(&model)).map(|(beside, alone)| (beside - alone).abs()).fold(0.0, f64::max);

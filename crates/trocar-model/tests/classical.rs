@@ -10,9 +10,9 @@ use trocar_model::{
 /// Rounding of a few hundred steps, as a fraction of the forces at work.
 const ROUNDING: f64 = 1e-12;
 
-/// One stretch of constant velocity.
+/// A motion at constant velocity.
 #[derive(Clone, Copy, Debug)]
-struct Stretch {
+struct Movement {
     displacement: f64,
     duration: f64,
 }
@@ -22,18 +22,17 @@ fn scales(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.ln()..high.ln()).prop_map(f64::exp)
 }
 
-/// Stretches of 1e-4 to 100 times a length to be given, at 1e-5 to 100 m/s.
-fn motions() -> impl Strategy<Value = Vec<Stretch>> {
-    let stretch = (scales(1e-4, 100.0), scales(1e-5, 100.0), any::<bool>()).prop_map(|(length, speed, back)| Stretch {
-        displacement: if back { -length } else { length },
-        duration: length / speed,
+/// Motions of 1e-4 to 100 times a length to be given, at 1e-5 to 100 m/s.
+fn motions() -> impl Strategy<Value = Vec<Movement>> {
+    let movement = (scales(1e-4, 100.0), scales(1e-5, 100.0), any::<bool>()).prop_map(|(length, speed, back)| {
+        Movement { displacement: if back { -length } else { length }, duration: length / speed }
     });
-    prop::collection::vec(stretch, 1..80)
+    prop::collection::vec(movement, 1..80)
 }
 
 /// `motion` in units of `length`, m, at the same speeds.
-fn scaled(motion: &[Stretch], length: f64) -> Vec<Stretch> {
-    let scale = |s: &Stretch| Stretch { displacement: s.displacement * length, duration: s.duration * length };
+fn scaled(motion: &[Movement], length: f64) -> Vec<Movement> {
+    let scale = |s: &Movement| Movement { displacement: s.displacement * length, duration: s.duration * length };
     motion.iter().map(scale).collect()
 }
 
@@ -99,12 +98,12 @@ fn lugre_length(params: &LuGreParams) -> f64 {
     params.sliding.coulomb_force / params.stiffness
 }
 
-fn run<M: Friction>(model: &M, state: &mut M::State, motion: &[Stretch]) -> f64 {
+fn run<M: Friction>(model: &M, state: &mut M::State, motion: &[Movement]) -> f64 {
     motion.iter().fold(M::force(state), |_, s| model.step(state, s.displacement, s.duration))
 }
 
 /// The force after the mirrored motion is the mirrored force, bit by bit.
-fn is_odd<M: Friction>(model: &M, motion: &[Stretch]) -> Result<(), TestCaseError> {
+fn is_odd<M: Friction>(model: &M, motion: &[Movement]) -> Result<(), TestCaseError> {
     let (mut one, mut other) = (model.rest_at_force(0.0), model.rest_at_force(0.0));
     for s in motion {
         let force = model.step(&mut one, s.displacement, s.duration);
@@ -114,10 +113,10 @@ fn is_odd<M: Friction>(model: &M, motion: &[Stretch]) -> Result<(), TestCaseErro
 }
 
 /// `whole` in one step and in `count` parts at the same velocity; returns the difference of the forces, N.
-fn cut<M: Friction>(model: &M, state: M::State, whole: Stretch, count: u32) -> f64 {
+fn cut<M: Friction>(model: &M, state: M::State, whole: Movement, count: u32) -> f64 {
     let (mut one, mut many) = (state, state);
     let part =
-        Stretch { displacement: whole.displacement / f64::from(count), duration: whole.duration / f64::from(count) };
+        Movement { displacement: whole.displacement / f64::from(count), duration: whole.duration / f64::from(count) };
     run(model, &mut many, &vec![part; count as usize]);
     (model.step(&mut one, whole.displacement, whole.duration) - M::force(&many)).abs()
 }
@@ -209,7 +208,7 @@ proptest! {
         one in dahls(), two in lugres(), past in motions(), travel in scales(0.01, 20.0), speed in scales(1e-5, 10.0),
         count in 2..300_u32,
     ) {
-        let stretch = |length: f64, sign: f64| Stretch {
+        let movement = |length: f64, sign: f64| Movement {
             displacement: sign * travel * length,
             duration: travel * length / speed,
         };
@@ -217,14 +216,14 @@ proptest! {
         let model = dahl(one);
         let mut state = model.rest_state();
         run(&model, &mut state, &scaled(&past, length));
-        let apart = cut(&model, state, stretch(length, -state.force().signum()), count);
+        let apart = cut(&model, state, movement(length, -state.force().signum()), count);
         prop_assert!(apart < ROUNDING * (one.coulomb_force + one.viscous_damping * speed), "{apart}");
 
         let length = lugre_length(&two);
         let model = lugre(two);
         let mut state = model.rest_state();
         run(&model, &mut state, &scaled(&past, length));
-        let apart = cut(&model, state, stretch(length, -state.deflection().signum()), count);
+        let apart = cut(&model, state, movement(length, -state.deflection().signum()), count);
         let dampers = two.micro_damping + two.sliding.viscous_damping;
         prop_assert!(apart < ROUNDING * (two.sliding.static_force + dampers * speed), "{apart}");
     }
@@ -241,7 +240,7 @@ proptest! {
         let mut resampled = Vec::new();
         for (s, slowness) in motion.iter().zip(slowness) {
             let n = f64::from(count);
-            let part = Stretch { displacement: s.displacement / n, duration: slowness * s.duration / n };
+            let part = Movement { displacement: s.displacement / n, duration: slowness * s.duration / n };
             resampled.extend(std::iter::repeat_n(part, count as usize));
         }
         let (mut a, mut b) = (dahl.rest_state(), dahl.rest_state());

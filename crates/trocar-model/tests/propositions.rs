@@ -3,8 +3,8 @@
 use crate::common::{self, Seal, general_elements, seals};
 use proptest::prelude::*;
 use trocar_model::{
-    DeformationForce, Element, ElementParams, Folding, Mode, ParamError, Relaxation, SealDamping, SlidingFriction,
-    State, step_parallel,
+    DeformationForce, Element, ElementParams, Mode, ParamError, Relaxation, SealDamping, SlidingFriction, State,
+    VelocityWeakening, step_parallel,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -67,12 +67,12 @@ proptest! {
     fn settled_force_is_the_sliding_force(element in general_elements(), speed in 0.02..0.2_f64, down: bool) {
         let velocity = if down { -speed } else { speed };
         let (params, s) = (element.params(), velocity.signum());
-        let (sliding, folding) = if down {
-            (&params.withdrawal, element.folded().1)
+        let (sliding, weakening) = if down {
+            (&params.withdrawal, element.velocity_weakening().1)
         } else {
-            (&params.insertion, element.folded().0)
+            (&params.insertion, element.velocity_weakening().0)
         };
-        if let Folding::Folded { to, .. } = folding {
+        if let VelocityWeakening::Between { to, .. } = weakening {
             prop_assume!(speed > 1.05 * to);
         }
         let mut state = element.rest_state(0.0);
@@ -321,7 +321,7 @@ fn huge_step_ends_in_the_settled_slide() {
     }
 }
 
-fn folding_friction() -> SlidingFriction {
+fn weakening_friction() -> SlidingFriction {
     SlidingFriction {
         coulomb_force: 2.0,
         static_force: 3.0,
@@ -331,21 +331,23 @@ fn folding_friction() -> SlidingFriction {
     }
 }
 
-/// A straight spring of 500 N/m under folding friction: at 15 mm/s the settled slide is unstable and the seal sticks and
+/// A straight spring of 500 N/m under velocity-weakening friction: at 15 mm/s the settled slide is unstable and the seal sticks and
 /// slips between 2.22 N and 3.00 N; at 60 mm/s it settles. Against EMS's remark that III.3 holds for any Stribeck curve.
 #[test]
-fn folded_friction_sticks_and_slips() {
+fn velocity_weakening_friction_sticks_and_slips() {
     let params = ElementParams {
         deformation: DeformationForce::linear(500.0, 6e-3).unwrap(),
         damping: SealDamping::ZERO,
-        insertion: folding_friction(),
-        withdrawal: folding_friction(),
+        insertion: weakening_friction(),
+        withdrawal: weakening_friction(),
         creep_velocity: 0.0,
         friction_lag: 0.0,
         relaxation: Relaxation::NONE,
     };
     let element = Element::new(params).unwrap();
-    let Folding::Folded { from, to } = element.folded().0 else { panic!("must fold") };
+    let VelocityWeakening::Between { from, to } = element.velocity_weakening().0 else {
+        panic!("the force falls with speed")
+    };
     assert!(from > 0.0 && from < 2e-3 && to > 0.03 && to < 0.06, "{from} {to}");
     for (speed, swing) in [(0.015, Some((2.2171, 3.0024))), (0.06, None)] {
         let dt = 2e-5;
@@ -421,6 +423,6 @@ fn impossible_parameters_are_refused_with_reasons() {
     let mut params = plausible();
     params.insertion = SlidingFriction::coulomb(2.5, 5.0);
     let refused = Element::new(params).unwrap_err();
-    assert!(matches!(refused, ParamError::NotPinned { .. }));
+    assert!(matches!(refused, ParamError::EndPointConstraint { .. }));
     assert!(refused.to_string().starts_with("both branches must pass 2.5 N (the static force) at 0.008 m"));
 }

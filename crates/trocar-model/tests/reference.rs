@@ -76,7 +76,7 @@ fn literal_reading_matches_with_damping() {
 }
 
 /// The same seal for the natural law: [-c, c] ends where the curve reaches F_s, straight beyond.
-fn pinned() -> Element {
+fn through_end_points() -> Element {
     let wide = params(0.0, 8e-3);
     let (mut low, mut high) = (4e-3, 5e-3);
     for _ in 0..200 {
@@ -102,7 +102,7 @@ fn natural_law_agrees_where_the_readings_must() {
     let Some(rows) = rows("ems_oracle_sigma0_tri.csv") else {
         return;
     };
-    let element = pinned();
+    let element = through_end_points();
     let mut state = element.rest_state(0.0);
     let (mut first_bend, mut settled, mut apart) = (0.0_f64, 0.0_f64, 0.0_f64);
     let mut slid_rows = 0;

@@ -1,4 +1,4 @@
-//! What every program that runs a model relies on: rows of numbers, states that can be stored, parameters that can be turned.
+//! What every program that runs a model relies on: rows of numbers, states that can be stored, parameters that can be adjusted.
 
 use proptest::prelude::*;
 use trocar_model::flat::{FlatError, SEAL_NUMBERS, STATE_NUMBERS};

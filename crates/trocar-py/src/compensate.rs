@@ -14,12 +14,12 @@ use crate::model::Model;
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 15;
 
-/// What the observer says of one sample.
+/// Estimate of the observer for one sample.
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct TissueForce {
     /// Force of the instrument on seal and trocar, N.
     trocar_force_n: f64,
-    /// Force of the instrument on the tissue, N; nan where the reading cannot tell.
+    /// Force of the instrument on the tissue, N; nan where the reading does not determine it.
     tissue_force_n: f64,
     /// Standard deviation of both, N.
     std_n: f64,
@@ -93,15 +93,15 @@ impl Compensator {
 
     /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its duration.
     fn step(&mut self, position_m: f64, force_n: f64, duration_s: f64) -> TissueForce {
-        let said = self.observer.step(position_m, force_n, duration_s);
+        let estimate = self.observer.step(position_m, force_n, duration_s);
         self.time =
             Some(self.time.unwrap_or(0.0) + if duration_s > 0.0 && duration_s.is_finite() { duration_s } else { 0.0 });
         TissueForce {
-            trocar_force_n: said.trocar_force,
-            tissue_force_n: said.tissue_force,
-            std_n: said.std,
-            adapting: said.adapting,
-            fault: said.fault.map(name),
+            trocar_force_n: estimate.trocar_force,
+            tissue_force_n: estimate.tissue_force,
+            std_n: estimate.std,
+            adapting: estimate.adapting,
+            fault: estimate.fault.map(name),
         }
     }
 
@@ -116,11 +116,11 @@ impl Compensator {
         force_n: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let columns = [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
-        let (said, time) = along(py, &mut self.observer, self.time, &columns)?;
+        let (estimates, time) = along(py, &mut self.observer, self.time, &columns)?;
         self.time = time;
         let result = py.import(intern!(py, "trocar.results"))?.getattr(intern!(py, "Compensation"))?;
         let [time, position, force] = columns;
-        result.call_method1(intern!(py, "_of"), ((&*time, &*position, &*force), said, self.drift()))
+        result.call_method1(intern!(py, "_of"), ((&*time, &*position, &*force), estimates, self.drift()))
     }
 
     /// Friction and viscosity over those of the model, with standard deviations: (level, level_std, viscosity,
@@ -130,7 +130,7 @@ impl Compensator {
         numbers(self.observer.drift())
     }
 
-    /// Whether the last pair of passes told that tissue is touched.
+    /// Whether the last pair of strokes indicated contact with tissue.
     #[getter]
     fn is_in_contact(&self) -> bool {
         self.observer.is_in_contact()
@@ -147,7 +147,7 @@ impl Compensator {
 }
 
 /// Trocar force, tissue force, standard deviation, adapting, fault (place in `faults`, -1 for none).
-type Said<'py> = (
+type Estimates<'py> = (
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -178,12 +178,12 @@ pub(crate) fn compensate<'py>(
     sensor_limit_n: Option<f64>,
     force_error_n: Option<f64>,
     adaptation: bool,
-) -> PyResult<(Said<'py>, (f64, f64, f64, f64))> {
+) -> PyResult<(Estimates<'py>, (f64, f64, f64, f64))> {
     let options = options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
     let mut observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
     let columns = [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
-    let (said, _) = along(py, &mut observer, None, &columns)?;
-    Ok((said, numbers(observer.drift())))
+    let (estimates, _) = along(py, &mut observer, None, &columns)?;
+    Ok((estimates, numbers(observer.drift())))
 }
 
 fn numbers(drift: Drift) -> (f64, f64, f64, f64) {
@@ -196,7 +196,7 @@ fn along<'py>(
     observer: &mut Observer,
     mut before: Option<f64>,
     [time, position, force]: &[PyReadonlyArray1<'py, f64>; 3],
-) -> PyResult<(Said<'py>, Option<f64>)> {
+) -> PyResult<(Estimates<'py>, Option<f64>)> {
     let (time, position, force) = (time.as_slice()?, position.as_slice()?, force.as_slice()?);
     for (name, length) in [("position_m", position.len()), ("force_n", force.len())] {
         if length != time.len() {
@@ -207,24 +207,24 @@ fn along<'py>(
         }
     }
     check(time, before)?;
-    let mut said: Vec<Estimate> = Vec::with_capacity(time.len());
+    let mut estimates: Vec<Estimate> = Vec::with_capacity(time.len());
     for chunk in (0..time.len()).step_by(CHUNK) {
         let range = chunk..time.len().min(chunk + CHUNK);
         py.detach(|| {
             for i in range {
-                said.push(observer.step(position[i], force[i], before.map_or(0.0, |before| time[i] - before)));
+                estimates.push(observer.step(position[i], force[i], before.map_or(0.0, |before| time[i] - before)));
                 before = Some(time[i]);
             }
         });
         py.check_signals()?;
     }
-    let fault = |said: &Estimate| said.fault.map_or(-1, |fault| fault as i8);
+    let fault = |estimate: &Estimate| estimate.fault.map_or(-1, |fault| fault as i8);
     let arrays = (
-        PyArray1::from_iter(py, said.iter().map(|said| said.trocar_force)),
-        PyArray1::from_iter(py, said.iter().map(|said| said.tissue_force)),
-        PyArray1::from_iter(py, said.iter().map(|said| said.std)),
-        PyArray1::from_iter(py, said.iter().map(|said| said.adapting)),
-        PyArray1::from_iter(py, said.iter().map(fault)),
+        PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.trocar_force)),
+        PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.tissue_force)),
+        PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.std)),
+        PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.adapting)),
+        PyArray1::from_iter(py, estimates.iter().map(fault)),
     );
     Ok((arrays, before))
 }

@@ -7,7 +7,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use trocar::fleet::{
-    Cell, Collector, Config, Dataset, DatasetError, Depth, FleetError, Input, Tally, columns, identify_one,
+    Collector, Config, Dataset, DatasetError, Depth, FleetCell, FleetError, Input, Tally, columns, identify_one,
     identify_source, journal_path,
 };
 use trocar::recording::{Choice, ReadOptions};
@@ -98,12 +98,12 @@ pub(crate) fn fleet_frame(
 fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<PyAny>>> {
     let config = config.0.clone();
     let row = run(py, How { progress: None, threads: 1 }, move |_| identify_one(&input, &config))?;
-    let value = |cell: Cell| match cell {
-        Cell::Empty => Ok(py.None()),
-        Cell::Boolean(value) => value.into_py_any(py),
-        Cell::Integer(value) => value.into_py_any(py),
-        Cell::Float(value) => value.into_py_any(py),
-        Cell::Text(value) => value.into_py_any(py),
+    let value = |cell: FleetCell| match cell {
+        FleetCell::Empty => Ok(py.None()),
+        FleetCell::Boolean(value) => value.into_py_any(py),
+        FleetCell::Integer(value) => value.into_py_any(py),
+        FleetCell::Float(value) => value.into_py_any(py),
+        FleetCell::Text(value) => value.into_py_any(py),
     };
     row.cells.into_iter().map(value).collect()
 }
@@ -155,7 +155,7 @@ impl FleetTable {
         Ok(orders.map_err(wrong)?.unwrap_or_default())
     }
 
-    /// Takes the rows of a file; recordings done, taken over from before, and failed.
+    /// Takes the rows of a file; recordings done, reused from before, and failed.
     fn add(&self, source: usize, parts: &str) -> PyResult<(usize, usize, usize)> {
         self.with(|collector| collector.add(source, parts))
     }
@@ -190,7 +190,7 @@ impl FleetTable {
 
     fn with(&self, take: impl FnOnce(&mut Collector) -> Result<Tally, FleetError>) -> PyResult<(usize, usize, usize)> {
         let tally = take(self.open().as_mut().ok_or_else(written)?).map_err(of_fleet)?;
-        Ok((tally.done, tally.taken_over, tally.failed))
+        Ok((tally.done, tally.reused, tally.failed))
     }
 }
 

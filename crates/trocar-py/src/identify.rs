@@ -1,4 +1,4 @@
-//! `identify`, and `Found`: what it leaves behind.
+//! `identify`, and its result `Identified`.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::work::{How, run};
 
 /// A finished identification.
 #[pyclass(module = "trocar._core", frozen)]
-pub(crate) struct Found(Arc<Workflow>);
+pub(crate) struct Identified(Arc<Workflow>);
 
 impl Raise for WorkflowError {
     fn raise(self) -> PyErr {
@@ -51,7 +51,7 @@ pub(crate) fn identify(
     gravity_m_s2: f64,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Found> {
+) -> PyResult<Identified> {
     let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
     if let Some(offset) = offset_n.filter(|offset| !offset.is_finite()) {
         return Err(ParameterError::new_err(format!("offset_n must be a finite number, got {offset}")));
@@ -71,7 +71,7 @@ pub(crate) fn identify(
         Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| report.tell(stage, part))
     };
     let job = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
-    Ok(Found(Arc::new(job)))
+    Ok(Identified(Arc::new(job)))
 }
 
 fn term(name: &str) -> PyResult<Term> {
@@ -91,7 +91,7 @@ fn save(done: &Workflow, folder: &std::path::Path) -> Result<(), ReportError> {
 }
 
 #[pymethods]
-impl Found {
+impl Identified {
     /// The identified model.
     fn model(&self) -> Model {
         self.0.model_file().into()

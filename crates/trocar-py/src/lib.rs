@@ -2,7 +2,7 @@
 //! work off the interpreter's lock. The rest of the package is Python, in `python/trocar/`.
 //!
 //! ```text
-//! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Found, Validated, Compared ─▶ Python results
+//! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Identified, Validated, Compared ─▶ Python results
 //!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep
 //! ```
 //! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception with the library's
@@ -44,7 +44,7 @@ mod _core {
     #[pymodule_export]
     use crate::fleet::{FleetConfig, FleetTable, fleet_columns, fleet_file, fleet_frame, fleet_source};
     #[pymodule_export]
-    use crate::identify::{Found, identify};
+    use crate::identify::{Identified, identify};
     #[pymodule_export]
     use crate::many::{simulate_many, squared_error_many};
     #[pymodule_export]

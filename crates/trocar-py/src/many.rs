@@ -33,13 +33,13 @@ pub(crate) fn simulate_many(
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     check_motion(py, time, position)?;
     let start = start(initial_force_n, initial_deflection_m)?;
-    let turned = parameters.map(|columns| Turned::read(&models, columns)).transpose()?;
-    let models = Models::new(&models, turned.as_ref(), start)?;
+    let adjusted = parameters.map(|columns| Adjusted::read(&models, columns)).transpose()?;
+    let models = Models::new(&models, adjusted.as_ref(), start)?;
     let mut out = rows(out, models.count(), time.len())?;
     apart(&out, &models.read(&[time, position]))?;
     let out = out.as_slice_mut()?;
     let done = run_borrowing(py, threads, || forces(&models, start, &Motion::new(time, position), out))?;
-    done.map_err(|refusal| raise(refusal, turned.as_ref()))
+    done.map_err(|refusal| raise(refusal, adjusted.as_ref()))
 }
 
 /// Sums of the squared errors of models against readings into `out`, one for each.
@@ -66,13 +66,13 @@ pub(crate) fn squared_error_many(
     let force = force.as_slice()?;
     check_readings(force, time.len())?;
     let start = start(initial_force_n, initial_deflection_m)?;
-    let turned = parameters.map(|columns| Turned::read(&models, columns)).transpose()?;
-    let models = Models::new(&models, turned.as_ref(), start)?;
+    let adjusted = parameters.map(|columns| Adjusted::read(&models, columns)).transpose()?;
+    let models = Models::new(&models, adjusted.as_ref(), start)?;
     let mut out = place(out, models.count())?;
     apart(&out, &models.read(&[time, position, force]))?;
     let out = out.as_slice_mut()?;
     let work = || squared_errors(&models, start, &Motion::new(time, position), force, out);
-    run_borrowing(py, threads, work)?.map_err(|refusal| raise(refusal, turned.as_ref()))
+    run_borrowing(py, threads, work)?.map_err(|refusal| raise(refusal, adjusted.as_ref()))
 }
 
 fn check_readings(force: &[f64], samples: usize) -> PyResult<()> {
@@ -100,8 +100,8 @@ enum Models<'a> {
 
 impl<'a> Models<'a> {
     /// The models, all of which can begin as `start` says.
-    fn new(models: &'a [Py<Model>], turned: Option<&'a Turned<'_>>, start: Start) -> PyResult<Self> {
-        let Some(turned) = turned else {
+    fn new(models: &'a [Py<Model>], adjusted: Option<&'a Adjusted<'_>>, start: Start) -> PyResult<Self> {
+        let Some(adjusted) = adjusted else {
             let models: Vec<&Model> = models.iter().map(Py::get).collect();
             let cannot = |model: &&Model| {
                 matches!(start, Start::Deflection(_)) && matches!(model.trocar().seal(), Seal::Classical(_))
@@ -111,7 +111,7 @@ impl<'a> Models<'a> {
                 None => Ok(Self::Listed(models)),
             };
         };
-        let columns = turned.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
+        let columns = adjusted.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
         let tuned = Tuned::new(base(models)?.trocar().borrowed(), columns.collect::<PyResult<_>>()?);
         Ok(Self::Tuned(Box::new(tuned.expect("every place was found among the tunables"))))
     }
@@ -151,7 +151,7 @@ fn base(models: &[Py<Model>]) -> PyResult<&Model> {
 }
 
 /// Columns of parameters in place of those of the model.
-struct Turned<'py> {
+struct Adjusted<'py> {
     columns: Vec<Column<'py>>,
 }
 
@@ -162,7 +162,7 @@ struct Column<'py> {
     values: PyReadonlyArray1<'py, f64>,
 }
 
-impl<'py> Turned<'py> {
+impl<'py> Adjusted<'py> {
     fn read(models: &[Py<Model>], given: Vec<(String, Bound<'py, PyAny>)>) -> PyResult<Self> {
         let base = base(models)?.trocar();
         let mut columns: Vec<Column<'_>> = Vec::new();
@@ -211,8 +211,8 @@ impl Column<'_> {
     }
 }
 
-fn raise(refusal: Refusal, turned: Option<&Turned<'_>>) -> PyErr {
-    let columns = turned.map_or(&[][..], |turned| &turned.columns);
+fn raise(refusal: Refusal, adjusted: Option<&Adjusted<'_>>) -> PyErr {
+    let columns = adjusted.map_or(&[][..], |adjusted| &adjusted.columns);
     match refusal {
         Refusal::Parameter { index, why } => {
             let value = |column: &Column<'_>| {

@@ -39,7 +39,7 @@ impl From<ModelFile> for Model {
     }
 }
 
-/// A number of a model that can be turned by itself.
+/// A number of a model that can be adjusted by itself.
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct Tunable {
     /// Name, with its unit at the end; where a model has several elements, it begins with `element_1_` and so on.

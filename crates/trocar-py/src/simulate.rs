@@ -53,7 +53,7 @@ pub(crate) fn simulate<'py>(
 
 /// The same with the deflection, m, and whether the seal slides: (force, deflection, sliding).
 ///
-/// Deflection and sliding are None for a classical model, which does not tell.
+/// Deflection and sliding are None for a classical model, which has neither.
 #[pyfunction]
 #[pyo3(signature = (model, time_s, position_m, *, initial_force_n=None, initial_deflection_m=None))]
 #[allow(clippy::type_complexity)]
@@ -70,8 +70,8 @@ pub(crate) fn simulate_full<'py>(
     let trocar = model.get().trocar();
     let mut run = Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let tells = run.state.deformation().is_some();
-    let mut rows = vec![Row::default(); time.len()];
-    run.chunks(py, &mut rows, Row::take)?;
+    let mut rows = vec![SimulatedSample::default(); time.len()];
+    run.chunks(py, &mut rows, SimulatedSample::take)?;
     let force = PyArray1::from_iter(py, rows.iter().map(|row| row.force));
     let deformation = tells.then(|| {
         let deflection = PyArray1::from_iter(py, rows.iter().map(|row| row.deflection));
@@ -81,13 +81,13 @@ pub(crate) fn simulate_full<'py>(
 }
 
 #[derive(Clone, Copy, Default)]
-struct Row {
+struct SimulatedSample {
     force: f64,
     deflection: f64,
     slides: bool,
 }
 
-impl Row {
+impl SimulatedSample {
     fn take(state: &TrocarState, row: &mut Self) {
         row.force = state.force();
         if let Some(Deformation { deflection, mode }) = state.deformation() {

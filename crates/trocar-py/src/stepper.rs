@@ -77,7 +77,7 @@ impl Stepper {
         self.state.deformation().map(|deformation| deformation.deflection)
     }
 
-    /// "deforming" or "sliding"; None for a classical model, which does not tell.
+    /// "deforming" or "sliding"; None for a classical model, which has no mode.
     #[getter]
     fn mode(&self) -> Option<&'static str> {
         self.state.deformation().map(|deformation| match deformation.mode {

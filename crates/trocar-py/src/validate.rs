@@ -82,7 +82,7 @@ impl Validated {
         serde_json::to_string(&self.0.validation).map_err(|error| InternalError::new_err(error.to_string()))
     }
 
-    /// Sensor offset and moving mass that were taken out.
+    /// Sensor offset and moving mass that were subtracted.
     fn taken_out(&self) -> (f64, f64) {
         (self.0.offset, self.0.mass)
     }

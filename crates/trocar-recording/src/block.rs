@@ -15,14 +15,14 @@ pub struct Block {
 
 /// One row in SI units, indexed by [`Quantity`]; NaN for columns that the file does not have.
 #[derive(Debug, Clone, Copy)]
-pub struct Row {
+pub struct SampleRow {
     /// Line of a text, or row of a table.
     pub line: u64,
     /// The values, in SI units.
     pub values: [f64; Quantity::ALL.len()],
 }
 
-impl Row {
+impl SampleRow {
     /// The value of one quantity.
     pub fn get(&self, quantity: Quantity) -> f64 {
         self.values[quantity as usize]
@@ -65,9 +65,9 @@ impl Block {
     }
 
     /// A row of quantities.
-    pub(crate) fn row(&self, row: usize) -> Row {
+    pub(crate) fn row(&self, row: usize) -> SampleRow {
         let value = |quantity: Quantity| self.columns[quantity as usize].get(row).copied().unwrap_or(f64::NAN);
-        Row { line: self.line(row), values: Quantity::ALL.map(value) }
+        SampleRow { line: self.line(row), values: Quantity::ALL.map(value) }
     }
 
     /// Appends the rows of `other`, whose lines are counted from `line`.

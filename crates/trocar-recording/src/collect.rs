@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::block::{Block, Row};
+use super::block::{Block, SampleRow};
 use super::columns::Quantity;
 use super::quality::RowList;
 use super::screen::{self, Columns, Count, Lines};
@@ -98,7 +98,7 @@ impl Collector {
         }
     }
 
-    pub(super) fn add(&mut self, row: Row) {
+    pub(super) fn add(&mut self, row: SampleRow) {
         let [time, position, force, velocity] = row.values;
         let finite = time.is_finite() && position.is_finite() && force.is_finite();
         if !finite || (self.columns.velocity.is_some() && !velocity.is_finite()) {

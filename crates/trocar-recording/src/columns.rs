@@ -446,7 +446,7 @@ impl Given {
         let per_si = self.per_si.or(declared).ok_or_else(|| {
             let units = unit_list(self.quantity);
             let problem = format!(
-                "{} without a unit, which the column's name does not tell either, expected one of {units}",
+                "{} without a unit, and the column's name has none either, expected one of {units}",
                 self.quantity.name()
             );
             RecordingError::BadColumns { entry: format!("{}={}", self.quantity.name(), self.column), problem }

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// A position in a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// Line of the file, counted from 1.
     Line(u64),
     /// Row of a table, counted from 1.
@@ -13,12 +13,12 @@ pub enum Place {
     Sample(usize),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Line(line) => write!(f, "line {line}"),
-            Place::Row(row) => write!(f, "row {row}"),
-            Place::Sample(index) => write!(f, "sample {index}"),
+            Location::Line(line) => write!(f, "line {line}"),
+            Location::Row(row) => write!(f, "row {row}"),
+            Location::Sample(index) => write!(f, "sample {index}"),
         }
     }
 }
@@ -241,7 +241,7 @@ pub enum RecordingError {
         /// File name as given by the caller.
         file: String,
         /// Where.
-        place: Place,
+        place: Location,
         /// The quantity concerned.
         quantity: &'static str,
         /// `empty or nan` or `infinite`.
@@ -265,7 +265,7 @@ pub enum RecordingError {
         /// File name as given by the caller.
         file: String,
         /// Where.
-        place: Place,
+        place: Location,
         /// Time before, in s.
         from: f64,
         /// Time found, in s.
@@ -279,7 +279,7 @@ pub enum RecordingError {
         /// File name as given by the caller.
         file: String,
         /// First sample.
-        place: Place,
+        place: Location,
         /// The time, in s.
         value: f64,
         /// Samples examined.
@@ -293,7 +293,7 @@ pub enum RecordingError {
         /// File name as given by the caller.
         file: String,
         /// First such sample.
-        place: Place,
+        place: Location,
         /// Samples concerned.
         found: usize,
         /// Total number of samples.
@@ -307,7 +307,7 @@ pub enum RecordingError {
         /// File name as given by the caller.
         file: String,
         /// Where.
-        place: Place,
+        place: Location,
         /// The time, in s.
         time: f64,
         /// Position before, in m.

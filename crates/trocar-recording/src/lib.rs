@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 #[cfg(feature = "parquet")]
 use block::Block;
-use block::Row;
+use block::SampleRow;
 use collect::Collector;
 use columns::Quantity;
 use line::Line;
@@ -26,7 +26,7 @@ use screen::Count;
 pub use choice::{Choice, check_topics};
 pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
-pub use error::{Place, RecordingError};
+pub use error::{Location, RecordingError};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
@@ -157,7 +157,7 @@ impl Recording {
         let mut collector = Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
         for k in 0..time.len() {
             let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
-            collector.add(Row { line: k as u64, values });
+            collector.add(SampleRow { line: k as u64, values });
         }
         collector.finish(&name, name.clone(), readings.sha256(), sensor_limit)
     }
@@ -250,7 +250,7 @@ impl Recording {
             *force -= mass * (a + gravity);
         }
         let window_ms = 1e3 * window;
-        self.quality.notes.push(format!("inertia of {mass} kg taken out, acceleration over {window_ms:.3} ms"));
+        self.quality.notes.push(format!("inertia of {mass} kg subtracted, acceleration over {window_ms:.3} ms"));
         Ok(self)
     }
 }

@@ -6,7 +6,7 @@
 //! ```
 //! The window never crosses a gap or a reset, and is extended if it contains fewer than five
 //! samples. For even sampling the fit passes half of the power at 0.86 / window Hz for the
-//! acceleration and 0.58 / window Hz for the velocity. At the ends of a stretch the window is
+//! acceleration and 0.58 / window Hz for the velocity. At the ends of an unbroken part the window is
 //! one-sided and the noise several times larger.
 
 use std::collections::VecDeque;
@@ -180,9 +180,9 @@ struct Fit {
 
 fn local_fit(recording: &Recording, window: f64, take: impl Fn(Fit) -> f64) -> Vec<f64> {
     let mut out = Vec::with_capacity(recording.len());
-    for stretch in recording.unbroken() {
-        let (time, position) = (&recording.time[stretch.clone()], &recording.position[stretch]);
-        fit_stretch(time, position, window / 2.0, |fit| out.push(take(fit)));
+    for part in recording.unbroken() {
+        let (time, position) = (&recording.time[part.clone()], &recording.position[part]);
+        fit_part(time, position, window / 2.0, |fit| out.push(take(fit)));
     }
     out
 }
@@ -190,7 +190,7 @@ fn local_fit(recording: &Recording, window: f64, take: impl Fn(Fit) -> f64) -> V
 /// Sums over the sliding window. Once per window length their origin is moved to the present sample
 /// and they are recomputed. Rounding errors thus do not accumulate, and the cost per sample does
 /// not depend on the window.
-fn fit_stretch(time: &[f64], position: &[f64], half: f64, mut emit: impl FnMut(Fit)) {
+fn fit_part(time: &[f64], position: &[f64], half: f64, mut emit: impl FnMut(Fit)) {
     if time.len() < 3 {
         time.iter().for_each(|_| emit(Fit::default()));
         return;
@@ -210,7 +210,7 @@ fn fit_stretch(time: &[f64], position: &[f64], half: f64, mut emit: impl FnMut(F
     }
 }
 
-/// The samples within `half` of sample `k`, at least five if the stretch has them; both ends only
+/// The samples within `half` of sample `k`, at least five if the part has them; both ends only
 /// advance.
 fn window_around(time: &[f64], k: usize, half: f64, before: &Range<usize>) -> Range<usize> {
     let fewest = FEWEST.min(time.len());

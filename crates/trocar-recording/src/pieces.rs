@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
-use super::block::Row;
+use super::block::SampleRow;
 use super::collect::Collector;
 use super::columns::Quantity;
 use super::rows::Rows;
@@ -18,7 +18,7 @@ pub struct Pieces {
     /// The columns of the file.
     columns: Vec<Quantity>,
     /// Rows read and not yet returned.
-    ahead: VecDeque<Row>,
+    ahead: VecDeque<SampleRow>,
     samples: usize,
     sensor_limit: Option<f64>,
     found: u64,

@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 
 use sha2::{Digest, Sha256};
 
-use super::block::{Block, Row};
+use super::block::{Block, SampleRow};
 use super::choice::{Choice, Picked, check_topics, pick};
 use super::columns::{Layout, Quantity};
 use super::container::{Batches, Container};
@@ -17,7 +17,7 @@ use super::decompress::TextInput;
 use super::registry;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
-use super::{Place, RecordingError, log};
+use super::{Location, RecordingError, log};
 
 /// Bytes hashed at a time.
 const HASHED: usize = 1 << 20;
@@ -111,7 +111,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Position of a row.
-    pub fn place(&self, row: Row) -> Place {
+    pub fn place(&self, row: SampleRow) -> Location {
         self.count().place(row.line)
     }
 
@@ -188,7 +188,7 @@ impl<'a> Rows<'a> {
     ///
     /// # Errors
     /// [`RecordingError`], with the line or row at fault.
-    pub fn next_row(&mut self) -> Result<Option<Row>, RecordingError> {
+    pub fn next_row(&mut self) -> Result<Option<SampleRow>, RecordingError> {
         if self.next == self.block.len() && self.next_block()?.is_none() {
             return Ok(None);
         }

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-use super::{LONGEST_STROKE, MIN_SAMPLES, Place, RecordingError};
+use super::{LONGEST_STROKE, Location, MIN_SAMPLES, RecordingError};
 
 /// Stroke in m below which the unit is doubtful: less than the deformation of the seal of any
 /// trocar.
@@ -70,11 +70,11 @@ pub(crate) enum Count {
 }
 
 impl Count {
-    pub(crate) fn place(self, number: u64) -> Place {
+    pub(crate) fn place(self, number: u64) -> Location {
         match self {
-            Self::Lines => Place::Line(number),
-            Self::Rows => Place::Row(number),
-            Self::Samples => Place::Sample(number as usize),
+            Self::Lines => Location::Line(number),
+            Self::Rows => Location::Row(number),
+            Self::Samples => Location::Sample(number as usize),
         }
     }
 
@@ -125,7 +125,7 @@ impl Lines {
         }
     }
 
-    fn place(&self, index: usize) -> Place {
+    fn place(&self, index: usize) -> Location {
         self.count.place(self.of(index))
     }
 }
@@ -522,7 +522,7 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     }
     for end in &quality.saturated {
         let (count, level, line) = (end.count, end.level, end.first_line);
-        let hint = "forces beyond the sensor's range are lost; leave these passes out or use a larger sensor";
+        let hint = "forces beyond the sensor's range are lost; leave these strokes out or use a larger sensor";
         warn(
             WarningKind::Saturation,
             format!("force stuck at {level} N in {count} samples, first at {unit} {line}"),

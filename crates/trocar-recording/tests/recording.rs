@@ -271,7 +271,7 @@ fn rows_that_add_nothing_are_dropped_and_counted() {
 }
 
 #[test]
-fn gaps_and_resets_end_a_stretch() {
+fn gaps_and_resets_end_an_unbroken_part() {
     let mut rows = rows(2000);
     rows.drain(1000..1100);
     for row in &mut rows[1500..] {

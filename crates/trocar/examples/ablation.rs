@@ -12,8 +12,8 @@ use std::path::Path;
 use trocar::identify::{Candidate, Identification, IdentifyOptions, Term, identify};
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 use trocar::replay::replay;
-use trocar::segment::{passes, reversal_threshold};
-use trocar::validate::{Part, RecordingValidation, Validation, validate};
+use trocar::segment::{reversal_threshold, strokes};
+use trocar::validate::{PhaseError, RecordingValidation, Validation, validate};
 
 /// What is fitted, and what is scored.
 struct Data {
@@ -94,7 +94,7 @@ fn load(folder: &Path) -> Result<Data, RecordingError> {
 fn heading(title: &str) {
     println!("\n### {title}\n");
     println!(
-        "| fit | optional terms | parameters | own data, N | friction scales taken out, N | surgeon, N | full strokes, N |"
+        "| fit | optional terms | parameters | own data, N | friction scales removed, N | surgeon, N | full strokes, N |"
     );
     println!("|---|---|---|---|---|---|---|");
 }
@@ -132,9 +132,9 @@ fn print_alone(data: &Data) -> Result<(), Box<dyn Error>> {
 struct Makeup {
     /// Changes from sample to sample: noise of the sensor.
     white: f64,
-    /// Mean error of each pass.
+    /// Mean error of each stroke.
     level: f64,
-    /// What is left within the passes.
+    /// What is left within the strokes.
     within: f64,
 }
 
@@ -149,8 +149,8 @@ fn makeup(row: &Row, recording: &Recording) -> Makeup {
     };
     let white = 0.5 * mean_square(&mut error[from..].windows(2).map(|pair| pair[1] - pair[0]));
     let mut levels = vec![f64::NAN; error.len()];
-    for pass in passes(recording, reversal_threshold(recording)) {
-        let part = pass.start.max(from)..pass.end.max(from);
+    for stroke in strokes(recording, reversal_threshold(recording)) {
+        let part = stroke.start.max(from)..stroke.end.max(from);
         let mean = error[part.clone()].iter().sum::<f64>() / part.len() as f64;
         levels[part].fill(mean);
     }
@@ -177,7 +177,7 @@ fn print_rest(data: &Data, rows: &[&Row]) -> Result<(), Box<dyn Error>> {
 }
 
 fn rest(row: &Row, recording: &Recording, scores: &RecordingValidation) -> String {
-    let part = |part: &Part| if part.samples == 0 { "–".to_owned() } else { format!("{:.4}", part.rms_n) };
+    let part = |part: &PhaseError| if part.samples == 0 { "–".to_owned() } else { format!("{:.4}", part.rms_n) };
     let phases = [&scores.by_phase.deformation, &scores.by_phase.sliding, &scores.by_phase.hold].map(part).join(" | ");
     let Makeup { white, level, within } = makeup(row, recording);
     format!(
@@ -197,7 +197,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     heading("From the paper's element to all terms");
     [&paper, &bare, &all].iter().for_each(|row| println!("{}", row.text()));
     println!(
-        "\nFriction scales taken out: error of the fit beside the friction scale that it gives each stroke; a dash: no fit, the paper's \
+        "\nFriction scales removed: error of the fit beside the friction scale that it gives each stroke; a dash: no fit, the paper's \
          two steps alone."
     );
     print_rest(&data, &[&paper, &bare, &all])?;

@@ -36,7 +36,7 @@ const TURN: f64 = 0.5e-3;
 /// When the seal is wetted, s; from when on it counts as settled.
 const ONSET: f64 = 60.0;
 const SETTLED: f64 = 75.0;
-/// Play that keeps tremor from turning Coulomb friction over, m.
+/// Backlash width that keeps tremor from reversing the Coulomb friction, m.
 const BACKLASH: f64 = 0.5e-3;
 /// Friction of the wet seal over that of the dry one.
 const WET: f64 = 0.65;

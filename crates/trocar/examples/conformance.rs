@@ -1,4 +1,4 @@
-//! Writes the cases that all doors must agree on: model files of every kind, and one motion.
+//! Writes the cases that all interfaces must agree on: model files of every kind, and one motion.
 //!
 //! ```text
 //! cargo run --release -p trocar --example conformance FOLDER
@@ -49,7 +49,7 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
     let mut made: Vec<(&str, Seal)> = vec![
         ("ems", (Element::new(plausible)?).into()),
         ("ems_stribeck", (stribeck(plausible, [12.0, 0.0, 0.0])?).into()),
-        ("ems_folded", (folded(plausible)?).into()),
+        ("ems_velocity_weakening", (velocity_weakening(plausible)?).into()),
         ("ems_slow", (slow(plausible)?).into()),
         ("ems_stages", both.into()),
     ];
@@ -113,7 +113,7 @@ fn stribeck(params: ElementParams, damping: [f64; 3]) -> Result<Element, Box<dyn
 }
 
 /// One whose force falls so fast with speed that it sticks and slips.
-fn folded(params: ElementParams) -> Result<Element, Box<dyn Error>> {
+fn velocity_weakening(params: ElementParams) -> Result<Element, Box<dyn Error>> {
     let mut own = *stribeck(params, [0.0; 3])?.params();
     for side in [&mut own.insertion, &mut own.withdrawal] {
         (side.stribeck_velocity, side.stribeck_exponent) = (0.01, 0.8);
@@ -138,7 +138,7 @@ fn gms(sliding: SlidingFriction, slip_rate: SlipRate) -> Result<Gms, Box<dyn Err
     Ok(Gms::new(&[element(1), element(2), element(3), element(4)], sliding, slip_rate)?)
 }
 
-/// Time and position, seeded: each stretch at one velocity, every fifth row at an uneven time.
+/// Time and position, seeded: piecewise constant velocity, every fifth row at an uneven time.
 fn motion() -> Result<String, Box<dyn Error>> {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let unit = Uniform::new(0.0, 1.0)?;

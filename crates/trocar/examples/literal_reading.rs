@@ -72,10 +72,10 @@ fn compare(params: ElementParams, position: &[f64]) -> Result<Comparison, Box<dy
     Ok(run)
 }
 
-/// Positions at 1 kHz along stretches of constant velocity: (m/s, s).
-fn positions(stretches: &[(f64, f64)]) -> Vec<f64> {
+/// Positions at 1 kHz along intervals of constant velocity: (m/s, s).
+fn positions(intervals: &[(f64, f64)]) -> Vec<f64> {
     let mut positions = vec![0.0];
-    for &(velocity, duration) in stretches {
+    for &(velocity, duration) in intervals {
         let from = positions[positions.len() - 1];
         let samples = (duration / PERIOD).round() as usize;
         positions.extend((1..=samples).map(|k| from + velocity * PERIOD * k as f64));
@@ -85,20 +85,20 @@ fn positions(stretches: &[(f64, f64)]) -> Vec<f64> {
 
 /// 7 mm in, which does not turn the seal over; 1.5 mm back and forth, three times; on into sliding.
 fn partial_reversals() -> Vec<f64> {
-    let mut stretches = vec![(0.02, 0.35)];
+    let mut intervals = vec![(0.02, 0.35)];
     for _ in 0..3 {
-        stretches.extend([(-0.02, 0.075), (0.02, 0.075)]);
+        intervals.extend([(-0.02, 0.075), (0.02, 0.075)]);
     }
-    stretches.push((0.02, 0.65));
-    positions(&stretches)
+    intervals.push((0.02, 0.65));
+    positions(&intervals)
 }
 
 /// Sliding at 100 mm/s, braked within 10 ms, then at rest.
 fn braking() -> Vec<f64> {
-    let mut stretches = vec![(0.1, 0.35)];
-    stretches.extend((1..10).map(|k| (0.1 - 0.01 * f64::from(k), PERIOD)));
-    stretches.push((0.0, 0.3));
-    positions(&stretches)
+    let mut intervals = vec![(0.1, 0.35)];
+    intervals.extend((1..10).map(|k| (0.1 - 0.01 * f64::from(k), PERIOD)));
+    intervals.push((0.0, 0.3));
+    positions(&intervals)
 }
 
 /// 8 mm in, then a hold of 0.4 s whose reading trembles by a count or two.

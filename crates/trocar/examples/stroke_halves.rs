@@ -1,32 +1,32 @@
-//! Recordings of repeated strokes: identified from every other stroke, scored on the others, beside the scatter between
+//! Recordings of repeated strokes: identified from every other cycle, scored on the others, beside the scatter between
 //! strokes.
 //!
 //! ```text
 //! cargo run --release -p trocar --example stroke_halves -- RECORDING...
 //! ```
-//! Prints a table in Markdown: error on the strokes left out, N, their own scatter, N, and the ratio, for both halves.
+//! Prints a table in Markdown: error on the cycles left out, N, their own scatter, N, and the ratio, for both halves.
 
 use std::path::Path;
 
 use rayon::prelude::*;
 use trocar::identify::{IdentifyOptions, identify};
-use trocar::profile::strokes;
+use trocar::profile::cycles;
 use trocar::recording::{ReadOptions, Recording, read};
-use trocar::segment::{passes, reversal_threshold};
+use trocar::segment::{reversal_threshold, strokes};
 use trocar::validate::{AgainstStrokes, validate};
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-/// The strokes of `recording` whose number leaves `rest` when halved, as a recording of their own.
+/// The cycles of `recording` whose number leaves `rest` when halved, as a recording of their own.
 fn half(recording: &Recording, rest: usize) -> Result<Recording, AnyError> {
-    let stroke = strokes(recording, &passes(recording, reversal_threshold(recording)));
-    let kept: Vec<usize> = (0..recording.len()).filter(|i| stroke[*i] % 2 == rest).collect();
+    let cycle = cycles(recording, &strokes(recording, reversal_threshold(recording)));
+    let kept: Vec<usize> = (0..recording.len()).filter(|i| cycle[*i] % 2 == rest).collect();
     let column = |values: &[f64]| kept.iter().map(|i| values[*i]).collect();
     let [time, position, force] = [&recording.time, &recording.position, &recording.force].map(|v| column(v));
     Ok(Recording::from_columns(recording.name.clone(), time, position, force)?)
 }
 
-/// Identified from the strokes that leave `rest`, scored on the others.
+/// Identified from the cycles that leave `rest`, scored on the others.
 fn scored(recording: &Recording, rest: usize) -> Result<AgainstStrokes, AnyError> {
     let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
     let found = identify(&[half(recording, rest)?], &options, &|_, _| {})?;
@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let paths: Vec<String> = std::env::args().skip(1).collect();
     let rows = paths.par_iter().map(row).collect::<Result<Vec<_>, _>>().map_err(|error| error.to_string())?;
     println!(
-        "| recording | even strokes left out: error, N | scatter, N | ratio | odd ones: error, N | scatter, N | ratio |"
+        "| recording | even cycles left out: error, N | scatter, N | ratio | odd ones: error, N | scatter, N | ratio |"
     );
     println!("|---|---|---|---|---|---|---|");
     rows.iter().for_each(|row| println!("{row}"));

@@ -11,7 +11,7 @@
 //! external excitation. Each value from theory is compared with a simulation of the same element.
 
 use serde::Serialize;
-use trocar_model::{Branch, Direction, Element, Folding, Mode, SlidingFriction, Stages, State};
+use trocar_model::{Branch, Direction, Element, Mode, SlidingFriction, Stages, State, VelocityWeakening};
 
 mod cycles;
 mod energy;
@@ -355,7 +355,7 @@ fn settled(element: &Element, velocity: f64) -> State {
 /// and branches that stay within the limits.
 fn is_exact(element: &Element) -> bool {
     let params = element.params();
-    let unique = element.folded() == (Folding::Unique, Folding::Unique);
+    let unique = element.velocity_weakening() == (VelocityWeakening::None, VelocityWeakening::None);
     let humps = Direction::BOTH.into_iter().all(|direction| BranchPassage::of(element, direction).snaps_through_first);
     let slow = params.creep_velocity > 0.0 || !params.relaxation.is_none();
     unique

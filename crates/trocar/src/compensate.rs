@@ -8,9 +8,9 @@ use crate::error::RecordingError;
 use crate::profile::Departure;
 use crate::recording::columns::Quantity;
 use crate::recording::rows::Rows;
-use crate::recording::{Choice, Place};
+use crate::recording::{Choice, Location};
 use crate::simulate::SimulateError;
-use crate::table::{Cell, Field, Kind, TableWriter};
+use crate::table::{Field, Kind, TableCell, TableWriter};
 
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;
@@ -89,8 +89,9 @@ pub fn compensate_file(
         }
         count.take(row.line, position, &estimate);
         let numbers = [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std];
-        let [a, b, c, d, e, f] = numbers.map(|number| Cell::Number(if number.is_finite() { number } else { f64::NAN }));
-        result.row(&[a, b, c, d, e, f, Cell::Integer(i64::from(estimate.adapting))])?;
+        let [a, b, c, d, e, f] =
+            numbers.map(|number| TableCell::Number(if number.is_finite() { number } else { f64::NAN }));
+        result.row(&[a, b, c, d, e, f, TableCell::Integer(i64::from(estimate.adapting))])?;
         if options.live {
             result.flush()?;
         }
@@ -103,7 +104,7 @@ pub fn compensate_file(
 }
 
 /// Time since the row before, s; 0 for the first and for a repeated time.
-fn duration(file: &str, place: Place, before: Option<f64>, time: f64) -> Result<f64, RecordingError> {
+fn duration(file: &str, place: Location, before: Option<f64>, time: f64) -> Result<f64, RecordingError> {
     let file = || file.to_owned();
     if !time.is_finite() {
         let found = if time.is_nan() { "empty or nan" } else { "infinite" };

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-pub use trocar_recording::{Place, RecordingError};
+pub use trocar_recording::{Location, RecordingError};
 
 /// Why a result cannot be written.
 #[derive(Debug, thiserror::Error)]

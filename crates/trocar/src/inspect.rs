@@ -94,12 +94,12 @@ pub struct Inspection {
     /// Its tables.
     pub tables: Vec<TableView>,
     /// The recording that would be read from it, or why none can be.
-    pub recording: Result<Found, String>,
+    pub recording: Result<RecordingPreview, String>,
 }
 
 /// A recording as it would be read.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Found {
+pub struct RecordingPreview {
     /// Source of each quantity, in the syntax of `--columns`.
     pub columns: Vec<String>,
     /// Assumptions, and how topics were aligned in time.
@@ -113,7 +113,7 @@ pub struct Found {
     /// Their range of positions, m.
     pub stroke_m: f64,
     /// Strokes between reversals.
-    pub passes: usize,
+    pub strokes: usize,
     /// Different speeds of insertion, m/s.
     pub insertion_speeds_m_s: Vec<f64>,
     /// Different speeds of withdrawal, m/s.
@@ -143,11 +143,13 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
         format: container.format().to_owned(),
         bytes: std::fs::metadata(path).map_or(0, |data| data.len()),
         tables,
-        recording: read.map_err(|error| error.to_string()).map(|(recording, columns)| Found::of(&recording, columns)),
+        recording: read
+            .map_err(|error| error.to_string())
+            .map(|(recording, columns)| RecordingPreview::of(&recording, columns)),
     })
 }
 
-impl Found {
+impl RecordingPreview {
     fn of(recording: &Recording, columns: Vec<String>) -> Self {
         let survey = Survey::new(std::slice::from_ref(recording), &SegmentOptions::default());
         let own = &survey.recordings[0];
@@ -158,7 +160,7 @@ impl Found {
             samples: own.samples,
             duration_s: own.duration,
             stroke_m: own.stroke,
-            passes: own.passes,
+            strokes: own.strokes,
             insertion_speeds_m_s: own.insertion_speeds.clone(),
             withdrawal_speeds_m_s: own.withdrawal_speeds.clone(),
             limits: survey.limits,

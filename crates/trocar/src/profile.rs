@@ -52,7 +52,7 @@ use trocar_runtime::profile::ProfileText;
 pub use trocar_model::profile::FADE;
 pub use trocar_runtime::profile::{Departure, LEAST_DEPARTURE, MEAN_TOLERANCE, MOST_KNOTS};
 
-pub use fit::{NoProfile, ProfileFit, ProfileSample, fit, strokes};
+pub use fit::{NoProfile, ProfileFit, ProfileSample, cycles, fit};
 
 mod banded;
 mod fit;

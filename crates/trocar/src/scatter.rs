@@ -1,7 +1,7 @@
 //! Differences between repeats of one stroke: a lower bound for the error of any model of the
 //! position alone.
 //!
-//! Passes are *repeats* when they have the same direction, the same range of positions and similar
+//! Strokes are *repeats* when they have the same direction, the same range of positions and similar
 //! speeds. A reading is compared with those of the other repeats at the same place:
 //!
 //! ```text
@@ -29,7 +29,7 @@
 use serde::Serialize;
 
 use crate::recording::{Recording, local_velocity};
-use crate::segment::{Direction, Pass, passes, reversal_threshold};
+use crate::segment::{Direction, Stroke, reversal_threshold, strokes};
 
 /// Largest relative difference of the median speeds of repeats.
 pub const LIKE_SPEED: f64 = 0.25;
@@ -39,18 +39,18 @@ pub const LIKE_RANGE: f64 = 0.5;
 const VELOCITY_WINDOW: f64 = 0.05;
 /// Lengths tried about a reversal, as fractions of the median range of the repeats.
 const LENGTHS: [f64; 8] = [0.0025, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12];
-/// Most repeats that one pass is compared with.
+/// Most repeats that one stroke is compared with.
 const MOST_OTHERS: usize = 32;
 
 /// The scatter could not be determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "no two of the {passes} passes repeat each other: same direction, median speeds within 25 %, more than half of the \
+    "no two of the {strokes} strokes repeat each other: same direction, median speeds within 25 %, more than half of the \
      range of positions in common"
 )]
 pub struct NoRepeats {
-    /// Passes found.
-    pub passes: usize,
+    /// Strokes found.
+    pub strokes: usize,
 }
 
 /// Scatter between the repeats of one direction.
@@ -63,8 +63,8 @@ pub struct DirectionScatter {
     pub scatter_n: f64,
     /// The same with a line over the repeats removed at each place, N; `None` below four repeats.
     pub without_drift_n: Option<f64>,
-    /// Passes that have a repeat.
-    pub passes: usize,
+    /// Strokes that have a repeat.
+    pub strokes: usize,
 }
 
 /// Scatter between repeated strokes in one recording.
@@ -77,9 +77,9 @@ pub struct StrokeScatter {
     pub without_drift_n: Option<f64>,
     /// Groups of repeats.
     pub groups: usize,
-    /// Passes in them.
-    pub passes: usize,
-    /// Passes less groups: degrees of freedom of the variance at one place. Neighbouring places are
+    /// Strokes in them.
+    pub strokes: usize,
+    /// Strokes less groups: degrees of freedom of the variance at one place. Neighbouring places are
     /// not independent.
     pub degrees_of_freedom: usize,
     /// Readings compared.
@@ -99,19 +99,19 @@ impl StrokeScatter {
     /// Scatter between the repeats in `recording`.
     ///
     /// # Errors
-    /// [`NoRepeats`] when no pass has a repeat.
+    /// [`NoRepeats`] when no stroke has a repeat.
     pub fn of(recording: &Recording) -> Result<Self, NoRepeats> {
-        Self::of_passes(recording, &passes(recording, reversal_threshold(recording)))
+        Self::of_strokes(recording, &strokes(recording, reversal_threshold(recording)))
     }
 
-    /// The same for passes already found.
+    /// The same for strokes already found.
     ///
     /// # Errors
-    /// [`NoRepeats`] when no pass has a repeat.
-    pub fn of_passes(recording: &Recording, passes: &[Pass]) -> Result<Self, NoRepeats> {
-        let groups: Vec<Group> = groups(recording, passes).into_iter().filter(|g| g.tracks.len() > 1).collect();
+    /// [`NoRepeats`] when no stroke has a repeat.
+    pub fn of_strokes(recording: &Recording, strokes: &[Stroke]) -> Result<Self, NoRepeats> {
+        let groups: Vec<Group> = groups(recording, strokes).into_iter().filter(|g| g.tracks.len() > 1).collect();
         if groups.is_empty() {
-            return Err(NoRepeats { passes: passes.len() });
+            return Err(NoRepeats { strokes: strokes.len() });
         }
         let compared: Vec<Compared> = groups.iter().map(|group| group.compare(recording)).collect();
         let mut squares = vec![f64::NAN; recording.len()];
@@ -120,10 +120,10 @@ impl StrokeScatter {
         let number = groups.iter().map(|g| g.tracks.len()).sum::<usize>();
         let longest = |of: fn(&Compared) -> f64| compared.iter().map(of).fold(0.0, f64::max);
         Ok(Self {
-            scatter_n: pooled(&all, Reading::square).ok_or(NoRepeats { passes: passes.len() })?,
+            scatter_n: pooled(&all, Reading::square).ok_or(NoRepeats { strokes: strokes.len() })?,
             without_drift_n: without_drift(&all),
             groups: groups.len(),
-            passes: number,
+            strokes: number,
             degrees_of_freedom: number - groups.len(),
             samples: squares.iter().filter(|s| s.is_finite()).count(),
             by_direction: by_direction(&groups, &compared),
@@ -139,7 +139,7 @@ impl StrokeScatter {
     }
 
     /// Whether at least half of the recording's samples have a repeat: the recording consists of
-    /// repeated strokes. In hand-like motion some passes are similar by chance, but the motion
+    /// repeated strokes. In hand-like motion some strokes are similar by chance, but the motion
     /// before them is not.
     pub fn rules(&self, recording: &Recording) -> bool {
         2 * self.samples >= recording.len()
@@ -171,18 +171,18 @@ fn by_direction(groups: &[Group], compared: &[Compared]) -> Vec<DirectionScatter
     let of = |direction| {
         let own = |k: &usize| groups[*k].direction == direction;
         let part: Vec<&Compared> = (0..groups.len()).filter(own).map(|k| &compared[k]).collect();
-        let passes = part.iter().map(|c| c.repeats).sum();
+        let strokes = part.iter().map(|c| c.repeats).sum();
         let scatter_n = pooled(&part, Reading::square)?;
-        Some(DirectionScatter { direction, scatter_n, without_drift_n: without_drift(&part), passes })
+        Some(DirectionScatter { direction, scatter_n, without_drift_n: without_drift(&part), strokes })
     };
     [Direction::Insertion, Direction::Withdrawal].into_iter().filter_map(of).collect()
 }
 
-/// A pass along its own direction: `way` = ±position increases along it.
+/// A stroke along its own direction: `way` = ±position increases along it.
 struct Track {
-    /// Number of the pass in the recording.
+    /// Number of the stroke in the recording.
     order: f64,
-    pass: Pass,
+    stroke: Stroke,
     /// Whether it ends at a reversal within the recording.
     ends_at_reversal: bool,
     speed: f64,
@@ -193,18 +193,18 @@ struct Track {
 }
 
 impl Track {
-    fn new(recording: &Recording, velocity: &[f64], passes: &[Pass], index: usize) -> Option<Self> {
-        let pass = passes[index];
-        let way = |i: usize| pass.direction.sign() * recording.position[i];
-        let inside = pass.start..=pass.end;
+    fn new(recording: &Recording, velocity: &[f64], strokes: &[Stroke], index: usize) -> Option<Self> {
+        let stroke = strokes[index];
+        let way = |i: usize| stroke.direction.sign() * recording.position[i];
+        let inside = stroke.start..=stroke.end;
         let mut points: Vec<(f64, f64)> =
             inside.clone().filter(|i| !recording.is_clipped(*i)).map(|i| (way(i), recording.force[i])).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut speeds: Vec<f64> = inside.map(|i| velocity[i].abs()).collect();
         speeds.sort_by(f64::total_cmp);
-        let ends_at_reversal = passes.get(index + 1).is_some_and(|next| next.start == pass.end);
-        let (start, end, speed) = (way(pass.start), way(pass.end), speeds[speeds.len() / 2]);
-        (points.len() > 1).then_some(Self { order: index as f64, pass, ends_at_reversal, speed, start, end, points })
+        let ends_at_reversal = strokes.get(index + 1).is_some_and(|next| next.start == stroke.end);
+        let (start, end, speed) = (way(stroke.start), way(stroke.end), speeds[speeds.len() / 2]);
+        (points.len() > 1).then_some(Self { order: index as f64, stroke, ends_at_reversal, speed, start, end, points })
     }
 
     fn repeats(&self, other: &Self) -> bool {
@@ -231,12 +231,12 @@ struct Group {
     tracks: Vec<Track>,
 }
 
-/// Assigns each pass to the first group whose first pass it repeats.
-fn groups(recording: &Recording, passes: &[Pass]) -> Vec<Group> {
+/// Assigns each stroke to the first group whose first stroke it repeats.
+fn groups(recording: &Recording, strokes: &[Stroke]) -> Vec<Group> {
     let velocity = local_velocity(recording, VELOCITY_WINDOW);
     let mut groups: Vec<Group> = Vec::new();
-    for track in (0..passes.len()).filter_map(|k| Track::new(recording, &velocity, passes, k)) {
-        let direction = track.pass.direction;
+    for track in (0..strokes.len()).filter_map(|k| Track::new(recording, &velocity, strokes, k)) {
+        let direction = track.stroke.direction;
         let like = |g: &&mut Group| g.direction == direction && g.tracks[0].repeats(&track);
         match groups.iter_mut().find(like) {
             Some(group) => group.tracks.push(track),
@@ -271,13 +271,13 @@ struct Compared {
 
 /// Definition of 'the same place'.
 #[derive(Clone, Copy)]
-enum Place {
+enum PlaceDefinition {
     Position,
     SinceReversal,
     ToReversal,
 }
 
-/// A sample with its distances from the start and to the end of its pass, m, and the comparison at each kind of place:
+/// A sample with its distances from the start and to the end of its stroke, m, and the comparison at each kind of place:
 /// about the mean and about a line.
 struct Candidate {
     sample: usize,
@@ -302,17 +302,17 @@ impl Group {
         let of_track = |own: usize| {
             let track = &self.tracks[own];
             let longest = LENGTHS[LENGTHS.len() - 1] * (track.end - track.start);
-            let samples = (track.pass.start..track.pass.end).filter(|i| !recording.is_clipped(*i));
+            let samples = (track.stroke.start..track.stroke.end).filter(|i| !recording.is_clipped(*i));
             samples.map(move |sample| {
                 let way = self.direction.sign() * recording.position[sample];
                 let distances = [way - track.start, track.end - way];
                 let at = |place| self.against_others(own, way, recording.force[sample], place, lengths);
-                let since = track.pass.starts_at_reversal && distances[0] <= longest;
+                let since = track.stroke.starts_at_reversal && distances[0] <= longest;
                 let to = track.ends_at_reversal && distances[1] <= longest;
                 let by_place = [
-                    at(Place::Position),
-                    since.then(|| at(Place::SinceReversal)).flatten(),
-                    to.then(|| at(Place::ToReversal)).flatten(),
+                    at(PlaceDefinition::Position),
+                    since.then(|| at(PlaceDefinition::SinceReversal)).flatten(),
+                    to.then(|| at(PlaceDefinition::ToReversal)).flatten(),
                 ];
                 Candidate { sample, distances, by_place }
             })
@@ -326,7 +326,7 @@ impl Group {
         own: usize,
         way: f64,
         force: f64,
-        place: Place,
+        place: PlaceDefinition,
         [behind, before]: [f64; 2],
     ) -> Option<[f64; 2]> {
         let track = &self.tracks[own];
@@ -335,10 +335,10 @@ impl Group {
         let mut sums = OverOrder::default();
         for other in others {
             let there = match place {
-                Place::Position if way - other.start < behind || other.end - way < before => continue,
-                Place::Position => way,
-                Place::SinceReversal if other.pass.starts_at_reversal => other.start + (way - track.start),
-                Place::ToReversal if other.ends_at_reversal => other.end - (track.end - way),
+                PlaceDefinition::Position if way - other.start < behind || other.end - way < before => continue,
+                PlaceDefinition::Position => way,
+                PlaceDefinition::SinceReversal if other.stroke.starts_at_reversal => other.start + (way - track.start),
+                PlaceDefinition::ToReversal if other.ends_at_reversal => other.end - (track.end - way),
                 _ => continue,
             };
             if let Some(reading) = other.reading(there) {
@@ -350,7 +350,7 @@ impl Group {
 }
 
 impl Candidate {
-    /// The reading at the applicable place; `None` near a start or end of a pass that is no
+    /// The reading at the applicable place; `None` near a start or end of a stroke that is no
     /// reversal.
     fn reading(&self, lengths: [f64; 2]) -> Option<Reading> {
         let kind = if self.distances[0] < lengths[0] {
@@ -365,7 +365,7 @@ impl Candidate {
     }
 }
 
-/// Mean and line of readings over the order of their passes.
+/// Mean and line of readings over the order of their strokes.
 #[derive(Default)]
 struct OverOrder {
     count: f64,

@@ -1,7 +1,7 @@
-//! Segmentation of a recording: passes between reversals and stretches of constant velocity.
+//! Segmentation of a recording: strokes between reversals and constant-velocity segments.
 //!
-//! A *pass* is the motion from one reversal of the instrument to the next (EMS section IV: one
-//! insertion or one withdrawal). A *stretch* is a part of a pass with constant velocity; its mean
+//! A *stroke* is the motion from one reversal of the instrument to the next (EMS section IV: one
+//! insertion or one withdrawal). A *constant-velocity segment* is a part of a stroke with constant velocity; its mean
 //! force is one datum of the steady-state identification. The segmentation does not depend on the
 //! experiment: the two experiments of the paper are recordings like any other, and free motion is
 //! segmented in the same way.
@@ -19,32 +19,32 @@ pub(crate) fn direction_as_word<S: serde::Serializer>(direction: &Direction, ser
 ///
 /// Invariant: `start < end`, no gap, clock reset or encoder reset lies inside.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pass {
+pub struct Stroke {
     /// First sample: the extreme position at which the motion reversed.
     pub start: usize,
     /// Last sample: the extreme position at the other end.
     pub end: usize,
     /// Sense of the motion.
     pub direction: Direction,
-    /// Whether the pass starts at a reversal within the recording (not at its start or after a
+    /// Whether the stroke starts at a reversal within the recording (not at its start or after a
     /// gap).
     pub starts_at_reversal: bool,
-    /// Number of the motion to which it belongs: a gap or a reset of the encoder splits a pass, not
+    /// Number of the motion to which it belongs: a gap or a reset of the encoder splits a stroke, not
     /// the motion.
     pub motion: usize,
 }
 
-/// A stretch of constant velocity: samples `start..end` of a recording.
+/// A constant-velocity segment: samples `start..end` of a recording.
 ///
-/// Stretches of one motion at one speed share a `plateau`: together they are one datum.
+/// Segments of one motion at one speed share a `plateau`: together they are one datum.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stretch {
+pub struct SteadySegment {
     /// First sample.
     pub start: usize,
     /// One past the last sample.
     pub end: usize,
-    /// Index of the pass it lies in.
-    pub pass: usize,
+    /// Index of the stroke it lies in.
+    pub stroke: usize,
     /// Number of the velocity plateau to which it belongs.
     pub plateau: usize,
     /// Fraction of the motion's time spent on the plateau, 0 to 1.
@@ -56,9 +56,9 @@ pub struct Stretch {
 /// Tolerances of the segmentation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SegmentOptions {
-    /// Largest relative deviation of the local velocity from the stretch's median (0.02).
+    /// Largest relative deviation of the local velocity from the segment's median (0.02).
     pub velocity_tolerance: f64,
-    /// Shortest stretch, s (0.05).
+    /// Shortest segment, s (0.05).
     pub minimum_duration: f64,
     /// Least fraction of a motion's time spent on a plateau (0.15).
     ///
@@ -80,14 +80,14 @@ pub fn reversal_threshold(recording: &Recording) -> f64 {
     (8.0 * q.position_resolution).max(8.0 * q.position_noise).max(0.01 * q.stroke)
 }
 
-/// Splits a recording into passes; `threshold` is the smallest retreat, m, that counts as a
+/// Splits a recording into strokes; `threshold` is the smallest retreat, m, that counts as a
 /// reversal.
 ///
-/// The sample of the extreme position ends one pass and starts the next. Gaps and resets end a pass too.
-pub fn passes(recording: &Recording, threshold: f64) -> Vec<Pass> {
-    let mut found: Vec<Pass> = Vec::new();
+/// The sample of the extreme position ends one stroke and starts the next. Gaps and resets end a stroke too.
+pub fn strokes(recording: &Recording, threshold: f64) -> Vec<Stroke> {
+    let mut found: Vec<Stroke> = Vec::new();
     for range in recording.unbroken() {
-        passes_of_range(&recording.position, range.start, range.end, threshold, &mut found);
+        strokes_of_range(&recording.position, range.start, range.end, threshold, &mut found);
     }
     for i in 1..found.len() {
         let goes_on = !found[i].starts_at_reversal && found[i].direction == found[i - 1].direction;
@@ -96,12 +96,12 @@ pub fn passes(recording: &Recording, threshold: f64) -> Vec<Pass> {
     found
 }
 
-fn passes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, found: &mut Vec<Pass>) {
+fn strokes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, found: &mut Vec<Stroke>) {
     let (mut low, mut high, mut start) = (from, from, from);
     let mut heading = None;
     let mut push = |start: usize, end: usize, direction| {
         if end > start {
-            found.push(Pass { start, end, direction, starts_at_reversal: start > from, motion: 0 });
+            found.push(Stroke { start, end, direction, starts_at_reversal: start > from, motion: 0 });
         }
     };
     for i in from..to {
@@ -144,26 +144,26 @@ fn passes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, fou
 ///
 /// The slope of n positions with error e over the time T has the standard deviation e·√(12/n)/T; the encoder's
 /// rounding counts as an error of resolution/√12.
-fn velocity_window(recording: &Recording, speed: f64, pass_duration: f64, options: &SegmentOptions) -> f64 {
+fn velocity_window(recording: &Recording, speed: f64, stroke_duration: f64, options: &SegmentOptions) -> f64 {
     let q = &recording.quality;
     let error = q.position_noise.hypot(q.position_resolution / 12f64.sqrt());
     let wanted = 0.25 * options.velocity_tolerance * speed;
     let window = (error * (12.0 * q.median_interval).sqrt() / wanted).powf(2.0 / 3.0);
-    window.max(options.minimum_duration).max(5.0 * q.median_interval).min(pass_duration / 6.0)
+    window.max(options.minimum_duration).max(5.0 * q.median_interval).min(stroke_duration / 6.0)
 }
 
-/// Finds the stretches of constant velocity in `passes`, in the order of their start.
+/// Finds the constant-velocity segments in `strokes`, in the order of their start.
 ///
 /// The local velocity is the slope of the positions over a window determined by the position noise.
 /// It is searched for the speeds at which a motion dwells: a plateau contains at least
 /// `minimum_dwell` of the motion's time within `velocity_tolerance`. A motion may have several
-/// plateaus; each gives one or more stretches of at least `minimum_duration`.
-pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOptions) -> Vec<Stretch> {
+/// plateaus; each gives one or more segments of at least `minimum_duration`.
+pub fn steady_segments(recording: &Recording, strokes: &[Stroke], options: &SegmentOptions) -> Vec<SteadySegment> {
     let mut found = Vec::new();
     let mut cached: Option<(f64, Vec<f64>)> = None;
     let mut plateau = 0;
-    for motion in passes.chunk_by(|a, b| a.motion == b.motion) {
-        let first = passes.partition_point(|p| p.motion < motion[0].motion);
+    for motion in strokes.chunk_by(|a, b| a.motion == b.motion) {
+        let first = strokes.partition_point(|p| p.motion < motion[0].motion);
         let duration: f64 = motion.iter().map(|p| recording.time[p.end] - recording.time[p.start]).sum();
         let travel: f64 = motion.iter().map(|p| travel(recording, p, p.end)).sum();
         if duration < 2.0 * options.minimum_duration || travel <= 0.0 {
@@ -178,11 +178,11 @@ pub fn stretches(recording: &Recording, passes: &[Pass], options: &SegmentOption
         }
         let velocity = &cached.as_ref().expect("filled above").1;
         for (speed, dwell) in plateau_speeds(velocity, motion, options) {
-            for (k, pass) in motion.iter().enumerate() {
-                runs(recording, velocity, pass, speed, options, |start, end| {
+            for (k, stroke) in motion.iter().enumerate() {
+                runs(recording, velocity, stroke, speed, options, |start, end| {
                     let (x, t) = (&recording.position, &recording.time);
                     let mean = (x[end - 1] - x[start]) / (t[end - 1] - t[start]);
-                    found.push(Stretch { start, end, pass: first + k, plateau, dwell, velocity: mean });
+                    found.push(SteadySegment { start, end, stroke: first + k, plateau, dwell, velocity: mean });
                 });
             }
             plateau += 1;
@@ -197,7 +197,7 @@ const DISTINCT: f64 = 0.25;
 
 /// Speeds, m/s, at which a motion dwells, with the fraction of its time, in descending order of
 /// time.
-fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -> Vec<(f64, f64)> {
+fn plateau_speeds(velocity: &[f64], motion: &[Stroke], options: &SegmentOptions) -> Vec<(f64, f64)> {
     const MOST_SAMPLES: usize = 4000;
     let sign = motion[0].direction.sign();
     let samples: usize = motion.iter().map(|p| p.end - p.start).sum();
@@ -238,17 +238,17 @@ fn plateau_speeds(velocity: &[f64], motion: &[Pass], options: &SegmentOptions) -
 fn runs(
     recording: &Recording,
     velocity: &[f64],
-    pass: &Pass,
+    stroke: &Stroke,
     speed: f64,
     options: &SegmentOptions,
     mut on: impl FnMut(usize, usize),
 ) {
-    let sign = pass.direction.sign();
+    let sign = stroke.direction.sign();
     let (x, t) = (&recording.position, &recording.time);
     let tolerance = options.velocity_tolerance;
     let keeps_speed =
         |from: usize, to: usize| (sign * (x[to] - x[from]) / (t[to] - t[from]) / speed - 1.0).abs() <= 2.0 * tolerance;
-    let within = (pass.start..pass.end).filter(|i| (sign * velocity[*i] / speed - 1.0).abs() <= tolerance);
+    let within = (stroke.start..stroke.end).filter(|i| (sign * velocity[*i] / speed - 1.0).abs() <= tolerance);
     let mut run: Option<(usize, usize)> = None;
     let mut close = |run: Option<(usize, usize)>| {
         if let Some((start, last)) = run
@@ -270,24 +270,24 @@ fn runs(
     close(run);
 }
 
-/// Travel, m, of sample `i` since the start of its pass; increases along the motion.
-pub fn travel(recording: &Recording, pass: &Pass, i: usize) -> f64 {
-    pass.direction.sign() * (recording.position[i] - recording.position[pass.start])
+/// Travel, m, of sample `i` since the start of its stroke; increases along the motion.
+pub fn travel(recording: &Recording, stroke: &Stroke, i: usize) -> f64 {
+    stroke.direction.sign() * (recording.position[i] - recording.position[stroke.start])
 }
 
-/// The part of each stretch that lies at least `needed(|v|)` metres after the start of its pass;
-/// stretches without such a part are omitted.
+/// The part of each segment that lies at least `needed(|v|)` metres after the start of its stroke;
+/// segments without such a part are omitted.
 pub fn after_start(
     recording: &Recording,
-    passes: &[Pass],
-    stretches: &[Stretch],
+    strokes: &[Stroke],
+    steady_segments: &[SteadySegment],
     needed: impl Fn(f64) -> f64,
-) -> Vec<Stretch> {
-    let part = |stretch: &Stretch| {
-        let needed = needed(stretch.velocity.abs());
-        let pass = &passes[stretch.pass];
-        let start = (stretch.start..stretch.end).find(|i| travel(recording, pass, *i) >= needed)?;
-        Some(Stretch { start, ..*stretch })
+) -> Vec<SteadySegment> {
+    let part = |segment: &SteadySegment| {
+        let needed = needed(segment.velocity.abs());
+        let stroke = &strokes[segment.stroke];
+        let start = (segment.start..segment.end).find(|i| travel(recording, stroke, *i) >= needed)?;
+        Some(SteadySegment { start, ..*segment })
     };
-    stretches.iter().filter_map(part).collect()
+    steady_segments.iter().filter_map(part).collect()
 }

@@ -12,11 +12,11 @@ use std::path::Path;
 use trocar_model::{BacklashFilter, BacklashState, Deformation, Mode, Seal, Trocar, TrocarState};
 
 use crate::error::{OutputError, RecordingError};
-use crate::recording::block::Row;
+use crate::recording::block::SampleRow;
 use crate::recording::columns::Quantity;
 use crate::recording::rows::Rows;
 use crate::recording::{Choice, LONGEST_STROKE};
-use crate::table::{Cell, Field, Kind, TableWriter};
+use crate::table::{Field, Kind, TableCell, TableWriter};
 
 /// Rows between two progress reports.
 const REPORT_EVERY: u64 = 1 << 16;
@@ -172,11 +172,11 @@ pub fn simulate<K: AsRef<[f64]>>(
         if step.duration > 0.0 {
             run.step(&step);
         }
-        let numbers = [step.time, step.position, run.state.force()].map(Cell::Number);
+        let numbers = [step.time, step.position, run.state.force()].map(TableCell::Number);
         match run.state.deformation() {
             Some(Deformation { deflection, mode }) => {
                 let [time, position, force] = numbers;
-                output.row(&[time, position, force, Cell::Number(deflection), Cell::Text(word(mode))])?;
+                output.row(&[time, position, force, TableCell::Number(deflection), TableCell::Text(word(mode))])?;
             }
             None => output.row(&numbers)?,
         }
@@ -274,7 +274,7 @@ impl<'a> Positions<'a> {
     }
 
     #[cold]
-    fn unfit(&self, row: Row) -> RecordingError {
+    fn unfit(&self, row: SampleRow) -> RecordingError {
         let (file, place) = (self.file.clone(), self.rows.place(row));
         let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
         for (quantity, value) in [("time", time), ("position", position)] {

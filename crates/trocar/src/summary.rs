@@ -68,12 +68,12 @@ pub struct BranchSummary {
 pub struct DeformationSummary<'a> {
     /// c of the two-step result.
     pub half_width_m: &'a Estimate,
-    /// Standard deviation of c over the full strokes, m: the error of the reconstructed deflection.
+    /// Standard deviation of c over the full reversals, m: the error of the reconstructed deflection.
     pub half_width_spread_m: f64,
     /// p value of a dependence of c on speed; `None` with too few speeds.
     pub speed_dependence_p_value: Option<f64>,
-    /// Number of full strokes that snap the seal through.
-    pub traverses: usize,
+    /// Full reversals: strokes over which the measured force goes from one sliding limit to the other.
+    pub full_reversals: usize,
     /// Branch of the insertion.
     pub insertion_branch: BranchSummary,
     /// Branch of the withdrawal.
@@ -250,7 +250,7 @@ fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
         half_width_m: &found.half_width,
         half_width_spread_m: found.deflection_error,
         speed_dependence_p_value: found.speed_dependence_p_value,
-        traverses: found.traverses.len(),
+        full_reversals: found.full_reversals.len(),
         insertion_branch: branch(&found.insertion_branch),
         withdrawal_branch: branch(&found.withdrawal_branch),
     }

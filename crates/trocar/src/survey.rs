@@ -1,12 +1,12 @@
 //! Content of recordings, determined before any fit.
 //!
-//! Passes and stretches of constant velocity decide which parameters an identification can
+//! Strokes and constant-velocity segments decide which parameters an identification can
 //! determine. The survey shows what is still to be recorded, without waiting for the fit.
 
 use rayon::prelude::*;
 
 use crate::recording::Recording;
-use crate::segment::{Direction, SegmentOptions, passes, reversal_threshold, stretches};
+use crate::segment::{Direction, SegmentOptions, reversal_threshold, steady_segments, strokes};
 
 /// Speeds with a relative difference below this count as one.
 const SAME_SPEED: f64 = 0.05;
@@ -22,12 +22,12 @@ pub struct RecordingSurvey {
     pub duration: f64,
     /// Range of the position, m.
     pub stroke: f64,
-    /// Passes between reversals.
-    pub passes: usize,
-    /// Passes that start at a reversal.
+    /// Strokes between reversals.
+    pub strokes: usize,
+    /// Strokes that start at a reversal.
     pub reversals: usize,
-    /// Stretches of constant velocity.
-    pub stretches: usize,
+    /// Constant-velocity segments.
+    pub steady_segments: usize,
     /// Different speeds of insertion, m/s, in ascending order.
     pub insertion_speeds: Vec<f64>,
     /// Different speeds of withdrawal, m/s, in ascending order.
@@ -55,10 +55,10 @@ impl Survey {
 
 impl RecordingSurvey {
     fn new(recording: &Recording, options: &SegmentOptions) -> Self {
-        let passes = passes(recording, reversal_threshold(recording));
-        let stretches = stretches(recording, &passes, options);
+        let strokes = strokes(recording, reversal_threshold(recording));
+        let steady_segments = steady_segments(recording, &strokes, options);
         let speeds = |direction: Direction| {
-            let own = stretches.iter().filter(|s| passes[s.pass].direction == direction);
+            let own = steady_segments.iter().filter(|s| strokes[s.stroke].direction == direction);
             different(own.map(|s| s.velocity.abs()).collect())
         };
         Self {
@@ -66,11 +66,11 @@ impl RecordingSurvey {
             samples: recording.len(),
             duration: recording.duration(),
             stroke: recording.quality.stroke,
-            reversals: passes.iter().filter(|pass| pass.starts_at_reversal).count(),
+            reversals: strokes.iter().filter(|stroke| stroke.starts_at_reversal).count(),
             insertion_speeds: speeds(Direction::Insertion),
             withdrawal_speeds: speeds(Direction::Withdrawal),
-            passes: passes.len(),
-            stretches: stretches.len(),
+            strokes: strokes.len(),
+            steady_segments: steady_segments.len(),
         }
     }
 }
@@ -128,11 +128,11 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// Saw tooth of `passes` passes over 50 mm, with the speeds in turn; the force is irrelevant.
-    fn saw(passes: usize, speeds: &[f64]) -> Recording {
+    /// Saw tooth of `strokes` strokes over 50 mm, with the speeds in turn; the force is irrelevant.
+    fn saw(strokes: usize, speeds: &[f64]) -> Recording {
         let (mut time, mut position) = (vec![0.0], vec![0.0]);
-        for pass in 0..passes {
-            let speed = speeds[pass % speeds.len()] * if pass % 2 == 0 { 1.0 } else { -1.0 };
+        for stroke in 0..strokes {
+            let speed = speeds[stroke % speeds.len()] * if stroke % 2 == 0 { 1.0 } else { -1.0 };
             for _ in 0..(0.05 / speed.abs() / 1e-3) as usize {
                 time.push(time[time.len() - 1] + 1e-3);
                 position.push(position[position.len() - 1] + 1e-3 * speed);
@@ -159,7 +159,7 @@ mod tests {
     fn speeds_are_counted_once_for_each_direction() {
         let survey = Survey::new(&[saw(6, &[0.02, 0.02, 0.05, 0.05, 0.08, 0.08])], &SegmentOptions::default());
         let found = &survey.recordings[0];
-        assert_eq!((found.passes, found.reversals), (6, 5));
+        assert_eq!((found.strokes, found.reversals), (6, 5));
         assert_eq!((found.insertion_speeds.len(), found.withdrawal_speeds.len()), (3, 3));
         assert!((found.insertion_speeds[1] - 0.05).abs() < 1e-3, "{:?}", found.insertion_speeds);
     }

@@ -6,7 +6,7 @@
 //! ```
 //! Only samples with a known state are scored: before the seal has slid once, its deflection is
 //! unknown. The set of these samples depends on the model, so two models may be scored on slightly
-//! different samples of one recording. The figure over all samples is reported as well. Slow passes
+//! different samples of one recording. The figure over all samples is reported as well. Slow strokes
 //! take most of the time, so the error is also given by speed and by phase. At 1 kHz residuals are
 //! never white; they are decimated to their correlation time before the Ljung-Box test.
 
@@ -19,7 +19,7 @@ use crate::profile::Departure;
 use crate::recording::{Recording, local_velocity, range};
 use crate::replay::{Replay, replay};
 use crate::scatter::StrokeScatter;
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// Speed below which the instrument counts as held, m/s.
 const HOLD_SPEED: f64 = 1e-3;
@@ -45,7 +45,7 @@ const LAGS: usize = 10;
 
 /// Error over a group of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Part {
+pub struct PhaseError {
     /// Root mean square error, N; 0 without samples.
     pub rms_n: f64,
     /// Samples.
@@ -58,25 +58,25 @@ pub struct Part {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Phases {
     /// The seal deforms; without samples for a classical model.
-    pub deformation: Part,
+    pub deformation: PhaseError,
     /// The instrument slides; without samples for a classical model.
-    pub sliding: Part,
+    pub sliding: PhaseError,
     /// The instrument moves, for a classical model, which does not distinguish deforming from
     /// sliding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub moving: Option<Part>,
+    pub moving: Option<PhaseError>,
     /// The instrument is held (slower than 1 mm/s).
-    pub hold: Part,
+    pub hold: PhaseError,
     /// The part of `deformation` after a partial reversal: the deflection has reversed since the
     /// seal last slid. `None` without such samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub partial: Option<Part>,
+    pub partial: Option<PhaseError>,
     /// The same part of `hold`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub partial_hold: Option<Part>,
+    pub partial_hold: Option<PhaseError>,
 }
 
-/// Error of the passes around one speed.
+/// Error of the strokes around one speed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpeedPart {
     /// Speed, m/s, rounded to 5 mm/s.
@@ -102,7 +102,7 @@ pub struct Whiteness {
 /// whose effect a model may describe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AgainstStrokes {
-    /// Strokes (passes from reversal to reversal) that have a repeat.
+    /// Strokes (from reversal to reversal) that have a repeat.
     pub strokes: usize,
     /// Scatter between them, N: standard deviation of a reading about the mean of infinitely many
     /// repeats, over the scored samples.
@@ -124,7 +124,7 @@ impl AgainstStrokes {
         let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;
         let rms_n = Sums::of(scored.iter().filter(|i| scatter.covers(**i)).map(|i| (error[*i], 0.0))).rms();
         Some(Self {
-            strokes: scatter.passes,
+            strokes: scatter.strokes,
             stroke_scatter_n,
             without_drift_n: scatter.without_drift_n,
             rms_n,
@@ -160,7 +160,7 @@ pub struct RecordingValidation {
     pub samples: usize,
     /// Samples omitted because the seal had not slid yet.
     pub samples_before_known: usize,
-    /// Error by speed of the pass.
+    /// Error by speed of the stroke.
     pub by_speed: Vec<SpeedPart>,
     /// Error by phase.
     pub by_phase: Phases,
@@ -339,8 +339,8 @@ impl Validation {
             let (squares, samples) = parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
             (samples > 0 && samples as f64 >= SEEN * all as f64).then(|| (squares.max(0.0) / samples as f64).sqrt())
         };
-        let sums = |part: Part| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
-        let without = |all: Part, part: Option<Part>| {
+        let sums = |part: PhaseError| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
+        let without = |all: PhaseError, part: Option<PhaseError>| {
             let (all, part) = (sums(all), part.map_or((0.0, 0), sums));
             (all.0 - part.0, all.1 - part.1)
         };
@@ -461,11 +461,11 @@ pub fn validate_one<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, 
 
 fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {
     let mut groups: std::collections::BTreeMap<u64, Sums> = std::collections::BTreeMap::new();
-    let passes = passes(recording, reversal_threshold(recording));
-    for pass in &passes {
-        let speed = typical_speed(recording, pass.start, pass.end);
-        let from = scored.partition_point(|i| *i < pass.start);
-        let to = scored.partition_point(|i| *i < pass.end);
+    let strokes = strokes(recording, reversal_threshold(recording));
+    for stroke in &strokes {
+        let speed = typical_speed(recording, stroke.start, stroke.end);
+        let from = scored.partition_point(|i| *i < stroke.start);
+        let to = scored.partition_point(|i| *i < stroke.end);
         let sums = Sums::of(scored[from..to].iter().map(|i| (error[*i], recording.force[*i])));
         let group = groups.entry((speed / SPEED_STEP).round() as u64).or_default();
         *group = group.plus(sums);
@@ -520,8 +520,8 @@ pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -
 impl Phases {
     /// Combination of two parts of one recording.
     fn plus(&self, other: &Self) -> Self {
-        let squares = |part: &Part| part.rms_n * part.rms_n * part.samples as f64;
-        let none = Part { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
+        let squares = |part: &PhaseError| part.rms_n * part.rms_n * part.samples as f64;
+        let none = PhaseError { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
         let parts = |phases: &Self| {
             let Self { deformation, sliding, moving, hold, partial, partial_hold } = *phases;
             let [moving, partial, partial_hold] = [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
@@ -530,7 +530,7 @@ impl Phases {
         let pairs = || parts(self).into_iter().zip(parts(other));
         // The last two are subsets of others.
         let total: f64 = pairs().take(4).map(|(a, b)| squares(&a) + squares(&b)).sum();
-        let mut both = pairs().map(|(a, b)| Part {
+        let mut both = pairs().map(|(a, b)| PhaseError {
             rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
             samples: a.samples + b.samples,
             share_of_squares: if total > 0.0 { (squares(&a) + squares(&b)) / total } else { 0.0 },
@@ -538,7 +538,7 @@ impl Phases {
         let mut next = || both.next().unwrap_or(none);
         let (deformation, sliding, moving, hold) = (next(), next(), next(), next());
         let (partial, partial_hold) = (next(), next());
-        let used = |part: Part| Some(part).filter(|part| part.samples > 0);
+        let used = |part: PhaseError| Some(part).filter(|part| part.samples > 0);
         Self {
             deformation,
             sliding,
@@ -559,7 +559,7 @@ impl Phases {
         let total: f64 = sums.iter().map(|s| s.squares).sum();
         let part = |s: Sums| {
             let share = if total > 0.0 { s.squares / total } else { 0.0 };
-            Part { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
+            PhaseError { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
         };
         let [full, sliding, moving, hold, partial, partial_hold] = sums;
         let used = |sums: Sums| Some(part(sums)).filter(|part| part.samples > 0);

@@ -130,7 +130,7 @@ fn is_a_row(recording: &Recording, i: usize) -> bool {
 }
 
 #[test]
-fn excerpts_are_whole_stretches_from_all_over_the_recording() {
+fn excerpts_are_contiguous_and_from_all_over_the_recording() {
     const ROWS: usize = 1_600_000;
     let scratch = Scratch::new();
     let path = scratch.file("long.csv", &plain(ROWS));

@@ -33,7 +33,7 @@ fn ideal() -> BenchConfig {
     config.force_sensor.noise_n = 0.0;
     config.force_sensor.resolution_n = 0.0;
     config.force_sensor.tare_n = 0.0;
-    config.fluctuation.pass_fraction = 0.0;
+    config.fluctuation.stroke_fraction = 0.0;
     config.fluctuation.ripple_fraction = 0.0;
     config.rod.gravity_m_s2 = 0.0;
     config
@@ -53,17 +53,17 @@ fn rms_about_mean(values: &[f64]) -> f64 {
 }
 
 /// Ranges of samples in which the sign of `reference` does not change.
-fn passes(reference: &[f64]) -> Vec<std::ops::Range<usize>> {
-    let mut passes = Vec::new();
+fn strokes(reference: &[f64]) -> Vec<std::ops::Range<usize>> {
+    let mut strokes = Vec::new();
     let mut begin = 0;
     for i in 1..=reference.len() {
         let ends = i == reference.len() || (reference[i] != 0.0 && reference[i].signum() != reference[begin].signum());
         if ends {
-            passes.push(begin..i);
+            strokes.push(begin..i);
             begin = i;
         }
     }
-    passes
+    strokes
 }
 
 #[test]
@@ -71,14 +71,14 @@ fn speed_settles_over_most_of_every_stroke() {
     let config = BenchConfig::default();
     let record = go(&config, Protocol::Steady, &[plausible()], 1);
     let truth = &record.truth;
-    let passes = passes(&truth.reference_velocity);
-    assert_eq!(passes.len(), 36);
-    for pass in passes {
-        let asked = truth.reference_velocity[pass.clone()]
+    let strokes = strokes(&truth.reference_velocity);
+    assert_eq!(strokes.len(), 36);
+    for stroke in strokes {
+        let asked = truth.reference_velocity[stroke.clone()]
             .iter()
             .fold(0.0, |most: f64, v| if v.abs() > most.abs() { *v } else { most });
         let travelled = |keep: &dyn Fn(usize) -> bool| {
-            let inside = pass.clone().skip(1).filter(|&i| keep(i));
+            let inside = stroke.clone().skip(1).filter(|&i| keep(i));
             let steps = inside.map(|i| (truth.position[i] - truth.position[i - 1]).abs());
             steps.sum::<f64>()
         };
@@ -98,7 +98,7 @@ fn speeds_are_those_of_the_paper() {
 /// Reference speed of each stroke, negative on withdrawal.
 fn speeds_asked_for(reference: &[f64]) -> Vec<f64> {
     let strongest = |most: f64, v: &f64| if v.abs() > most.abs() { *v } else { most };
-    passes(reference).into_iter().map(|pass| reference[pass].iter().fold(0.0, strongest)).collect()
+    strokes(reference).into_iter().map(|stroke| reference[stroke].iter().fold(0.0, strongest)).collect()
 }
 
 #[test]
@@ -135,10 +135,10 @@ fn drift_looks_like_viscous_friction_only_in_ascending_order() {
         config.fluctuation.drift_time_s = if order == SpeedOrder::UpAndDown { 200.0 } else { 100.0 };
         let truth = go(&config, Protocol::Steady, &[plausible()], 4).truth;
         let sliding = |i: &usize| truth.deflections[0][*i].abs() > 7.9e-3 && truth.velocity[*i].abs() > 0.01;
-        let points: Vec<(f64, f64)> = passes(&truth.reference_velocity)
+        let points: Vec<(f64, f64)> = strokes(&truth.reference_velocity)
             .into_iter()
-            .map(|pass| {
-                let settled: Vec<usize> = pass.filter(sliding).collect();
+            .map(|stroke| {
+                let settled: Vec<usize> = stroke.filter(sliding).collect();
                 let mean_of = |column: &[f64]| mean(&settled.iter().map(|i| column[*i].abs()).collect::<Vec<f64>>());
                 (mean_of(&truth.velocity), mean_of(&truth.seal_force))
             })
@@ -166,9 +166,9 @@ fn force_drifts_by_the_declared_fraction_and_then_stays() {
     let steady = go(&config, Protocol::Validation, &[plausible()], 1).truth;
     (config.fluctuation.drift_fraction, config.fluctuation.drift_time_s) = (-0.2, 20.0);
     let drifting = go(&config, Protocol::Validation, &[plausible()], 1).truth;
-    for pass in passes(&steady.reference_velocity) {
+    for stroke in strokes(&steady.reference_velocity) {
         // Near the end of the stroke, before the carriage slows down.
-        let late = pass.end - 250..pass.end - 80;
+        let late = stroke.end - 250..stroke.end - 80;
         let ratio = mean(&drifting.seal_force[late.clone()]) / mean(&steady.seal_force[late.clone()]);
         let seconds = 1e-3 * 0.5 * (late.start + late.end) as f64;
         let expected = 1.0 - 0.2 * (seconds / 20.0).min(1.0);
@@ -188,7 +188,7 @@ fn reversals_scatter_as_declared() {
         let record = go(&config, Protocol::Validation, &[plausible()], seed);
         assert_eq!(record.events.stop_hits, 0);
         let position = &record.truth.position;
-        let ends = passes(&record.truth.reference_velocity).into_iter().map(|pass| position[pass.end - 1]);
+        let ends = strokes(&record.truth.reference_velocity).into_iter().map(|stroke| position[stroke.end - 1]);
         ends.collect::<Vec<f64>>()
     };
     // The rig follows its reference within about a tenth of a millimetre.
@@ -381,25 +381,25 @@ fn noise_sources_do_not_disturb_each_other() {
 }
 
 #[test]
-fn repeated_passes_differ_by_the_fluctuation_declared() {
+fn repeated_strokes_differ_by_the_fluctuation_declared() {
     let mut config = ideal();
     config.protocol.steady.fastest_m_s = 0.05;
     config.protocol.steady.slowest_m_s = 0.05;
     config.protocol.steady.cycles_per_speed = 100;
     let level = |config: &BenchConfig| {
         let truth = go(config, Protocol::Steady, &[plausible()], 8).truth;
-        let levels: Vec<f64> = passes(&truth.reference_velocity)
+        let levels: Vec<f64> = strokes(&truth.reference_velocity)
             .into_iter()
-            .map(|pass| mean(&truth.seal_force[pass.start + 1200..pass.end - 200]).abs())
+            .map(|stroke| mean(&truth.seal_force[stroke.start + 1200..stroke.end - 200]).abs())
             .collect();
         assert_eq!(levels.len(), 200);
         rms_about_mean(&levels) / mean(&levels)
     };
     assert!(level(&config) < 1e-4);
-    config.fluctuation.pass_fraction = 0.02;
+    config.fluctuation.stroke_fraction = 0.02;
     // 200 levels: 15 % is three standard errors.
     assert!((level(&config) / 0.02 - 1.0).abs() < 0.15, "{}", level(&config));
-    config.fluctuation.pass_fraction = 0.0;
+    config.fluctuation.stroke_fraction = 0.0;
     config.fluctuation.ripple_fraction = 0.02;
     assert!((0.002..0.02).contains(&level(&config)), "{}", level(&config));
 }
@@ -407,7 +407,7 @@ fn repeated_passes_differ_by_the_fluctuation_declared() {
 #[test]
 fn force_does_not_jump_at_a_reversal() {
     let mut config = ideal();
-    config.fluctuation.pass_fraction = 0.05;
+    config.fluctuation.stroke_fraction = 0.05;
     let truth = go(&config, Protocol::Validation, &[plausible()], 8).truth;
     // 1.65 N/mm at 0.1 m/s and 1 kHz is 0.17 N per sample.
     let largest = truth.seal_force.windows(2).fold(0.0, |a: f64, w| a.max((w[1] - w[0]).abs()));
@@ -442,9 +442,9 @@ fn constant_push_gives_cycles_at_about_the_speed_asked_for() {
 fn push_too_weak_for_the_guide_is_a_stall() {
     let mut config = BenchConfig::default();
     config.motor.cogging_n = 5.0;
-    config.protocol.dynamic.pass_timeout_s = 2.0;
+    config.protocol.dynamic.stroke_timeout_s = 2.0;
     let error = run(&config, Protocol::Dynamic, &[plausible()], 1).unwrap_err();
-    assert!(matches!(error, BenchError::Stalled { pass: 1, .. }), "{error}");
+    assert!(matches!(error, BenchError::Stalled { stroke: 1, .. }), "{error}");
 }
 
 #[test]

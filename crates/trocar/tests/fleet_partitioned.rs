@@ -349,12 +349,12 @@ fn stopped_again_and_again(dataset: &Dataset, table: &Path) -> (usize, usize) {
     loop {
         let cancel = Cancel::default();
         let outcome = fleet::run(dataset, &Config::default(), table, 1, &cancel, &mut |tally| {
-            if tally.done > tally.taken_over {
+            if tally.done > tally.reused {
                 cancel.cancel();
             }
         });
         match outcome {
-            Ok(fleet) => return (stopped, fleet.tally.taken_over),
+            Ok(fleet) => return (stopped, fleet.tally.reused),
             Err(FleetError::Stopped(_)) => stopped += 1,
             Err(other) => panic!("{other}"),
         }
@@ -373,8 +373,8 @@ fn interrupted_and_elsewhere_the_table_is_the_same() {
         fleet::run(&dataset, &config, &path("whole"), 1, &Cancel::default(), &mut |_| ()).unwrap();
         let whole = fs::read(path("whole")).unwrap();
         if layout == "blocks" {
-            let (times, taken_over) = stopped_again_and_again(&dataset, &path("again"));
-            assert!(times > 0 && taken_over > 0, "stopped {times} times, {taken_over} taken over");
+            let (times, reused) = stopped_again_and_again(&dataset, &path("again"));
+            assert!(times > 0 && reused > 0, "stopped {times} times, {reused} reused");
             assert_eq!(fs::read(path("again")).unwrap(), whole);
         }
         // Elsewhere, with the results of the first of two.
@@ -386,7 +386,7 @@ fn interrupted_and_elsewhere_the_table_is_the_same() {
         let mut second = Collector::open(dataset.clone(), &config, &path("elsewhere")).unwrap();
         for (k, order) in second.orders().unwrap().iter().enumerate().rev() {
             let tally = second.add(k, &identify_source(order, &config).unwrap()).unwrap();
-            assert_eq!(tally.taken_over, usize::from(k <= 1), "{layout}, {k}");
+            assert_eq!(tally.reused, usize::from(k <= 1), "{layout}, {k}");
         }
         second.write().unwrap();
         assert_eq!(fs::read(path("elsewhere")).unwrap(), whole, "{layout}");

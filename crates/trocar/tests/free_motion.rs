@@ -14,7 +14,7 @@ const NOISE: f64 = 0.025;
 fn config(seconds: f64) -> BenchConfig {
     let mut config = BenchConfig::default();
     config.protocol.surgeon.duration_s = seconds;
-    (config.fluctuation.pass_fraction, config.fluctuation.ripple_fraction) = (0.0, 0.0);
+    (config.fluctuation.stroke_fraction, config.fluctuation.ripple_fraction) = (0.0, 0.0);
     config.rod.mass_kg = 0.0;
     config
 }

@@ -5,9 +5,9 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use trocar::identify::{IdentifyOptions, identify};
-use trocar::profile::{Departure, NoProfile, ProfileSample, fit, is_passive, storage_length, strokes};
+use trocar::profile::{Departure, NoProfile, ProfileSample, cycles, fit, is_passive, storage_length};
 use trocar::recording::{ReadOptions, Recording, read};
-use trocar::segment::{passes, reversal_threshold};
+use trocar::segment::{reversal_threshold, strokes};
 use trocar::validate::{Validation, validate, validate_one};
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, PositionProfile, ProfileError, Trocar};
 
@@ -16,7 +16,7 @@ const NOISE: f64 = 0.1;
 /// Ends of the simulated strokes, m.
 const ENDS: [f64; 2] = [0.01, 0.09];
 /// Strokes, steps each way and their duration, s.
-const STROKES: usize = 8;
+const CYCLES: usize = 8;
 const STEPS: usize = 1500;
 const STEP: f64 = 2e-3;
 /// Allowed error of the estimated gain and offset (N) where the seal slides in both directions: a
@@ -35,7 +35,7 @@ fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -
     let (element, mut rng) = (element(), ChaCha8Rng::seed_from_u64(seed));
     let mut state = element.rest_state(0.0);
     let (mut samples, mut position) = (Vec::new(), ENDS[0]);
-    for stroke in 0..STROKES {
+    for cycle in 0..CYCLES {
         for side in [1.0, -1.0] {
             for _ in 0..STEPS {
                 let step = side * (ENDS[1] - ENDS[0]) / STEPS as f64;
@@ -43,7 +43,7 @@ fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -
                 let seal_force = element.step(&mut state, step, STEP);
                 let noise = NOISE * (2.0 * rng.random::<f64>() - 1.0);
                 let reading = offset(position) + level(position) * seal_force + noise;
-                samples.push(ProfileSample { position, seal_force, reading, stroke });
+                samples.push(ProfileSample { position, seal_force, reading, cycle });
             }
         }
     }
@@ -72,7 +72,7 @@ fn a_known_profile_is_found() {
         assert!(offset.abs() < OFFSET_TOLERANCE, "offset at {x} m off by {offset} N");
     }
     // Uniform noise of ±a has the standard deviation a/√3; the error of an estimate from seven
-    // strokes adds little.
+    // cycles adds little.
     let floor = NOISE / 3f64.sqrt();
     assert!(found.held_out_rms_n < 1.05 * floor, "{} N over a floor of {floor} N", found.held_out_rms_n);
     assert!(found.constant_held_out_rms_n > 3.0 * floor);
@@ -89,16 +89,16 @@ fn no_profile_is_seen_where_there_is_none() {
 }
 
 #[test]
-fn a_profile_of_one_stroke_is_not_believed() {
-    // Each stroke has its own bumps: they can be fitted but do not repeat.
+fn a_profile_of_one_cycle_is_not_accepted() {
+    // Each cycle has its own bumps: they can be fitted but do not repeat.
     let mut samples = samples(|_| 0.7, |_| 1.0, 1);
     for s in &mut samples {
-        s.reading += 0.3 * wave(s.position + 0.0025 * s.stroke as f64);
+        s.reading += 0.3 * wave(s.position + 0.0025 * s.cycle as f64);
     }
     let refused = fit(&samples, storage_length(&element()));
     assert!(matches!(refused, Err(NoProfile::NotBetter { .. })), "{refused:?}");
-    samples.retain(|s| s.stroke < 2);
-    assert_eq!(fit(&samples, 0.0).unwrap_err(), NoProfile::TooFewStrokes { strokes: 2 });
+    samples.retain(|s| s.cycle < 2);
+    assert_eq!(fit(&samples, 0.0).unwrap_err(), NoProfile::TooFewCycles { cycles: 2 });
 }
 
 #[test]
@@ -275,10 +275,10 @@ fn motion_outside_the_range_is_reported_once() {
 /// Largest error on strokes not used for identification, in units of their scatter.
 const MOST: f64 = 1.5;
 
-/// The strokes of `recording` with these numbers, as a separate recording.
+/// The cycles of `recording` with these numbers, as a separate recording.
 fn part(recording: &Recording, chosen: impl Fn(usize) -> bool) -> Recording {
-    let stroke = strokes(recording, &passes(recording, reversal_threshold(recording)));
-    let kept = (0..recording.len()).filter(|i| chosen(stroke[*i]));
+    let cycle = cycles(recording, &strokes(recording, reversal_threshold(recording)));
+    let kept = (0..recording.len()).filter(|i| chosen(cycle[*i]));
     let column = |values: &[f64]| kept.clone().map(|i| values[i]).collect();
     let columns = [&recording.time, &recording.position, &recording.force].map(|values| column(values));
     let [time, position, force] = columns;

@@ -189,12 +189,12 @@ fn truth(kind: Kind, draw: &mut Draw) -> Truth {
 ///
 /// `swings` adds strokes of changing speed. They are not for the static models: near their
 /// reversals the encoder stands still or flickers by one step, which indicates no direction.
-fn passes(repetitions: usize, swings: bool) -> Vec<Vec<f64>> {
+fn strokes(repetitions: usize, swings: bool) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for _ in 0..repetitions {
         for speed in [4e-3, 8e-3, 15e-3, 25e-3, 45e-3, 80e-3] {
-            let stroke = if speed < 10e-3 { 15e-3 } else { 40e-3 };
-            let turns = [stroke, stroke - 1e-3, stroke - 0.2e-3, stroke - 4e-3, stroke - 2e-3, 0.0];
+            let length = if speed < 10e-3 { 15e-3 } else { 40e-3 };
+            let turns = [length, length - 1e-3, length - 0.2e-3, length - 4e-3, length - 2e-3, 0.0];
             let mut at: f64 = 0.0;
             for turn in turns {
                 let steps = ((turn - at).abs() / (speed * INTERVAL)).ceil() as usize;
@@ -224,9 +224,9 @@ fn record(model: &Classical, draw: &mut Draw, repetitions: usize) -> Recording {
     let mut state = model.rest_at_force(0.0);
     let (mut at, mut position, mut force) = (0.0, vec![0.0], vec![0.1]);
     let swings = !matches!(model, Classical::Static(_));
-    for pass in passes(repetitions, swings) {
+    for stroke in strokes(repetitions, swings) {
         let level = 1.0 + LEVEL * draw.normal();
-        for x in pass {
+        for x in stroke {
             let seal = model.step(&mut state, x - at, INTERVAL);
             position.push((x / ENCODER).round() * ENCODER);
             force.push(0.1 + level * seal + NOISE * draw.normal());

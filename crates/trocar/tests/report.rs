@@ -98,11 +98,11 @@ fn static_friction() -> Figure {
         .series(Series::line("lower limit", Role::Lower, grid.clone(), low))
         .series(Series::line("upper limit", Role::Upper, grid.clone(), high))
         .series(Series::line("fit", Role::Fit, grid.clone(), gap(&|v| truth(v, 2.1, 0.004))))
-        .series(Series::error_bars("pass means", Role::Measured, speeds, y.clone(), edge(-0.06), edge(0.06)))
+        .series(Series::error_bars("stroke means", Role::Measured, speeds, y.clone(), edge(-0.06), edge(0.06)))
         .mark(Mark::y(2.1, "F_c"))
         .mark(Mark::y(-2.1, "−F_c"));
     Figure::new("static-friction", 6, "Static friction")
-        .caption("One mean per pass with its 95 % interval.")
+        .caption("One mean per stroke with its 95 % interval.")
         .panel(panel)
 }
 
@@ -254,7 +254,7 @@ fn document() -> Document {
             Tile::new("Fit", "97.1 %", ""),
         ],
         warnings: vec![
-            "The Stribeck velocity is not determined: the slowest pass is at 15 mm/s.".into(),
+            "The Stribeck velocity is not determined: the slowest stroke is at 15 mm/s.".into(),
             HOSTILE.into(),
         ],
         sections: vec![

@@ -287,16 +287,16 @@ fn cross_validation_shows_the_slowest_and_the_fastest_speed_without_offset() {
 const BETWEEN_SAMPLES: f64 = 0.2;
 
 #[test]
-fn the_live_model_is_the_identified_one_beside_a_stretch_it_has_not_seen() {
+fn the_live_model_is_the_identified_one_beside_an_excerpt_it_has_not_seen() {
     let bench = &*BENCH;
     let report = full_report(bench);
     let live = section(&report, "The model, live").live.as_ref().expect("a live model");
     let trocar = Trocar::from_numbers(&live.row).unwrap();
     assert_eq!(*trocar.seal(), Seal::Ems(bench.identification.stages));
-    let stretch = live.stretch.as_ref().expect("a stretch");
-    assert!(stretch.name.starts_with("validation.csv") && stretch.name.contains("has not seen"), "{}", stretch.name);
-    assert!((7.9..8.1).contains(&(stretch.interval * stretch.position.len() as f64)), "eight seconds");
-    let reach = stretch.position.iter().fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
+    let excerpt = live.excerpt.as_ref().expect("an excerpt");
+    assert!(excerpt.name.starts_with("validation.csv") && excerpt.name.contains("has not seen"), "{}", excerpt.name);
+    assert!((7.9..8.1).contains(&(excerpt.interval * excerpt.position.len() as f64)), "eight seconds");
+    let reach = excerpt.position.iter().fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
     assert!(live.way[0] < reach[0] && reach[1] < live.way[1]);
 
     // The sensor offset is subtracted from the readings, and from `known_from` on any initial state
@@ -304,16 +304,16 @@ fn the_live_model_is_the_identified_one_beside_a_stretch_it_has_not_seen() {
     let offset = bench.identification.model.offset;
     let recorded: Vec<f64> = bench.validation[0].force.iter().map(|reading| reading - offset).collect();
     let near = |force: &f64| recorded.iter().any(|own| (own - force).abs() < BETWEEN_SAMPLES);
-    assert!(stretch.force.iter().all(near));
+    assert!(excerpt.force.iter().all(near));
     let run = |force: f64| {
-        let mut state = trocar.rest_at_force(stretch.position[0], force);
-        let step = |x: &f64| trocar.step_to(&mut state, *x, stretch.interval);
-        stretch.position[1..].iter().map(step).collect::<Vec<f64>>()
+        let mut state = trocar.rest_at_force(excerpt.position[0], force);
+        let step = |x: &f64| trocar.step_to(&mut state, *x, excerpt.interval);
+        excerpt.position[1..].iter().map(step).collect::<Vec<f64>>()
     };
     let (low, high) = (run(-10.0), run(10.0));
     let error = |i: usize| (low[i] - high[i]).abs();
-    assert!((0..stretch.known_from / 2).any(|i| error(i) > 0.1), "the start matters at first");
-    assert!((stretch.known_from..low.len()).all(|i| error(i) < 1e-3));
+    assert!((0..excerpt.known_from / 2).any(|i| error(i) > 0.1), "the start matters at first");
+    assert!((excerpt.known_from..low.len()).all(|i| error(i) < 1e-3));
 }
 
 #[test]

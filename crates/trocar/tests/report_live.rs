@@ -6,7 +6,7 @@ use std::path::Path;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use flate2::read::GzDecoder;
-use trocar::report::{Document, Knob, LiveModel, ReportError, Section, Stretch, write_document};
+use trocar::report::{Document, Excerpt, Knob, LiveModel, ReportError, Section, write_document};
 use trocar_model::{Element, ElementParams, Trocar};
 
 const HOSTILE: &str = "</script><script>alert(1)</script>";
@@ -27,14 +27,14 @@ fn model() -> LiveModel {
         follows: None,
         is_main: true,
     };
-    let stretch = Stretch {
+    let excerpt = Excerpt {
         name: HOSTILE.to_owned(),
         interval: 1e-3,
         position: vec![0.0, 1e-3],
         force: vec![0.0, 0.25],
         known_from: 0,
     };
-    LiveModel { row, knobs: trocar.seal().tunables().map(knob).collect(), way: [0.0, 0.05], stretch: Some(stretch) }
+    LiveModel { row, knobs: trocar.seal().tunables().map(knob).collect(), way: [0.0, 0.05], excerpt: Some(excerpt) }
 }
 
 fn document(models: impl IntoIterator<Item = LiveModel>) -> Document {
@@ -107,7 +107,7 @@ fn numbers_that_do_not_belong_together_are_refused() {
     let knobs = "live model: its knobs are not the parameters of its row";
     assert_eq!(refused(&|model| model.knobs[1].value *= 2.0), knobs);
     assert_eq!(refused(&|model| model.knobs.truncate(3)), knobs);
-    let stretch = "live model: its stretch has not as many forces as positions, at least two";
-    assert_eq!(refused(&|model| model.stretch.as_mut().unwrap().force.push(1.0)), stretch);
+    let excerpt = "live model: its excerpt has not as many forces as positions, at least two";
+    assert_eq!(refused(&|model| model.excerpt.as_mut().unwrap().force.push(1.0)), excerpt);
     assert_eq!(page(&document([model(), model()])).unwrap_err().to_string(), "live model: a document can carry one");
 }

@@ -18,9 +18,9 @@ fn recording(ends: f64, bumps: f64, drift: f64, speeds: &[f64]) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let (mut t, mut x, mut f) = (Vec::new(), Vec::new(), Vec::new());
     let (mut time, mut from) = (0.0, 0.0);
-    for pass in 0..20 {
-        let side = if pass % 2 == 0 { 1.0 } else { -1.0 };
-        let to = (if pass % 2 == 0 { 0.04 } else { 0.0 }) + ends * rng.random::<f64>();
+    for stroke in 0..20 {
+        let side = if stroke % 2 == 0 { 1.0 } else { -1.0 };
+        let to = (if stroke % 2 == 0 { 0.04 } else { 0.0 }) + ends * rng.random::<f64>();
         let step = (to - from) / STEPS as f64;
         for k in 0..STEPS {
             let (place, travel) = (from + step * k as f64, (step * k as f64).abs());
@@ -28,8 +28,8 @@ fn recording(ends: f64, bumps: f64, drift: f64, speeds: &[f64]) -> Recording {
             let turned = 1.0 - 2.0 * (-travel / 0.5e-3).exp();
             t.push(time);
             x.push(place);
-            f.push(side * 4.0 * turned + bumps * (300.0 * place).sin() + drift * f64::from(pass / 2) + noise);
-            time += step.abs() / speeds[pass as usize % speeds.len()];
+            f.push(side * 4.0 * turned + bumps * (300.0 * place).sin() + drift * f64::from(stroke / 2) + noise);
+            time += step.abs() / speeds[stroke as usize % speeds.len()];
         }
         from = to;
     }
@@ -44,7 +44,7 @@ fn is_near(value: f64, truth: f64) {
 fn noise_is_found_whatever_the_profile() {
     let scatter = StrokeScatter::of(&recording(0.0, 1.0, 0.0, &[0.02])).expect("repeats");
     is_near(scatter.scatter_n, NOISE);
-    assert_eq!((scatter.groups, scatter.passes, scatter.degrees_of_freedom), (2, 20, 18));
+    assert_eq!((scatter.groups, scatter.strokes, scatter.degrees_of_freedom), (2, 20, 18));
     scatter.by_direction.iter().for_each(|d| is_near(d.scatter_n, NOISE));
     assert_eq!(scatter.by_direction.len(), 2);
     is_near(scatter.without_drift_n.expect("ten repeats"), NOISE);
@@ -70,8 +70,8 @@ fn a_drift_is_scatter_and_is_shown() {
 #[test]
 fn other_speeds_are_no_repeats() {
     let scatter = StrokeScatter::of(&recording(0.0, 1.0, 0.0, &[0.02, 0.02, 0.04, 0.04])).expect("repeats");
-    assert_eq!((scatter.groups, scatter.passes), (4, 20));
+    assert_eq!((scatter.groups, scatter.strokes), (4, 20));
     let speeds: Vec<f64> = (0..20).map(|k| 0.001 * 1.3f64.powi(k)).collect();
     let none = StrokeScatter::of(&recording(0.0, 1.0, 0.0, &speeds)).expect_err("no two alike");
-    assert!(none.to_string().contains("no two of the 20 passes"), "{none}");
+    assert!(none.to_string().contains("no two of the 20 strokes"), "{none}");
 }

@@ -7,7 +7,7 @@ use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, RandomCycles, St
 use trocar::model_file::ModelFile;
 use trocar::profile::{is_passive, storage_length};
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::table::{Table, number};
 
@@ -29,7 +29,7 @@ pub(crate) struct Args {
     seed: u64,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
     let stages = model.stages().map_err(|error| error.in_file(&args.model))?;
     let analysis = analyze(stages, args.seed);
@@ -48,7 +48,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if is_doubtful(&analysis) {
         console.warn("the model gives work over a closed motion: it is not passive, and its forces are doubtful");
     }
-    Ok(Done::doubtful_if(is_doubtful(&analysis) || given_off))
+    Ok(Completion::doubtful_if(is_doubtful(&analysis) || given_off))
 }
 
 fn text(analysis: &Analysis) -> String {

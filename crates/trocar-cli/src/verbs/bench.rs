@@ -9,7 +9,7 @@ use trocar::model_file::ModelFile;
 use trocar::table::{Column, Field, TableWriter};
 use trocar_model::Element;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::progress::Progress;
 
@@ -46,11 +46,11 @@ pub(crate) struct Args {
     print_config: bool,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let config = args.rig.as_deref().map(read_config).transpose()?;
     let (false, Some(protocol), Some(out)) = (args.print_config, args.protocol, &args.out) else {
         console::print(&config.map_or(DEFAULT_TOML.to_owned(), |config| config.to_toml()))?;
-        return Ok(Done::Clean);
+        return Ok(Completion::Clean);
     };
     let elements = seal(console, args.seal.as_deref())?;
     let progress = Progress::new(console);
@@ -62,7 +62,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
         write_truth(&run, path)?;
     }
     console.remark(&format!("{} samples -> {}", run.time.len(), out.display()));
-    Ok(Done::doubtful_if(warn_of_events(console, &run)))
+    Ok(Completion::doubtful_if(warn_of_events(console, &run)))
 }
 
 fn read_config(path: &Path) -> anyhow::Result<BenchConfig> {

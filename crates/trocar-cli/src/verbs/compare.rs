@@ -10,7 +10,7 @@ use trocar::report;
 use trocar::survey::Survey;
 
 use super::identify::print_survey;
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::{Reading, Rod};
 use crate::models::{Models, models};
@@ -59,7 +59,7 @@ pub(crate) struct Args {
     reading: Reading,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut training = args.reading.recordings(console, &paths)?;
     let lost = training.iter().any(|r| !r.quality.warnings.is_empty());
@@ -101,7 +101,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if let Some(folder) = &args.out {
         console.remark(&format!("report: {}", folder.join("report.html").display()));
     }
-    Ok(Done::doubtful_if(lost || !unknown.is_empty()))
+    Ok(Completion::doubtful_if(lost || !unknown.is_empty()))
 }
 
 /// A duplicate recording would have double weight; one in both lists would not be an independent

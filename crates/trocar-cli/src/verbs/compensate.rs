@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use trocar::compensate::{CompensateOptions, Compensation, Compensator, Fault, StreamOptions, compensate_file};
 use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
-use crate::Done;
+use crate::Completion;
 use crate::console::Console;
 use crate::input::{Choosing, finite, not_negative, positive};
 use crate::progress::Progress;
@@ -50,7 +50,7 @@ pub(crate) struct Args {
     choosing: Choosing,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
     let options = CompensateOptions {
         offset_n: args.offset_n,
@@ -76,7 +76,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     drop(progress);
     say_outcome(console, args, &done);
     let spoilt = done.faults.iter().any(|count| count.fault.spoils_reading() || count.fault == Fault::Gap);
-    Ok(Done::doubtful_if(spoilt))
+    Ok(Completion::doubtful_if(spoilt))
 }
 
 fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {

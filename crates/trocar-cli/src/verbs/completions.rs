@@ -3,7 +3,7 @@
 use clap::CommandFactory;
 use clap_complete::Shell;
 
-use crate::{Cli, Done, console};
+use crate::{Cli, Completion, console};
 
 /// Print completions for a shell
 #[derive(clap::Args)]
@@ -12,9 +12,9 @@ pub(crate) struct Args {
     shell: Shell,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "trocar", &mut script);
     console::print(&String::from_utf8_lossy(&script))?;
-    Ok(Done::Clean)
+    Ok(Completion::Clean)
 }

@@ -12,7 +12,7 @@ use trocar::report::identification::FigureChoice;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{ElementParams, ParameterId, Quantity, Unit};
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::progress::Progress;
 use crate::table::{Table, interval, number};
@@ -38,7 +38,7 @@ pub(crate) struct Args {
     seed: u64,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let staged = StagedFolder::create(&args.out)?;
     let config = BenchConfig::default();
     let truth = ModelFile::plausible_10_5_mm()?;
@@ -54,7 +54,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     staged.commit()?;
     console::print(&in_brief(&done, truth.stages()?.first().params(), &config))?;
     console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
-    Ok(Done::doubtful_if(done.is_doubtful()))
+    Ok(Completion::doubtful_if(done.is_doubtful()))
 }
 
 /// Runs one experiment and reads its recording from the file, as for a recording of a rig.

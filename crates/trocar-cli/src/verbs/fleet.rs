@@ -9,7 +9,7 @@ use trocar::output::AtomicFile;
 use trocar::report::fleet::{self as fleet_report, Roles};
 use trocar::report::page;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::{Reading, Rod};
 use crate::progress::Progress;
@@ -70,7 +70,7 @@ enum Far {
     Full,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     if args.out == Path::new("-") {
         return Err(BadArgument("--out - : the table needs a file, beside which its journal stands".into()).into());
     }
@@ -116,7 +116,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     file.commit()?;
     say(console, &fleet, started.elapsed().as_secs_f64());
     console.remark(&format!("table: {}\nreport: {}", args.out.display(), report.display()));
-    Ok(Done::doubtful_if(fleet.tally.failed > 0))
+    Ok(Completion::doubtful_if(fleet.tally.failed > 0))
 }
 
 fn report_beside(table: &Path) -> PathBuf {
@@ -130,17 +130,17 @@ fn files(count: usize) -> String {
 }
 
 fn in_words(tally: &Tally, seconds: f64) -> String {
-    let rate = (tally.done - tally.taken_over) as f64 / seconds.max(1e-3);
+    let rate = (tally.done - tally.reused) as f64 / seconds.max(1e-3);
     let failed = if tally.failed > 0 { format!(", {} failed", tally.failed) } else { String::new() };
     format!("{} of {} recordings, {rate:.1}/s{failed}", tally.done, tally.total)
 }
 
 /// Times are printed only to standard error.
 fn say(console: &Console, fleet: &Fleet, seconds: f64) {
-    let Tally { done, taken_over, failed, samples, .. } = fleet.tally;
+    let Tally { done, reused, failed, samples, .. } = fleet.tally;
     let count = |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
     console.remark(&format!(
-        "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {taken_over} taken over from the journal",
+        "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {reused} reused from the journal",
         count("ok"),
         count("doubtful"),
     ));

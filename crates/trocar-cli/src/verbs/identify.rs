@@ -10,7 +10,7 @@ use trocar::survey::Survey;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::{Reading, Rod};
 use crate::progress::Progress;
@@ -96,7 +96,7 @@ fn term(text: &str) -> Result<Term, String> {
     Term::ALL.into_iter().find(|term| term.name() == text.trim()).ok_or_else(|| format!("expected one of {}", names()))
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
     let held_out = recordings.split_off(args.recordings.len());
@@ -127,7 +127,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     let text = if args.json { done.summary().to_json() } else { in_brief(&done) };
     console::print(&text)?;
     console.remark(&format!("report: {}", args.out.join("report.html").display()));
-    Ok(Done::doubtful_if(overlaps || done.is_doubtful()))
+    Ok(Completion::doubtful_if(overlaps || done.is_doubtful()))
 }
 
 /// Runs the workflow; prints first what the recordings can determine, and finally what is doubtful.
@@ -151,12 +151,12 @@ pub(crate) fn run_workflow(
 pub(crate) fn print_survey(console: &Console, survey: &Survey) {
     for r in &survey.recordings {
         console.remark(&format!(
-            "{}: {} samples, {:.1} s, stroke {:.1} mm, {}, {}; constant velocity {}",
+            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
             r.name,
             r.samples,
             r.duration,
             1e3 * r.stroke,
-            counted(r.passes, "pass", "passes"),
+            counted(r.strokes, "stroke", "strokes"),
             counted(r.reversals, "reversal", "reversals"),
             speeds(&r.insertion_speeds, &r.withdrawal_speeds)
         ));
@@ -241,7 +241,7 @@ fn along_in_words(found: &Identification) -> String {
     let lag = found.position_delay.map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
     let along = match (&found.position_profile, &found.no_position_profile) {
         (Some(fit), _) => Some(format!(
-            "the force depends on the position: {} N rms on held-out strokes with a profile of {} knots, {} N without\n",
+            "the force depends on the position: {} N rms on held-out cycles with a profile of {} knots, {} N without\n",
             number(fit.held_out_rms_n),
             fit.profile.gains().len(),
             number(fit.constant_held_out_rms_n)

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use trocar::inspect::{Clock, ColumnView, Found, Inspection, TableView, inspect};
+use trocar::inspect::{Clock, ColumnView, Inspection, RecordingPreview, TableView, inspect};
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::Choosing;
 use crate::table::{Table, number};
@@ -33,14 +33,14 @@ pub(crate) struct Args {
     choosing: Choosing,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let found = inspect(&args.file, &args.choosing.choice())?;
     if let Err(reason) = &found.recording {
         console.warn(reason);
     }
     let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { in_words(&found, &args.choosing) };
     console::print(&text)?;
-    Ok(Done::doubtful_if(found.recording.is_err() || found.tables.iter().any(|table| table.damage.is_some())))
+    Ok(Completion::doubtful_if(found.recording.is_err() || found.tables.iter().any(|table| table.damage.is_some())))
 }
 
 fn in_words(found: &Inspection, choosing: &Choosing) -> String {
@@ -121,7 +121,7 @@ fn sparkline(course: &[f64]) -> String {
     format!("{line:<WIDTH$}")
 }
 
-fn recording_in_words(found: &Found, choosing: &Choosing) -> String {
+fn recording_in_words(found: &RecordingPreview, choosing: &Choosing) -> String {
     let topics: String = choosing.topic.iter().map(|topic| format!(" --topic '{topic}'")).collect();
     let mut text = format!("would be read as\n  --columns '{}'{topics}\n", found.columns.join(","));
     for note in &found.notes {
@@ -132,11 +132,11 @@ fn recording_in_words(found: &Found, choosing: &Choosing) -> String {
     }
     let _ = writeln!(
         text,
-        "\ncould be identified from it\n  {} samples, {:.1} s, stroke {:.1} mm, {} passes; constant velocity {}",
+        "\ncould be identified from it\n  {} samples, {:.1} s, position range {:.1} mm, {} strokes; constant velocity {}",
         found.samples,
         found.duration_s,
         1e3 * found.stroke_m,
-        found.passes,
+        found.strokes,
         speeds(&found.insertion_speeds_m_s, &found.withdrawal_speeds_m_s)
     );
     for limit in &found.limits {

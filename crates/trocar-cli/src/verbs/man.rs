@@ -6,7 +6,7 @@ use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use trocar::output::StagedFolder;
 
-use crate::{Cli, Done, console};
+use crate::{Cli, Completion, console};
 
 /// Print the man page, or write it and one page per command into a folder
 #[derive(clap::Args)]
@@ -16,7 +16,7 @@ pub(crate) struct Args {
     out: Option<PathBuf>,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
     let mut command = Cli::command();
     command.build();
     match &args.out {
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<Done> {
             staged.commit()?;
         }
     }
-    Ok(Done::Clean)
+    Ok(Completion::Clean)
 }
 
 fn page(command: &Command) -> std::io::Result<Vec<u8>> {

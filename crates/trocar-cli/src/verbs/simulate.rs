@@ -8,7 +8,7 @@ use trocar::recording::position_resolution;
 use trocar::simulate::{Beginning, SimulateOptions, simulate_file};
 use trocar_model::BacklashFilter;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{BadArgument, Console};
 use crate::input::{Choosing, finite, not_negative};
 use crate::progress::Progress;
@@ -58,7 +58,7 @@ fn backlash_width(text: &str) -> Result<BacklashWidth, String> {
     not_negative(text).map(BacklashWidth::Given).map_err(|error| format!("{error}, in metres, or 'auto'"))
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
     let kind = model.trocar.seal().kind();
     if args.initial_deflection_mm.is_some() && model.stages().is_err() {
@@ -83,7 +83,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if let Some(departure) = profile.and_then(|profile| Departure::of(profile, done.lowest, done.highest)) {
         console.warn(&departure.to_string());
     }
-    Ok(Done::Clean)
+    Ok(Completion::Clean)
 }
 
 /// Initial state of the seal, and its source.
@@ -117,7 +117,7 @@ fn filter_for_resolution(console: &Console, args: &Args) -> anyhow::Result<Backl
         BadArgument(format!("--backlash-m auto needs the resolution of the positions, {why}: {motion}\n\nhint: {hint}"))
     };
     if args.motion.as_os_str() == "-" || std::fs::metadata(&args.motion).is_ok_and(|data| !data.is_file()) {
-        return Err(refuse("which a stream does not tell beforehand").into());
+        return Err(refuse("which is not known beforehand for a stream").into());
     }
     let resolution = position_resolution(&args.motion, &args.choosing.choice())?;
     if resolution == 0.0 {

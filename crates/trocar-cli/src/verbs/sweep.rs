@@ -9,7 +9,7 @@ use trocar::model_file::ModelFile;
 use trocar::sweep::Sweep;
 use trocar::sweep::config::EXAMPLE_TOML;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::progress::Progress;
 use crate::table::number;
@@ -38,16 +38,16 @@ pub(crate) struct Args {
     list: Option<PathBuf>,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     if args.print_config {
         console::print(EXAMPLE_TOML)?;
-        return Ok(Done::Clean);
+        return Ok(Completion::Clean);
     }
     if let Some(model) = &args.list {
         console::print(&parameters(model)?)?;
-        return Ok(Done::Clean);
+        return Ok(Completion::Clean);
     }
-    let (Some(document), Some(out)) = (&args.sweep, &args.out) else { return Ok(Done::Clean) };
+    let (Some(document), Some(out)) = (&args.sweep, &args.out) else { return Ok(Completion::Clean) };
     let sweep = read(document)?;
     if let Some(folder) = &args.traces {
         let failed = || format!("{}: cannot make the folder for the traces", folder.display());
@@ -67,7 +67,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     if let Some(why) = &summary.first_failure {
         console.warn(&format!("{} of {rows} runs failed, the first: {why}", summary.failed));
     }
-    Ok(Done::doubtful_if(summary.failed > 0))
+    Ok(Completion::doubtful_if(summary.failed > 0))
 }
 
 fn read(document: &Path) -> anyhow::Result<Sweep> {

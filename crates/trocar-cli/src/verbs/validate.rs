@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use trocar::model_file::{ModelFile, SensorInfo};
-use trocar::validate::{Part, Phases, Scored, Validation, validate_one};
+use trocar::validate::{PhaseError, Phases, Scored, Validation, validate_one};
 use trocar::workflow::MovingMass;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::{Reading, finite, not_negative};
 use crate::table::{Table, number};
@@ -38,13 +38,13 @@ pub(crate) struct Args {
     reading: Reading,
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
     let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_delay_s: 0.0 });
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
     console.remark(&format!(
-        "offset {} N and moving mass {} kg taken out of the readings",
+        "offset {} N and moving mass {} kg subtracted from the readings",
         number(offset),
         number(mass)
     ));
@@ -81,7 +81,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     }
     let text = if args.json { serde_json::to_string_pretty(&validation)? + "\n" } else { table(&validation) };
     console::print(&text)?;
-    Ok(Done::doubtful_if(lost || validation.is_doubtful()))
+    Ok(Completion::doubtful_if(lost || validation.is_doubtful()))
 }
 
 /// One line per recording, and one for all.
@@ -106,6 +106,6 @@ pub(crate) fn table(validation: &Validation) -> String {
 }
 
 /// Error in a phase, if the phase occurred.
-fn phase(part: Option<Part>) -> String {
+fn phase(part: Option<PhaseError>) -> String {
     part.filter(|part| part.samples > 0).map_or_else(|| "-".to_owned(), |part| number(part.rms_n))
 }

@@ -27,7 +27,7 @@ pub struct Lanes {
     end_stiffness: [Lane; 2],
     rate: [Lane; 2],
     lag: [Lane; 2],
-    /// The stretch between two joins where the lane was last: [from, to), m, and M and h there.
+    /// The span between two joins where the lane was last: [from, to), m, and M and h there.
     from: Lane,
     to: Lane,
     mid: Lane,
@@ -58,7 +58,7 @@ pub(crate) type LaneSet = u32;
 /// What the lanes are about to do in a step.
 #[derive(Clone, Copy)]
 struct Survey {
-    /// Some lane deforms and leaves the stretch that it holds.
+    /// Some lane deforms and leaves the span that it holds.
     stale: bool,
     some_bend: bool,
     some_slide: bool,
@@ -93,7 +93,7 @@ impl Lanes {
         &self.force
     }
 
-    /// 1 for a model that slides, 0 for one that deforms, NaN for one that does not tell.
+    /// 1 for a model that slides, 0 for one that deforms, NaN for one without a mode.
     #[inline(always)]
     pub fn sliding(&self) -> [f64; LANES] {
         self.slip.map(|slip| if slip.is_nan() { slip } else { f64::from(u8::from(slip != 0.0)) })
@@ -152,21 +152,21 @@ impl Lanes {
         self.store(to, &state);
     }
 
-    /// Brings the stretch around `z` into `lane`.
+    /// Brings the span around `z` into `lane`.
     pub(crate) fn bring(&mut self, lane: usize, element: &Element, z: f64) {
         let lane = lane % LANES;
-        let (stretch, from, to) = element.params.deformation.stretch_around(z);
+        let (span, from, to) = element.params.deformation.span_around(z);
         self.from[lane] = from;
         self.to[lane] = to;
-        self.mid[lane] = stretch.mid;
-        self.inverse_half[lane] = stretch.inverse_half;
-        for (k, [mid, gap]) in stretch.force.iter().enumerate() {
+        self.mid[lane] = span.mid;
+        self.inverse_half[lane] = span.inverse_half;
+        for (k, [mid, gap]) in span.force.iter().enumerate() {
             self.mid_force[k][lane] = *mid;
             self.gap_force[k][lane] = *gap;
         }
     }
 
-    /// Advances all lanes; `bring` is called for those that need another stretch. Returns the lanes it left untouched.
+    /// Advances all lanes; `bring` is called for those that need another span. Returns the lanes it left untouched.
     #[inline(always)]
     pub(crate) fn advance(&mut self, stride: Stride, bring: impl FnOnce(&mut Self, LaneSet)) -> LaneSet {
         let survey = self.survey(stride);
@@ -220,14 +220,14 @@ impl Lanes {
     }
 
     #[inline(always)]
-    fn pass<const VISCOUS: bool, const BEND: bool, const SLIDE: bool>(&mut self, stride: Stride) -> LaneSet {
+    fn pass<const VISCOUS: bool, const DEFORMS: bool, const SLIDE: bool>(&mut self, stride: Stride) -> LaneSet {
         // Apart from what is read, so that the compiler sees lanes that do not hang together.
         let mut new = [[0.0; LANES]; 4];
         let mut size = [0.0; LANES];
         for i in 0..LANES {
-            let bent = if BEND { self.bent(i, stride) } else { Next::NONE };
+            let deformed = if DEFORMS { self.deformed(i, stride) } else { Next::NONE };
             let slid = if SLIDE { self.slid::<VISCOUS>(i, stride) } else { Next::NONE };
-            let next = if SLIDE && (!BEND || self.slides(i, stride)) { slid } else { bent };
+            let next = if SLIDE && (!DEFORMS || self.slides(i, stride)) { slid } else { deformed };
             new[0][i] = next.deflection;
             new[1][i] = next.yield_force;
             new[2][i] = next.force;
@@ -260,7 +260,7 @@ impl Lanes {
 
     /// [`Element::step`] without slip, in the same operations.
     #[inline(always)]
-    fn bent(&self, i: usize, stride: Stride) -> Next {
+    fn deformed(&self, i: usize, stride: Stride) -> Next {
         let target = self.target(i, stride);
         let t = (target - self.mid[i]) * self.inverse_half[i];
         let mid = estrin(&self.mid_force, i, t);

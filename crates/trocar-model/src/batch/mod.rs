@@ -63,7 +63,7 @@ pub trait Many: Friction {
     /// Puts a new state of that element back.
     fn put_single(state: &mut Self::State, single: State);
 
-    /// Whether the model slides; `None` for one that does not tell.
+    /// Whether the model slides; `None` for one without a mode.
     fn slides(state: &Self::State) -> Option<bool>;
 }
 
@@ -302,7 +302,7 @@ impl<M: Many> Block<'_, M> {
     }
 }
 
-/// Brings the stretch that they need into the lanes `stale`.
+/// Brings the span that they need into the lanes `stale`.
 #[cold]
 fn bring<M: Many>(models: &[M], states: &[M::State], lanes: &mut Lanes, stale: LaneSet, stride: Stride) {
     let fast = lanes.fast;

@@ -14,7 +14,7 @@ use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
 use crate::damping::SealDamping;
 use crate::direction::Direction;
-use crate::elastic::{Place, ShapeDifference};
+use crate::elastic::{DeflectionLocation, ShapeDifference};
 use crate::ems::{Element, State};
 use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
@@ -135,14 +135,14 @@ pub(crate) struct Lead<'a> {
 
 /// How the leader moved.
 struct Course {
-    bend: Bend,
+    deforming: Deforming,
     /// `None` where it deformed without slip.
     slide: Option<Slide>,
 }
 
 /// The deformation force where the leader arrives.
-struct Bend {
-    place: Place,
+struct Deforming {
+    location: DeflectionLocation,
     /// z⁺ - z, m.
     travel: f64,
     /// dM/dz and dq/dz there, N/m; the latter is ±h' where q follows ±h, and κ elsewhere.
@@ -236,7 +236,7 @@ impl Element {
             if state.slip_velocity != 0.0 {
                 return None;
             }
-            return Some(Course { bend: self.bend(&before, state, motion), slide: None });
+            return Some(Course { deforming: self.deforming(&before, state, motion), slide: None });
         }
         let onset = self.sliding_on(&before, motion.velocity);
         if onset.speed <= 0.0 {
@@ -251,7 +251,7 @@ impl Element {
         Some(self.slid(&before, state, motion, onset.speed, theta))
     }
 
-    fn bend(&self, before: &State, after: &State, motion: Motion) -> Bend {
+    fn deforming(&self, before: &State, after: &State, motion: Motion) -> Deforming {
         let deformation = &self.params.deformation;
         let local = deformation.local(after.deflection);
         let travel = after.deflection - before.deflection;
@@ -278,18 +278,18 @@ impl Element {
             }
         }
         let arm_stiffness = arm_slopes.iter().map(|arm| arm.response).sum();
-        let place = deformation.place(after.deflection);
-        Bend { place, travel, mid_slope: local.mid_slope, yield_slope, follows, arm_stiffness, arm_slopes }
+        let location = deformation.locate(after.deflection);
+        Deforming { location, travel, mid_slope: local.mid_slope, yield_slope, follows, arm_stiffness, arm_slopes }
     }
 
     fn slid(&self, before: &State, after: &State, motion: Motion, speed: f64, theta: f64) -> Course {
         let (direction, lag) = (Direction::of(after.slip_velocity), self.params.friction_lag);
-        let bend = self.bend(before, after, motion);
+        let deforming = self.deforming(before, after, motion);
         let (start, start_contact) =
             self.contact_at(direction, motion.velocity, speed, Rise::at_start(before.rise, lag));
         let lagged = Rise::after(before.rise, lag, motion.time, || start.curve);
         let (end, end_contact) = self.contact_at(direction, motion.velocity, after.slip_velocity.abs(), lagged);
-        let steep = bend.mid_slope + bend.yield_slope + bend.arm_stiffness;
+        let steep = deforming.mid_slope + deforming.yield_slope + deforming.arm_stiffness;
         let slide = Slide {
             direction,
             explicit: direction.sign() * motion.time * (1.0 - theta),
@@ -301,7 +301,7 @@ impl Element {
             start,
             end,
         };
-        Course { bend, slide: Some(slide) }
+        Course { deforming, slide: Some(slide) }
     }
 
     /// The contact at slip speed `u`, m/s, with the part of λ that `rise` tells.
@@ -375,12 +375,12 @@ impl At {
     }
 }
 
-impl Bend {
+impl Deforming {
     /// The deformation where z⁺ differs by `deflection`, m; the slip is not yet in it.
     #[inline(always)]
     fn apart(&self, leader: &Element, before: &State, different: &Different, apart: &Apart, deflection: f64) -> Apart {
         let ((mid, gap), yield_stiffness) = match &different.shape {
-            Some(shape) => (leader.params.deformation.more_at(shape, &self.place), shape.yield_stiffness),
+            Some(shape) => (leader.params.deformation.more_at(shape, &self.location), shape.yield_stiffness),
             None => ((0.0, 0.0), 0.0),
         };
         let moved = deflection - apart.deflection;
@@ -405,22 +405,22 @@ impl Lead<'_> {
     #[inline(always)]
     pub(crate) fn take(&self, element: &Element, different: &Different, apart: &mut Apart) {
         let course = self.course.as_ref().filter(|_| !different.is_another);
-        let followed = course.and_then(|Course { bend, slide }| match slide {
-            Some(slide) => self.slide(bend, slide, different, apart),
-            None => Some(self.bend(bend, different, apart)),
+        let followed = course.and_then(|Course { deforming, slide }| match slide {
+            Some(slide) => self.slide(deforming, slide, different, apart),
+            None => Some(self.deforming(deforming, different, apart)),
         });
         *apart = followed.unwrap_or_else(|| self.alone(element, apart));
     }
 
     #[inline(always)]
-    fn bend(&self, bend: &Bend, different: &Different, apart: &Apart) -> Apart {
-        let mut next = bend.apart(self.leader, &self.before, different, apart, apart.deflection);
+    fn deforming(&self, deforming: &Deforming, different: &Different, apart: &Apart) -> Apart {
+        let mut next = deforming.apart(self.leader, &self.before, different, apart, apart.deflection);
         next.force += different.damping.force(self.motion.velocity);
         next
     }
 
     #[inline(always)]
-    fn slide(&self, bend: &Bend, slide: &Slide, different: &Different, apart: &Apart) -> Option<Apart> {
+    fn slide(&self, deforming: &Deforming, slide: &Slide, different: &Different, apart: &Apart) -> Option<Apart> {
         let Slide { direction, start, end, lag, .. } = slide;
         let s = direction.sign();
         let by = &different.sliding[usize::from(*direction == Direction::Insertion)];
@@ -439,7 +439,7 @@ impl Lead<'_> {
             s * apart.slip_velocity
         };
         let mut next =
-            bend.apart(self.leader, &self.before, different, apart, apart.deflection - slide.explicit * speed);
+            deforming.apart(self.leader, &self.before, different, apart, apart.deflection - slide.explicit * speed);
         let curve_before = curve + start.curve_by_speed * speed;
         let rise = lag.left * apart.rise
             + lag.before * curve_before
@@ -453,9 +453,9 @@ impl Lead<'_> {
         let speed = missing / slide.end_drag;
         let shift = -slide.implicit * speed;
         next.deflection += shift;
-        next.yield_force += bend.yield_slope * shift;
-        next.arms.iter_mut().zip(&bend.arm_slopes).for_each(|(a, arm)| *a += arm.response * shift);
-        next.elastic += (bend.mid_slope + bend.yield_slope + bend.arm_stiffness) * shift;
+        next.yield_force += deforming.yield_slope * shift;
+        next.arms.iter_mut().zip(&deforming.arm_slopes).for_each(|(a, arm)| *a += arm.response * shift);
+        next.elastic += (deforming.mid_slope + deforming.yield_slope + deforming.arm_stiffness) * shift;
         next.slip_velocity = s * speed;
         next.rise = if lag.is_lagged { rise + lag.now * end.curve_by_speed * speed } else { 0.0 };
         next.force = next.elastic + damping - end.damping_slope * next.slip_velocity;

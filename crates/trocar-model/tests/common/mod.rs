@@ -10,7 +10,7 @@ fn cubic(from: f64, to: f64, b: f64, d: f64) -> [f64; 4] {
     [0.5 * (from + to) - b, 0.5 * (to - from) - d, b, d]
 }
 
-/// Ingredients of a random seal, all plain numbers so that failing cases shrink.
+/// Numbers of a random seal, all plain numbers so that failing cases shrink.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seal {
     pub(crate) half_width: f64,
@@ -79,7 +79,7 @@ pub(crate) fn seals() -> impl Strategy<Value = Seal> {
         })
 }
 
-/// With Stribeck friction that does not fold, or folds, and seal damping.
+/// With Stribeck friction, with and without velocity weakening, and seal damping.
 pub(crate) fn general_elements() -> impl Strategy<Value = Element> {
     (seals(), 0.6..1.0_f64, 1e-3..0.1_f64, 0.7..2.5_f64, 0.0..3.0_f64).prop_map(
         |(seal, ratio, stribeck_velocity, stribeck_exponent, sigma)| {

@@ -27,9 +27,9 @@ const DENSEST: u64 = 2000;
 /// Attributes that name a unit.
 const UNITS: [&str; 4] = ["units", "unit", "Units", "Unit"];
 
-/// Position of one column.
+/// Where one column is stored.
 #[derive(Debug, Clone, PartialEq)]
-struct Place {
+struct ColumnLocation {
     path: String,
     /// Index among `width` columns.
     column: u64,
@@ -44,7 +44,7 @@ pub(crate) struct Hdf5 {
     file: Arc<File>,
     length: u64,
     tables: Vec<Table>,
-    places: Vec<Vec<Option<Place>>>,
+    places: Vec<Vec<Option<ColumnLocation>>>,
 }
 
 impl Hdf5 {
@@ -89,7 +89,7 @@ impl Container for Hdf5 {
 }
 
 impl Hdf5 {
-    fn array(&self, place: &Place) -> Result<Array, RecordingError> {
+    fn array(&self, place: &ColumnLocation) -> Result<Array, RecordingError> {
         let refused = |error| refused(&self.source, &place.path, &error);
         let dataset = self.file.dataset(&place.path).map_err(refused)?;
         // The reader reserves memory for the length that a chunk states.
@@ -120,7 +120,7 @@ struct Listing<'a> {
     source: &'a Source,
     file: &'a File,
     length: u64,
-    groups: Vec<Group<Place>>,
+    groups: Vec<Group<ColumnLocation>>,
     listed: usize,
 }
 
@@ -161,7 +161,7 @@ impl Listing<'_> {
         }
     }
 
-    fn dataset(&self, group: &mut Group<Place>, name: &str, path: String, described: Described) {
+    fn dataset(&self, group: &mut Group<ColumnLocation>, name: &str, path: String, described: Described) {
         let Described { shape, unit, is_numeric, size, compressed, reason } = described;
         if let Some(reason) = reason {
             group.refused.push(format!("{name} ({reason})"));
@@ -187,7 +187,7 @@ impl Listing<'_> {
         }
         for column in 0..width {
             let name = if width == 1 { name.to_owned() } else { format!("{name}[{column}]") };
-            let place = Place { path: path.clone(), column, width, across };
+            let place = ColumnLocation { path: path.clone(), column, width, across };
             group.columns.push((Column { name, unit: unit.clone(), is_numeric }, rows, place));
         }
     }
@@ -271,7 +271,7 @@ struct Array {
 }
 
 impl Array {
-    fn open(dataset: Dataset, place: &Place) -> Result<Self, hdf5_pure::Error> {
+    fn open(dataset: Dataset, place: &ColumnLocation) -> Result<Self, hdf5_pure::Error> {
         let kind = dataset.dtype()?;
         let whole = place.across.then(|| numbers(&dataset, &kind, 0, u64::MAX)).transpose()?;
         Ok(Self { path: place.path.clone(), dataset, kind, width: place.width, whole, window: Vec::new() })

@@ -119,7 +119,7 @@ impl Storage {
 
 /// Position of the numbers of one column.
 #[derive(Debug, Clone, PartialEq)]
-enum Place {
+enum ColumnData {
     /// In the data element at `element`, starting `skip` bytes into its stream, every `stride`-th
     /// number.
     Stream { element: Element, skip: u64, storage: Storage, stride: u64, rows: u64 },
@@ -142,7 +142,7 @@ pub(crate) struct Mat5 {
     file: Arc<File>,
     big: bool,
     tables: Vec<Table>,
-    places: Vec<Vec<Option<Place>>>,
+    places: Vec<Vec<Option<ColumnData>>>,
 }
 
 impl Mat5 {
@@ -199,8 +199,8 @@ impl Container for Mat5 {
                 column: name.clone(),
             })?;
             let cells = match place {
-                Place::Held(numbers) => Cells::Held(numbers.clone()),
-                Place::Stream { element, skip, storage, stride, rows } => {
+                ColumnData::Held(numbers) => Cells::Held(numbers.clone()),
+                ColumnData::Stream { element, skip, storage, stride, rows } => {
                     let mut bytes = stream(&self.file, *element);
                     pass(&mut bytes, *skip).map_err(|error| self.source.damaged(format!("variable {name}"), error))?;
                     Cells::Stream { bytes, storage: *storage, stride: *stride, left: *rows }
@@ -213,7 +213,7 @@ impl Container for Mat5 {
     }
 }
 
-fn group(name: &str) -> Group<Place> {
+fn group(name: &str) -> Group<ColumnData> {
     Group { name: name.to_owned(), columns: Vec::new(), refused: Vec::new() }
 }
 
@@ -224,7 +224,8 @@ fn word(bytes: &[u8], big: bool) -> u32 {
 
 /// The bytes of a data element, decompressed.
 fn stream(file: &Arc<File>, element: Element) -> Box<dyn Read + Send> {
-    let part = BufReader::with_capacity(1 << 16, Part { file: file.clone(), at: element.at, left: element.bytes });
+    let part =
+        BufReader::with_capacity(1 << 16, FileSection { file: file.clone(), at: element.at, left: element.bytes });
     #[cfg(feature = "gzip")]
     if element.compressed {
         return Box::new(BufReader::new(flate2::bufread::ZlibDecoder::new(part)));
@@ -233,13 +234,13 @@ fn stream(file: &Arc<File>, element: Element) -> Box<dyn Read + Send> {
 }
 
 /// A part of the file.
-struct Part {
+struct FileSection {
     file: Arc<File>,
     at: u64,
     left: u64,
 }
 
-impl Read for Part {
+impl Read for FileSection {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let most = bytes.len().min(usize::try_from(self.left).unwrap_or(usize::MAX));
         let read = read_at(&self.file, &mut bytes[..most], self.at)?;
@@ -261,7 +262,7 @@ fn pass(bytes: &mut impl Read, count: u64) -> io::Result<()> {
 struct Listing<'a> {
     source: &'a Source,
     big: bool,
-    groups: Vec<Group<Place>>,
+    groups: Vec<Group<ColumnData>>,
     arrays: usize,
 }
 
@@ -430,7 +431,7 @@ impl Listing<'_> {
         let column = Column { name: self.leaf(position), unit: None, is_numeric: false };
         // The number of rows is that of the strings, not of the characters.
         let rows = head.dimensions.first().copied().unwrap_or(0);
-        self.groups[position.group].columns.push((column, rows, Place::Held(Vec::new())));
+        self.groups[position.group].columns.push((column, rows, ColumnData::Held(Vec::new())));
     }
 
     fn refuse(&mut self, position: &Position<'_>, reason: &str) {
@@ -474,7 +475,7 @@ impl Listing<'_> {
         for k in 0..columns {
             let name = if columns == 1 { name.clone() } else { format!("{name}[{k}]") };
             let skip = tag.from + k * step * storage.size() as u64;
-            let place = Place::Stream { element: walk.element, skip, storage, stride, rows };
+            let place = ColumnData::Stream { element: walk.element, skip, storage, stride, rows };
             let column = Column { name, unit: None, is_numeric: true };
             self.groups[position.group].columns.push((column, rows, place));
         }
@@ -558,7 +559,7 @@ impl Listing<'_> {
         }
         for (name, numbers) in names.iter().zip(held).filter(|(_, numbers)| numbers.len() as u64 == count) {
             let column = Column { name: name.clone(), unit: None, is_numeric: true };
-            self.groups[group].columns.push((column, count, Place::Held(numbers)));
+            self.groups[group].columns.push((column, count, ColumnData::Held(numbers)));
         }
         Ok(())
     }

@@ -191,14 +191,14 @@ impl Parquet {
 }
 
 /// A part of a column that is read as a whole: the numbers of one row group.
-struct Part<'a> {
+struct RowGroupColumn<'a> {
     group: usize,
     column: usize,
     scale: Scale,
     numbers: &'a mut [f64],
 }
 
-impl Part<'_> {
+impl RowGroupColumn<'_> {
     /// Decodes in pieces that fit into the processor's caches.
     fn read(self, input: &Arc<Input>, metadata: &ParquetMetaData) -> Decoded<()> {
         let mut cursor = cursor(input, metadata, self.group, self.column)?;
@@ -264,7 +264,7 @@ impl Container for Parquet {
             let mut rest = numbers.as_mut_slice();
             for (group, &rows) in groups.iter().enumerate() {
                 let (numbers, others) = rest.split_at_mut(rows);
-                parts.push(Part { group, column, scale, numbers });
+                parts.push(RowGroupColumn { group, column, scale, numbers });
                 rest = others;
             }
         }

@@ -38,7 +38,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     if path.is_dir() {
         return Ok(Box::new(Folder::open(path)?));
     }
-    Ok(Box::new(Part::Db3(Db3::open(path)?)))
+    Ok(Box::new(BagFile::Db3(Db3::open(path)?)))
 }
 
 /// A SQLite file.
@@ -238,13 +238,13 @@ impl Blocks for Pages {
 
 /// One file of a bag.
 #[derive(Debug)]
-enum Part {
+enum BagFile {
     Db3(Db3),
     #[cfg(feature = "mcap")]
     Mcap(super::mcap::McapFile),
 }
 
-impl Part {
+impl BagFile {
     fn open(path: &Path) -> Result<Self, RecordingError> {
         match path.extension().and_then(|extension| extension.to_str()) {
             #[cfg(feature = "mcap")]
@@ -296,7 +296,7 @@ impl Part {
     }
 }
 
-impl Container for Part {
+impl Container for BagFile {
     fn format(&self) -> &'static str {
         match self {
             Self::Db3(_) => "ROS 2 bag (SQLite)",
@@ -346,7 +346,7 @@ impl Container for Part {
 struct Folder {
     path: PathBuf,
     /// In the order of the first time.
-    parts: Vec<Part>,
+    parts: Vec<BagFile>,
     tables: Vec<Table>,
     epochs: Epochs,
     notes: Vec<String>,
@@ -380,7 +380,7 @@ impl Folder {
                 folder.notes.push(format!("{name} is not named in {METADATA} and left out"));
                 continue;
             }
-            match Part::open(path) {
+            match BagFile::open(path) {
                 Ok(part) => folder.parts.push(part),
                 Err(error) => {
                     folder.warnings.push(error.to_string());
@@ -398,9 +398,9 @@ impl Folder {
 
     /// Sorts the parts and merges their topics.
     fn join(&mut self) {
-        self.parts.sort_by_key(Part::start);
-        let start = self.parts.iter().filter_map(Part::start).min().unwrap_or(0);
-        let topics = || self.parts.iter().flat_map(Part::topics);
+        self.parts.sort_by_key(BagFile::start);
+        let start = self.parts.iter().filter_map(BagFile::start).min().unwrap_or(0);
+        let topics = || self.parts.iter().flat_map(BagFile::topics);
         self.epochs = message::epochs(topics(), start as i64);
         let mut tables: Vec<Table> = Vec::new();
         for table in topics().map(|topic| &topic.table) {
@@ -443,7 +443,7 @@ impl Container for Folder {
     }
 
     fn clock(&self, table: usize, column: usize) -> usize {
-        let (table, mut topics) = (&self.tables[table], self.parts.iter().flat_map(Part::topics));
+        let (table, mut topics) = (&self.tables[table], self.parts.iter().flat_map(BagFile::topics));
         let same = |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
         topics.find(same).map_or(0, |topic| topic.clock(column, self.epochs))
     }

@@ -21,11 +21,11 @@ use super::adapt::{CELL, CELLS, CONTACT, LONGEST_AGE};
 /// Friction scales run in parallel, evenly spaced on a logarithmic scale.
 const LEVELS: [f64; COUNT] = [0.18, 0.25, 0.35, 0.5, 0.71, 1.0, 1.41];
 const COUNT: usize = 7;
-/// Pairs considered, the number of them that may disagree, and the fewest passes that they come
+/// Pairs considered, the number of them that may disagree, and the fewest strokes that they come
 /// from.
 const PAIRS: usize = 24;
 const MOST_APART: usize = 4;
-const PASSES: u64 = 3;
+const STROKES: u64 = 3;
 /// Pairs used for the doubt: those after a change within 3 mm of travel, and those affected by it
 /// afterwards.
 const NEWEST: usize = 3;
@@ -75,7 +75,7 @@ struct Pair {
     turns: [f64; COUNT],
     /// Variance of `turn` due to the model's error in both crossings, N².
     variance: f64,
-    pass: u64,
+    stroke: u64,
 }
 
 /// The model at several friction scales.
@@ -89,7 +89,7 @@ pub(super) struct Bank {
     pairs: [Option<Pair>; PAIRS],
     next: usize,
     /// Number of direction changes between pairs.
-    pass: u64,
+    stroke: u64,
     inserted: bool,
     time: f64,
 }
@@ -103,7 +103,7 @@ impl Bank {
             current: None,
             pairs: [None; PAIRS],
             next: 0,
-            pass: 0,
+            stroke: 0,
             inserted: false,
             time: 0.0,
         }
@@ -112,7 +112,7 @@ impl Bank {
     /// Resets the bank.
     pub(super) fn reset(&mut self, seal: &Seal) {
         self.start(seal, 0.0);
-        (self.time, self.pass, self.inserted) = (0.0, 0, false);
+        (self.time, self.stroke, self.inserted) = (0.0, 0, false);
     }
 
     /// All models at rest with `force`, N.
@@ -177,7 +177,7 @@ impl Bank {
         if high - low < TELLING * self.sigma {
             return;
         }
-        self.pass += u64::from(inserts != self.inserted);
+        self.stroke += u64::from(inserts != self.inserted);
         self.inserted = inserts;
         let turn = now.reading - before.reading;
         let load = |h: usize| 0.5 * (now.reading + before.reading - now.forces[h] - before.forces[h]);
@@ -191,7 +191,7 @@ impl Bank {
             None => (f64::NAN, f64::NAN),
         };
         self.pairs[self.next] =
-            Some(Pair { level, load, turn, turns, variance: now.variance + before.variance, pass: self.pass });
+            Some(Pair { level, load, turn, turns, variance: now.variance + before.variance, stroke: self.stroke });
         self.next = (self.next + 1) % PAIRS;
     }
 
@@ -229,9 +229,9 @@ impl Bank {
         let agrees = |pair: &&Pair| {
             (pair.level / middle).ln().abs() < APART && pair.load.abs() < CONTACT * self.sigma + APART * pair.turn.abs()
         };
-        let first = pairs.clone().map(|pair| pair.pass).min()?;
-        let last = pairs.clone().map(|pair| pair.pass).max()?;
-        if pairs.filter(agrees).count() + MOST_APART < PAIRS || last - first + 1 < PASSES {
+        let first = pairs.clone().map(|pair| pair.stroke).min()?;
+        let last = pairs.clone().map(|pair| pair.stroke).max()?;
+        if pairs.filter(agrees).count() + MOST_APART < PAIRS || last - first + 1 < STROKES {
             return None;
         }
         self.forget_pairs();

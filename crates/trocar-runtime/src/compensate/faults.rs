@@ -79,14 +79,14 @@ pub(super) struct Watch {
 
 /// Faults of one sample.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Found {
+pub(super) struct SampleFaults {
     /// Of position or time.
     pub(super) motion: Option<Fault>,
     /// Of the reading.
     pub(super) reading: Option<Fault>,
 }
 
-impl Found {
+impl SampleFaults {
     /// The more severe one.
     pub(super) fn first(self) -> Option<Fault> {
         match self.motion {
@@ -119,8 +119,8 @@ impl Watch {
     }
 
     /// Faults of a sample `duration`, s, after the last one at position `before`, m.
-    pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> Found {
-        Found { motion: motion(before, position, duration), reading: self.reading(force, duration) }
+    pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> SampleFaults {
+        SampleFaults { motion: motion(before, position, duration), reading: self.reading(force, duration) }
     }
 
     fn reading(&mut self, force: f64, duration: f64) -> Option<Fault> {

@@ -111,10 +111,10 @@ impl Cycle {
     fn of(stages: &Stages, speed_m_s: f64) -> Self {
         let stroke_m = 5.0 * stages.half_width();
         let steps = (stroke_m / (speed_m_s * SAMPLE)).ceil() as usize;
-        let pass = |s: f64| std::iter::repeat_n(s * stroke_m / steps as f64, steps);
+        let stroke = |s: f64| std::iter::repeat_n(s * stroke_m / steps as f64, steps);
         let mut run = Run::new(stages);
-        run.work(pass(1.0).chain(pass(-1.0)));
-        let work_j = run.work(pass(1.0).chain(pass(-1.0)));
+        run.work(stroke(1.0).chain(stroke(-1.0)));
+        let work_j = run.work(stroke(1.0).chain(stroke(-1.0)));
         let sliding = |e: &Element| e.params().insertion.force(speed_m_s) + e.params().withdrawal.force(speed_m_s);
         let sliding_work_j = stroke_m * stages.elements().iter().map(sliding).sum::<f64>();
         Self { speed_m_s, stroke_m, work_j, sliding_work_j }
@@ -151,10 +151,10 @@ fn trapezoids() -> impl Iterator<Item = f64> {
     const ACCELERATION: f64 = 2.0;
     const STROKE: f64 = 0.04;
     let ramp = SPEED / ACCELERATION;
-    let pass = STROKE / SPEED + ramp;
-    let steps = (pass / SAMPLE).round() as usize;
+    let duration = STROKE / SPEED + ramp;
+    let steps = (duration / SAMPLE).round() as usize;
     let place = move |t: f64| {
-        let (first, last) = (t.min(ramp), (t - (pass - ramp)).max(0.0));
+        let (first, last) = (t.min(ramp), (t - (duration - ramp)).max(0.0));
         0.5 * ACCELERATION * first * first + SPEED * (t - first) - 0.5 * ACCELERATION * last * last
     };
     let moves = (0..steps).map(move |k| place((k + 1) as f64 * SAMPLE) - place(k as f64 * SAMPLE));

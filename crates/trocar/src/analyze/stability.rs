@@ -1,7 +1,7 @@
 //! Proposition III.3, and the stick-slip where it fails.
 
 use serde::Serialize;
-use trocar_model::{Direction, Element, Folding};
+use trocar_model::{Direction, Element, VelocityWeakening};
 
 use super::{STEP, SteadyPoint, friction};
 
@@ -43,7 +43,7 @@ pub struct Stability {
     pub unique_slip_speed: bool,
     /// Slip speeds between which the sliding force falls with speed (velocity weakening), for
     /// insertion and withdrawal.
-    pub folds: [Option<SpeedRange>; 2],
+    pub velocity_weakening: [Option<SpeedRange>; 2],
     /// Longest time constant of the stable steady states, s.
     pub longest_time_constant_s: f64,
     /// Simulated oscillations where steady sliding is unstable.
@@ -90,10 +90,10 @@ fn drag(element: &Element, direction: Direction, speed: f64) -> f64 {
 
 impl Stability {
     pub(super) fn of(element: &Element, table: &[SteadyPoint]) -> Self {
-        let (insertion, withdrawal) = element.folded();
-        let folds = [insertion, withdrawal].map(|folding| match folding {
-            Folding::Folded { from, to } => Some(SpeedRange { from_m_s: from, to_m_s: to }),
-            _ => None,
+        let (insertion, withdrawal) = element.velocity_weakening();
+        let velocity_weakening = [insertion, withdrawal].map(|weakening| match weakening {
+            VelocityWeakening::Between { from, to } => Some(SpeedRange { from_m_s: from, to_m_s: to }),
+            VelocityWeakening::None => None,
         });
         let stick_slip: Vec<StickSlip> =
             Direction::BOTH.into_iter().filter_map(|direction| StickSlip::of(element, direction)).collect();
@@ -113,8 +113,8 @@ impl Stability {
                 found.highest_force_n
             ),
         };
-        let unique_slip_speed = folds.iter().all(Option::is_none);
-        Self { unique_slip_speed, folds, longest_time_constant_s: longest, stick_slip, holds, verdict }
+        let unique_slip_speed = velocity_weakening.iter().all(Option::is_none);
+        Self { unique_slip_speed, velocity_weakening, longest_time_constant_s: longest, stick_slip, holds, verdict }
     }
 }
 

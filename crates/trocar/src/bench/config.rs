@@ -157,9 +157,9 @@ impl Rod {
 #[serde(deny_unknown_fields)]
 pub struct Fluctuation {
     /// Deviation of a stroke, rms, 0 to 0.2.
-    pub pass_fraction: f64,
+    pub stroke_fraction: f64,
     /// Travel over which the deviation of a new stroke develops, in m, positive.
-    pub pass_travel_m: f64,
+    pub stroke_travel_m: f64,
     /// Ripple over the travelled distance, rms, 0 to 0.2.
     pub ripple_fraction: f64,
     /// Correlation length of the ripple in m, positive.
@@ -293,7 +293,7 @@ pub struct PushCycles {
     /// Speed at which the constant force keeps the seal sliding in m/s, positive.
     pub sliding_speed_m_s: f64,
     /// Duration after which a stroke counts as stalled in s, positive.
-    pub pass_timeout_s: f64,
+    pub stroke_timeout_s: f64,
 }
 
 /// Velocity step.
@@ -529,8 +529,8 @@ impl BenchConfig {
         let slow = &self.fluctuation;
         // Above 0.2 a rare draw could reverse the sign of the force, and the seal would drive the
         // motion.
-        within("fluctuation.pass_fraction", slow.pass_fraction, 0.0, 0.2)?;
-        positive("fluctuation.pass_travel_m", slow.pass_travel_m)?;
+        within("fluctuation.stroke_fraction", slow.stroke_fraction, 0.0, 0.2)?;
+        positive("fluctuation.stroke_travel_m", slow.stroke_travel_m)?;
         within("fluctuation.ripple_fraction", slow.ripple_fraction, 0.0, 0.2)?;
         positive("fluctuation.ripple_length_m", slow.ripple_length_m)?;
         within("fluctuation.drift_fraction", slow.drift_fraction, -0.5, 0.5)?;
@@ -577,7 +577,7 @@ impl BenchConfig {
         let push = &self.protocol.dynamic;
         at_least_one("protocol.dynamic.cycles", push.cycles)?;
         positive("protocol.dynamic.sliding_speed_m_s", push.sliding_speed_m_s)?;
-        positive("protocol.dynamic.pass_timeout_s", push.pass_timeout_s)?;
+        positive("protocol.dynamic.stroke_timeout_s", push.stroke_timeout_s)?;
         let room = self.rig.stroke_limit_m - self.rig.start_m;
         within("protocol.dynamic.stroke_m", push.stroke_m, 1e-3, room)
     }

@@ -4,7 +4,7 @@ use super::config::Fluctuation;
 use super::noise::{Noise, Source};
 
 /// A reversal begins a new stroke after this much travel back, m, so that tremor does not.
-const PASS_HYSTERESIS: f64 = 0.002;
+const STROKE_HYSTERESIS: f64 = 0.002;
 /// Knots of the ripple per correlation length; it is linear between knots.
 const KNOTS_PER_LENGTH: f64 = 10.0;
 
@@ -37,8 +37,8 @@ pub(super) struct SealLevel {
 
 impl SealLevel {
     pub(super) fn new(config: &Fluctuation, position: f64, seed: u64) -> Self {
-        let mut level_noise = Noise::new(seed, Source::PassLevel);
-        let level = config.pass_fraction * level_noise.normal();
+        let mut level_noise = Noise::new(seed, Source::StrokeLevel);
+        let level = config.stroke_fraction * level_noise.normal();
         let mut ripple = Self {
             config: config.clone(),
             level_noise,
@@ -60,11 +60,11 @@ impl SealLevel {
 
     /// Advances by `displacement` to `position` and returns the factor there.
     pub(super) fn advance(&mut self, displacement: f64, position: f64) -> f64 {
-        self.watch_passes(position);
+        self.watch_strokes(position);
         let travel = displacement.abs();
         // First order in the travel of one step, which is a few micrometres compared with
         // millimetres.
-        self.level += (self.target - self.level) * (travel / self.config.pass_travel_m).min(1.0);
+        self.level += (self.target - self.level) * (travel / self.config.stroke_travel_m).min(1.0);
         self.along += travel * KNOTS_PER_LENGTH / self.config.ripple_length_m;
         while self.along >= 1.0 {
             self.along -= 1.0;
@@ -75,14 +75,14 @@ impl SealLevel {
         1.0 + self.level + ripple
     }
 
-    fn watch_passes(&mut self, position: f64) {
+    fn watch_strokes(&mut self, position: f64) {
         let beyond = (position - self.turning_point) * self.direction;
         if beyond >= 0.0 && self.direction != 0.0 {
             self.turning_point = position;
-        } else if (position - self.turning_point).abs() > PASS_HYSTERESIS {
+        } else if (position - self.turning_point).abs() > STROKE_HYSTERESIS {
             self.direction = (position - self.turning_point).signum();
             self.turning_point = position;
-            self.target = self.config.pass_fraction * self.level_noise.normal();
+            self.target = self.config.stroke_fraction * self.level_noise.normal();
         }
     }
 

@@ -174,12 +174,12 @@ pub enum BenchError {
     Config(#[from] ConfigError),
     /// A stroke under constant force did not reach its end.
     #[error(
-        "the instrument stalled at {position} m in pass {pass} of dynamic: {push} N did not move it over the stroke \
-         within pass_timeout_s\n\nhint: raise protocol.dynamic.sliding_speed_m_s, or motor.peak_force_n"
+        "the instrument stalled at {position} m in stroke {stroke} of dynamic: {push} N did not move it to the end \
+         within stroke_timeout_s\n\nhint: raise protocol.dynamic.sliding_speed_m_s, or motor.peak_force_n"
     )]
     Stalled {
         /// Stroke, from 1.
-        pass: u32,
+        stroke: u32,
         /// Position at the timeout, m.
         position: f64,
         /// Motor force, N.

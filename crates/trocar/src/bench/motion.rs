@@ -64,10 +64,10 @@ impl Reference {
         self.push(duration, Piece::Ramp { from: 0.0, to: 0.0 });
     }
 
-    /// From rest to rest over `stroke` (positive) in the direction of `velocity`.
-    fn pass(&mut self, velocity: f64, stroke: f64, acceleration: f64) {
+    /// From rest to rest over `length` (m, positive) in the direction of `velocity`.
+    fn stroke(&mut self, velocity: f64, length: f64, acceleration: f64) {
         let ramp = velocity.abs() / acceleration;
-        let constant = stroke / velocity.abs() - ramp;
+        let constant = length / velocity.abs() - ramp;
         self.push(ramp, Piece::Ramp { from: 0.0, to: velocity });
         self.push(constant, Piece::Ramp { from: velocity, to: velocity });
         self.push(ramp, Piece::Ramp { from: velocity, to: 0.0 });
@@ -82,8 +82,8 @@ impl Reference {
         for speed in speeds_of_cycles(cycles, seed) {
             for direction in [1.0, -1.0] {
                 let end = cycles.turning_scatter_m * noise.uniform(-1.0, 1.0);
-                let stroke = cycles.stroke_m + direction * (end - begin);
-                reference.pass(direction * speed, stroke, cycles.acceleration_m_s2);
+                let length = cycles.stroke_m + direction * (end - begin);
+                reference.stroke(direction * speed, length, cycles.acceleration_m_s2);
                 reference.hold(cycles.dwell_s);
                 begin = end;
             }
@@ -95,7 +95,7 @@ impl Reference {
     pub(super) fn step(step: &VelocityStep) -> Self {
         let mut reference = Self::empty();
         for velocity in [step.insertion_speed_m_s, -step.withdrawal_speed_m_s] {
-            reference.pass(velocity, step.stroke_m, step.acceleration_m_s2);
+            reference.stroke(velocity, step.stroke_m, step.acceleration_m_s2);
         }
         reference
     }
@@ -108,7 +108,7 @@ impl Reference {
             // At most half of the distance is spent on ramps, so the constant part exists for any
             // length.
             let acceleration = rig.homing_speed_m_s * rig.homing_speed_m_s / (0.5 * rig.homing_m);
-            reference.pass(-rig.homing_speed_m_s, rig.homing_m, acceleration);
+            reference.stroke(-rig.homing_speed_m_s, rig.homing_m, acceleration);
         }
         reference.hold(rig.homing_hold_s);
         reference

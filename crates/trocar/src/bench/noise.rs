@@ -10,7 +10,7 @@ pub(crate) enum Source {
     ForceSensor = 1,
     Encoder = 2,
     DriveSpeed = 3,
-    PassLevel = 4,
+    StrokeLevel = 4,
     Ripple = 5,
     Movement = 6,
     Tremor = 7,

@@ -194,19 +194,19 @@ impl<'a> RigState<'a> {
         self.time = 0.0;
         self.reference_velocity = 0.0;
         self.events.push = (push.insertion, push.withdrawal);
-        let longest_pass = (push.cycles.pass_timeout_s * rig.sample_rate_hz).ceil() as usize;
+        let longest_stroke = (push.cycles.stroke_timeout_s * rig.sample_rate_hz).ceil() as usize;
         let (near, far) = (rig.start_m, rig.start_m + push.cycles.stroke_m);
         log.sample(self);
-        for pass in 0..2 * push.cycles.cycles {
-            let (force, inward) = match pass % 2 {
+        for stroke in 0..2 * push.cycles.cycles {
+            let (force, inward) = match stroke % 2 {
                 0 => (push.insertion, true),
                 _ => (push.withdrawal, false),
             };
             let arrived = |x: f64| if inward { x >= far } else { x <= near };
             let mut samples = 0;
             while !arrived(self.position) {
-                if samples == longest_pass {
-                    return Err(BenchError::Stalled { pass: pass + 1, position: self.position, push: force });
+                if samples == longest_stroke {
+                    return Err(BenchError::Stalled { stroke: stroke + 1, position: self.position, push: force });
                 }
                 for _ in 0..rig.substeps {
                     self.step(force);

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::Trocar;
 
-use crate::identify::classical::{ClassicalData, ClassicalFit, Kin, Kind};
+use crate::identify::classical::{ClassicalData, ClassicalFit, Kind, RelatedFits};
 use crate::identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
 };
@@ -371,7 +371,7 @@ fn fit_all(
         for kind in *family {
             let clock = Instant::now();
             let fitted = |wanted: Option<Kind>| fits.iter().map(|(fit, _)| fit).find(|fit| Some(fit.kind) == wanted);
-            let kin = Kin { smaller: fitted(kind.smaller()), special: fitted(kind.special()) };
+            let kin = RelatedFits { smaller: fitted(kind.smaller()), special: fitted(kind.special()) };
             let fit = crate::identify::classical::fit(*kind, data, kin)
                 .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
             fits.push((fit, clock.elapsed().as_secs_f64()));

@@ -5,7 +5,7 @@ use trocar_model::Trocar;
 use crate::identify::Identification;
 use crate::recording::Recording;
 use crate::replay::{forces, replay};
-use crate::segment::{passes, reversal_threshold, travel};
+use crate::segment::{reversal_threshold, strokes, travel};
 use crate::validate::{Phase, Phases, Sums, phases_of};
 
 use super::Scores;
@@ -41,11 +41,11 @@ impl<'a> Ground<'a> {
         let run = replay(&Trocar::of_seal(ems.stages), recording, ems.model.offset);
         let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
         let scored = if known.is_empty() { (0..recording.len()).collect() } else { known };
-        let reversed = passes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
-        let behind = |pass: crate::segment::Pass| {
-            let end = (pass.start..pass.end).find(|i| travel(recording, &pass, *i) > reversal_travel);
-            let from = scored.partition_point(|i| *i < pass.start);
-            from..scored.partition_point(|i| *i < end.unwrap_or(pass.end))
+        let reversed = strokes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
+        let behind = |stroke: crate::segment::Stroke| {
+            let end = (stroke.start..stroke.end).find(|i| travel(recording, &stroke, *i) > reversal_travel);
+            let from = scored.partition_point(|i| *i < stroke.start);
+            from..scored.partition_point(|i| *i < end.unwrap_or(stroke.end))
         };
         let reversals = reversed.map(behind).filter(|range| range.len() >= FEWEST).collect();
         let phases = phases_of(recording, &run, &scored);

@@ -2,7 +2,7 @@
 //! is given.
 
 use crate::recording::{Recording, RecordingError};
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// Fraction of the time that is used for the fit.
 const FITTED: f64 = 2.0 / 3.0;
@@ -31,7 +31,7 @@ pub fn split(recordings: &[Recording]) -> Result<(Vec<Recording>, Vec<Recording>
 /// First reversal after two thirds of the time; without one, the sample there.
 fn place(recording: &Recording) -> usize {
     let wanted = recording.time[0] + FITTED * recording.duration();
-    let reversals = passes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
+    let reversals = strokes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
     let behind = reversals.map(|p| p.start).find(|i| recording.time[*i] >= wanted);
     behind.unwrap_or_else(|| recording.time.partition_point(|t| *t < wanted))
 }

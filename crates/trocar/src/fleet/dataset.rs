@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use super::one::Input;
 use super::parts::{self, Group};
-use super::row::Cell;
+use super::row::FleetCell;
 use crate::error::TableError;
 use crate::recording::{ReadOptions, RecordingError};
 use crate::table::{self, Column, Table};
 
 /// Extensions of files that may be recordings.
-const ENDINGS: [&str; 18] = [
+const EXTENSIONS: [&str; 18] = [
     "csv", "tsv", "txt", "dat", "gz", "zst", "parquet", "pq", "arrow", "feather", "ipc", "mat", "h5", "hdf5", "mcap",
     "db3", "bag", "log",
 ];
@@ -32,7 +32,7 @@ const HIVE_NONE: &str = "__HIVE_DEFAULT_PARTITION__";
 const RECORDING: &str = "recording";
 
 /// Metadata of a recording by column name.
-pub type Metadata = BTreeMap<String, Cell>;
+pub type Metadata = BTreeMap<String, FleetCell>;
 
 /// Why a data set cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +53,7 @@ pub enum DatasetError {
     #[error(
         "{}: no recordings, expected files that end in {}\n\nhint: a manifest, a CSV or Parquet file with a column 'path', names files \
          with other extensions",
-        path.display(), ENDINGS.join(", ")
+        path.display(), EXTENSIONS.join(", ")
     )]
     Empty {
         /// The data set.
@@ -109,14 +109,14 @@ pub struct Source {
     /// The column that distinguishes several recordings.
     pub group_by: Option<String>,
     /// All files with rows of its recordings, in the order of their names; empty for a single file.
-    pub parts: Vec<Part>,
+    pub parts: Vec<DataFile>,
     /// Recordings with rows in it that belong to another source.
     pub elsewhere: Vec<String>,
 }
 
 /// A file of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Part {
+pub struct DataFile {
     /// The path relative to the data set.
     pub name: String,
     /// Path of the file.
@@ -157,7 +157,7 @@ impl Dataset {
         }
         let group = group_by.unwrap_or(RECORDING);
         if is_parquet && names.iter().any(|name| name == group) {
-            let part = Part { name: file_name(path), path: path.to_owned(), metadata: Metadata::new() };
+            let part = DataFile { name: file_name(path), path: path.to_owned(), metadata: Metadata::new() };
             return Ok(Self { sources: vec![Source::of(part, Some(group))], left_out: Vec::new() });
         }
         let found = names.join(", ");
@@ -175,12 +175,12 @@ impl Dataset {
         };
         files.sort_by_key(|path| name(path));
         let (taken, left_out): (Vec<_>, Vec<_>) =
-            files.into_iter().partition(|path| ends_in(path, &ENDINGS) || is_bag(path));
+            files.into_iter().partition(|path| ends_in(path, &EXTENSIONS) || is_bag(path));
         let file = |path: PathBuf| {
             let name = name(&path);
-            Part { metadata: hive(&name), name, path }
+            DataFile { metadata: hive(&name), name, path }
         };
-        let mut files: Vec<Part> = taken.into_iter().map(file).collect();
+        let mut files: Vec<DataFile> = taken.into_iter().map(file).collect();
         settle_kinds(&mut files);
         let sources = sources(files, group_by.unwrap_or(RECORDING));
         if sources.is_empty() {
@@ -196,7 +196,8 @@ impl Dataset {
         for row in 0..table.rows() {
             let wrong = |problem| DatasetError::Row { path: path.to_owned(), row: row + 1, problem };
             let mut metadata: Metadata = table.fields.iter().cloned().zip(cells(table, row)).collect();
-            let Some(Cell::Text(name)) = metadata.remove("path").filter(|c| c.as_text().is_some_and(|t| !t.is_empty()))
+            let Some(FleetCell::Text(name)) =
+                metadata.remove("path").filter(|c| c.as_text().is_some_and(|t| !t.is_empty()))
             else {
                 return Err(wrong("no path".to_owned()));
             };
@@ -204,7 +205,7 @@ impl Dataset {
                 return Err(wrong(format!("{name} stands in row {first} already")));
             }
             let path = folder.join(&name);
-            files.push(Part { name, path, metadata });
+            files.push(DataFile { name, path, metadata });
         }
         if files.is_empty() {
             return Err(DatasetError::Empty { path: path.to_owned() });
@@ -259,7 +260,7 @@ enum Holds {
 }
 
 /// Groups the files into units of work: each recording belongs to the first file with rows of it.
-fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
+fn sources(files: Vec<DataFile>, by: &str) -> Vec<Source> {
     let holds: Vec<Holds> = files.par_iter().map(|file| holds(file, by)).collect();
     let mut folders: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     let mut begun: HashMap<(Vec<&str>, &str), usize> = HashMap::new();
@@ -281,7 +282,8 @@ fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
     }
     let mut sources = Vec::with_capacity(files.len());
     for (k, holds) in holds.iter().enumerate() {
-        let parts = |of: &mut dyn Iterator<Item = &usize>| of.map(|part| files[*part].clone()).collect::<Vec<Part>>();
+        let parts =
+            |of: &mut dyn Iterator<Item = &usize>| of.map(|part| files[*part].clone()).collect::<Vec<DataFile>>();
         match holds {
             Holds::Several(Some(values)) if values.len() == elsewhere[k].len() => {}
             Holds::Several(_) => {
@@ -301,7 +303,7 @@ fn sources(files: Vec<Part>, by: &str) -> Vec<Source> {
 }
 
 /// Content of a file according to the column or folder key `by`.
-fn holds(file: &Part, by: &str) -> Holds {
+fn holds(file: &DataFile, by: &str) -> Holds {
     if !ends_in(&file.path, &ROWS) {
         return Holds::One;
     }
@@ -311,7 +313,7 @@ fn holds(file: &Part, by: &str) -> Holds {
         return Holds::Several(parts::values(file, by).ok());
     }
     let folders: Vec<&str> = file.name.split('/').collect();
-    let is_key = |folder: &&str| key_value(folder).is_some_and(|(key, value)| key == by && value != Cell::Empty);
+    let is_key = |folder: &&str| key_value(folder).is_some_and(|(key, value)| key == by && value != FleetCell::Empty);
     match folders[..folders.len() - 1].iter().position(is_key) {
         Some(at) => Holds::PartOf(folders[..=at].join("/")),
         None => Holds::One,
@@ -329,9 +331,10 @@ fn keys(name: &str) -> Vec<&str> {
 }
 
 /// Key and value of a folder named `key=value`.
-fn key_value(folder: &str) -> Option<(String, Cell)> {
+fn key_value(folder: &str) -> Option<(String, FleetCell)> {
     let (key, value) = folder.split_once('=')?;
-    let cell = if value == HIVE_NONE || value.is_empty() { Cell::Empty } else { Cell::text(unescaped(value)) };
+    let cell =
+        if value == HIVE_NONE || value.is_empty() { FleetCell::Empty } else { FleetCell::text(unescaped(value)) };
     Some((unescaped(key), cell))
 }
 
@@ -350,22 +353,22 @@ fn unescaped(text: &str) -> String {
 }
 
 /// Converts text columns that contain only numbers to numbers.
-fn settle_kinds(files: &mut [Part]) {
+fn settle_kinds(files: &mut [DataFile]) {
     let mut names: Vec<String> = files.iter().flat_map(|file| file.metadata.keys().cloned()).collect();
     names.sort_unstable();
     names.dedup();
     for name in names {
-        let texts = || files.iter().filter_map(|file| file.metadata.get(&name)).filter_map(Cell::as_text);
+        let texts = || files.iter().filter_map(|file| file.metadata.get(&name)).filter_map(FleetCell::as_text);
         let whole = texts().all(|text| text.parse::<i64>().is_ok());
         let number = texts().all(|text| text.parse::<f64>().is_ok_and(f64::is_finite));
         if !number {
             continue;
         }
         for cell in files.iter_mut().filter_map(|file| file.metadata.get_mut(&name)) {
-            if let Cell::Text(text) = cell {
+            if let FleetCell::Text(text) = cell {
                 *cell = match (whole, text.parse::<i64>(), text.parse::<f64>()) {
-                    (true, Ok(value), _) => Cell::Integer(value),
-                    (_, _, Ok(value)) => Cell::Float(value),
+                    (true, Ok(value), _) => FleetCell::Integer(value),
+                    (_, _, Ok(value)) => FleetCell::Float(value),
                     _ => continue,
                 };
             }
@@ -374,16 +377,16 @@ fn settle_kinds(files: &mut [Part]) {
 }
 
 /// Cells of one row.
-fn cells(table: &Table, row: usize) -> Vec<Cell> {
+fn cells(table: &Table, row: usize) -> Vec<FleetCell> {
     table.columns.iter().map(|column| cell(column, row)).collect()
 }
 
-fn cell(column: &Column, row: usize) -> Cell {
+fn cell(column: &Column, row: usize) -> FleetCell {
     match column {
-        Column::Number(cells) => Cell::number(cells[row]),
-        Column::Integer(cells) => cells[row].map_or(Cell::Empty, Cell::Integer),
-        Column::Boolean(cells) => cells[row].map_or(Cell::Empty, Cell::Boolean),
-        Column::Text(cells) => cells[row].as_ref().map_or(Cell::Empty, |text| Cell::text(text.clone())),
+        Column::Number(cells) => FleetCell::number(cells[row]),
+        Column::Integer(cells) => cells[row].map_or(FleetCell::Empty, FleetCell::Integer),
+        Column::Boolean(cells) => cells[row].map_or(FleetCell::Empty, FleetCell::Boolean),
+        Column::Text(cells) => cells[row].as_ref().map_or(FleetCell::Empty, |text| FleetCell::text(text.clone())),
     }
 }
 
@@ -438,13 +441,13 @@ fn fields(bytes: &[u8]) -> Vec<Vec<String>> {
 }
 
 impl Source {
-    fn of(Part { name, path, metadata }: Part, group_by: Option<&str>) -> Self {
+    fn of(DataFile { name, path, metadata }: DataFile, group_by: Option<&str>) -> Self {
         let group_by = group_by.map(str::to_owned);
         Self { name, path, metadata, group_by, parts: Vec::new(), elsewhere: Vec::new() }
     }
 
     /// A folder whose files form one recording.
-    fn folder(name: &str, parts: Vec<Part>) -> Self {
+    fn folder(name: &str, parts: Vec<DataFile>) -> Self {
         let depth = name.split('/').count();
         let first = &parts[0];
         let above = first.name.split('/').count() - depth;

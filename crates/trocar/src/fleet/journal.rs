@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::row::{Row, columns};
+use super::row::{FleetRow, columns};
 use crate::error::OutputError;
 
 /// Longest time until a finished recording is safe from a power failure.
@@ -25,12 +25,12 @@ pub(super) struct Entry {
     /// Hash of the recording; empty if it could not be read.
     pub(super) sha256: String,
     pub(super) config: String,
-    pub(super) row: Row,
+    pub(super) row: FleetRow,
 }
 
 /// Position of an entry in the journal, and the hash of its recording.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Place {
+pub(super) struct EntryLocation {
     pub(super) at: u64,
     pub(super) length: usize,
     pub(super) sha256: String,
@@ -56,7 +56,7 @@ impl Journal {
     ///
     /// # Errors
     /// [`OutputError`] when it cannot be written, or another process is writing it.
-    pub(super) fn open(path: &Path, config: &str) -> Result<(Self, HashMap<String, Place>), OutputError> {
+    pub(super) fn open(path: &Path, config: &str) -> Result<(Self, HashMap<String, EntryLocation>), OutputError> {
         let create = |source| OutputError::Create { path: path.to_owned(), source };
         let file = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path).map_err(create)?;
         lock(&file).map_err(create)?;
@@ -70,16 +70,16 @@ impl Journal {
     ///
     /// # Errors
     /// [`OutputError::Write`], for example on a full disk.
-    pub(super) fn append(&mut self, entry: &Entry) -> Result<Place, OutputError> {
+    pub(super) fn append(&mut self, entry: &Entry) -> Result<EntryLocation, OutputError> {
         self.write(entry).map_err(|source| self.failed(source))
     }
 
-    fn write(&mut self, entry: &Entry) -> io::Result<Place> {
+    fn write(&mut self, entry: &Entry) -> io::Result<EntryLocation> {
         let mut line = serde_json::to_vec(entry)?;
         line.push(b'\n');
         self.file.seek(SeekFrom::Start(self.end))?;
         self.file.write_all(&line)?;
-        let place = Place { at: self.end, length: line.len(), sha256: entry.sha256.clone() };
+        let place = EntryLocation { at: self.end, length: line.len(), sha256: entry.sha256.clone() };
         self.end += line.len() as u64;
         if self.synced.elapsed() >= SYNC {
             self.file.sync_data()?;
@@ -92,7 +92,7 @@ impl Journal {
     ///
     /// # Errors
     /// [`OutputError::Write`] when the file was modified externally.
-    pub(super) fn row(&mut self, place: &Place) -> Result<Row, OutputError> {
+    pub(super) fn row(&mut self, place: &EntryLocation) -> Result<FleetRow, OutputError> {
         let mut line = vec![0; place.length];
         let read = self.file.seek(SeekFrom::Start(place.at)).and_then(|_| self.file.read_exact(&mut line));
         let entry = read.and_then(|()| Ok(serde_json::from_slice::<Entry>(&line)?));
@@ -132,7 +132,7 @@ fn lock(file: &File) -> io::Result<()> {
 }
 
 /// The entries for `config`, and the end of the last complete line.
-fn read(file: &File, config: &str) -> io::Result<(HashMap<String, Place>, u64)> {
+fn read(file: &File, config: &str) -> io::Result<(HashMap<String, EntryLocation>, u64)> {
     let mut lines = BufReader::new(file);
     let (mut places, mut line, mut at) = (HashMap::new(), Vec::new(), 0);
     let cells = columns().len();
@@ -147,7 +147,7 @@ fn read(file: &File, config: &str) -> io::Result<(HashMap<String, Place>, u64)> 
             && own == config
             && row.cells.len() == cells
         {
-            places.insert(name, Place { at, length, sha256 });
+            places.insert(name, EntryLocation { at, length, sha256 });
         }
         at += length as u64;
     }

@@ -6,10 +6,10 @@
 //! data set -> rows from elsewhere -> journal -> table           Collector and identify_source: the same bytes
 //! ```
 
-pub use dataset::{Dataset, DatasetError, Metadata, Part, Source};
+pub use dataset::{DataFile, Dataset, DatasetError, Metadata, Source};
 pub use journal::journal_path;
 pub use one::{Config, Depth, Input, identify_one};
-pub use row::{Cell, Row, columns, place};
+pub use row::{FleetCell, FleetRow, columns, place};
 pub use run::{Collector, Fleet, FleetError, Record, Tally, identify_source, run};
 
 mod dataset;

@@ -1,6 +1,6 @@
 //! Replacement for reading rows of Parquet files in builds without that feature.
 
-use super::dataset::{Job, Metadata, Part, Source};
+use super::dataset::{DataFile, Job, Metadata, Source};
 use super::one::Input;
 use crate::recording::{ReadOptions, RecordingError};
 
@@ -13,7 +13,7 @@ impl Group {
     }
 }
 
-pub(super) fn values(file: &Part, _: &str) -> Result<Vec<String>, RecordingError> {
+pub(super) fn values(file: &DataFile, _: &str) -> Result<Vec<String>, RecordingError> {
     Err(refused(&file.name))
 }
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::row::{Cell, DEGREES, Row};
+use super::row::{DEGREES, FleetCell, FleetRow};
 use crate::cancel;
 use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Warning, identify};
 use crate::recording::rows::Crop;
@@ -158,7 +158,7 @@ const TOO_LARGE: &str = "too_large_for_memory";
 
 /// Whether the failure may be temporary or specific to this machine: the recording itself may be
 /// valid.
-pub(super) fn is_passing(row: &Row) -> bool {
+pub(super) fn is_passing(row: &FleetRow) -> bool {
     row.text("reason_kind").is_some_and(|kind| [CANNOT_OPEN, TOO_LARGE].contains(&kind))
 }
 
@@ -170,8 +170,8 @@ pub(super) fn is_passing(row: &Row) -> bool {
 ///
 /// Parallel parts run in the thread pool of the caller; [`Cancel::run`](cancel::Cancel::run) with
 /// one thread keeps to one.
-pub fn identify_one(input: &Input, config: &Config) -> Row {
-    let mut row = Row::empty();
+pub fn identify_one(input: &Input, config: &Config) -> FleetRow {
+    let mut row = FleetRow::empty();
     describe(&mut row, input, config);
     let outcome = catch_unwind(AssertUnwindSafe(|| work(&mut row, input, config)));
     let failure = match outcome {
@@ -184,15 +184,15 @@ pub fn identify_one(input: &Input, config: &Config) -> Row {
     row
 }
 
-fn fail(row: &mut Row, failure: Failure) {
-    row.set("status", Cell::text("failed"));
-    row.set("reason_kind", Cell::text(failure.kind));
-    row.set("reason", Cell::text(failure.message));
+fn fail(row: &mut FleetRow, failure: Failure) {
+    row.set("status", FleetCell::text("failed"));
+    row.set("reason_kind", FleetCell::text(failure.kind));
+    row.set("reason", FleetCell::text(failure.message));
 }
 
 /// The row of a recording that failed before [`identify_one`].
-pub(super) fn refused(name: &str, config: &Config, failure: impl Into<Failure>) -> Row {
-    let mut row = Row::empty();
+pub(super) fn refused(name: &str, config: &Config, failure: impl Into<Failure>) -> FleetRow {
+    let mut row = FleetRow::empty();
     describe(&mut row, &Input::File(name.into()), config);
     fail(&mut row, failure.into());
     row
@@ -203,23 +203,23 @@ fn words_of(panic: &(dyn Any + Send)) -> String {
     format!("a fault of the program: {}", text.unwrap_or("no message"))
 }
 
-fn describe(row: &mut Row, input: &Input, config: &Config) {
+fn describe(row: &mut FleetRow, input: &Input, config: &Config) {
     let path = match input {
         Input::File(path) => path.display().to_string(),
         Input::Columns { name, .. } => name.clone(),
         Input::Recording(recording) => recording.name.clone(),
     };
-    row.set("path", Cell::text(path));
-    row.set("program", Cell::text(PROGRAM));
-    row.set("config", Cell::text(config.hash()));
-    row.set("depth", Cell::text(config.depth.name()));
-    row.set("moving_mass_kg", Cell::number(config.moving_mass.mass));
+    row.set("path", FleetCell::text(path));
+    row.set("program", FleetCell::text(PROGRAM));
+    row.set("config", FleetCell::text(config.hash()));
+    row.set("depth", FleetCell::text(config.depth.name()));
+    row.set("moving_mass_kg", FleetCell::number(config.moving_mass.mass));
 }
 
-fn work(row: &mut Row, input: &Input, config: &Config) -> Result<(), Failure> {
+fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failure> {
     let recording = match input {
         Input::File(path) => read(path, &config.reading_of_columns(PEAK_TO_COLUMNS)).inspect_err(|_| {
-            row.set("sha256", sha256_of(path).map_or(Cell::Empty, Cell::Text));
+            row.set("sha256", sha256_of(path).map_or(FleetCell::Empty, FleetCell::Text));
         })?,
         Input::Columns { name, readings } => {
             let chosen = cropped(flipped(readings, &config.reading), &config.reading);
@@ -281,12 +281,12 @@ fn identified(recordings: &[Recording], config: &Config) -> Result<(Identificati
 }
 
 /// Properties known before the identification.
-fn data(row: &mut Row, recording: &Recording) {
+fn data(row: &mut FleetRow, recording: &Recording) {
     let q = &recording.quality;
-    row.set("recording", Cell::text(&recording.name));
-    row.set("sha256", Cell::text(&recording.sha256));
-    row.set("samples", Cell::count(recording.len()));
-    row.set("duration_s", Cell::number(recording.duration()));
+    row.set("recording", FleetCell::text(&recording.name));
+    row.set("sha256", FleetCell::text(&recording.sha256));
+    row.set("samples", FleetCell::count(recording.len()));
+    row.set("duration_s", FleetCell::number(recording.duration()));
     let dropped = q.repeated_rows.count + q.unordered_rows.count + q.non_finite_rows.count;
     let counts = [
         ("gaps", q.gaps.len()),
@@ -295,7 +295,7 @@ fn data(row: &mut Row, recording: &Recording) {
         ("dropped_rows", dropped),
         ("held_rows", q.held_rows.count),
     ];
-    counts.into_iter().for_each(|(name, count)| row.set(name, Cell::count(count)));
+    counts.into_iter().for_each(|(name, count)| row.set(name, FleetCell::count(count)));
     let numbers = [
         ("stroke_m", q.stroke),
         ("median_interval_s", q.median_interval),
@@ -307,7 +307,7 @@ fn data(row: &mut Row, recording: &Recording) {
         ("force_noise_n", q.force_noise),
         ("force_rms_n", rms(&recording.force)),
     ];
-    numbers.into_iter().for_each(|(name, value)| row.set(name, Cell::number(value)));
+    numbers.into_iter().for_each(|(name, value)| row.set(name, FleetCell::number(value)));
     warnings(row, q.warnings.iter().map(|w| w.message.clone()).collect());
 }
 
@@ -317,36 +317,36 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-fn warnings(row: &mut Row, all: Vec<String>) {
-    row.set("warning_count", Cell::count(all.len()));
-    row.set("warnings", if all.is_empty() { Cell::Empty } else { Cell::text(all.join("\n")) });
+fn warnings(row: &mut FleetRow, all: Vec<String>) {
+    row.set("warning_count", FleetCell::count(all.len()));
+    row.set("warnings", if all.is_empty() { FleetCell::Empty } else { FleetCell::text(all.join("\n")) });
 }
 
 /// Adds a warning that leaves the status unchanged.
-pub(super) fn warn(row: &mut Row, message: &str) {
+pub(super) fn warn(row: &mut FleetRow, message: &str) {
     let count = row.number("warning_count").unwrap_or(0.0) as usize;
     let all: Vec<&str> = row.text("warnings").into_iter().chain([message]).collect();
-    let all = Cell::text(all.join("\n"));
-    row.set("warning_count", Cell::count(count + 1));
+    let all = FleetCell::text(all.join("\n"));
+    row.set("warning_count", FleetCell::count(count + 1));
     row.set("warnings", all);
 }
 
-fn parameter(row: &mut Row, name: &str, estimate: &Estimate) {
+fn parameter(row: &mut FleetRow, name: &str, estimate: &Estimate) {
     let [low, high] = estimate.ci95;
-    row.set(name, Cell::number(estimate.value));
-    row.set(&format!("{name}_lower"), Cell::number(low));
-    row.set(&format!("{name}_upper"), Cell::number(high));
-    row.set(&format!("{name}_determined"), Cell::Boolean(estimate.determined));
+    row.set(name, FleetCell::number(estimate.value));
+    row.set(&format!("{name}_lower"), FleetCell::number(low));
+    row.set(&format!("{name}_upper"), FleetCell::number(high));
+    row.set(&format!("{name}_determined"), FleetCell::Boolean(estimate.determined));
 }
 
-fn result(row: &mut Row, found: &Identification, recording: &Recording, method: &str) {
+fn result(row: &mut FleetRow, found: &Identification, recording: &Recording, method: &str) {
     for p in &found.parameters {
         parameter(row, &p.id.to_string(), &p.estimate);
     }
     let lost = !recording.quality.warnings.is_empty();
     let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };
-    row.set("status", Cell::text(status));
-    row.set("method", Cell::text(method));
+    row.set("status", FleetCell::text(status));
+    row.set("method", FleetCell::text(method));
     // Without the recording's name, which has its own column.
     let message = |w: &Warning| match w.subject == recording.name {
         true => w.message.clone(),
@@ -354,39 +354,39 @@ fn result(row: &mut Row, found: &Identification, recording: &Recording, method: 
     };
     warnings(row, found.warnings.iter().map(message).collect());
     quality_of_fit(row, found);
-    row.set("reversals", Cell::count(found.free_motion.reversals));
-    row.set("partial_reversals", Cell::count(found.free_motion.partial_reversals));
-    row.set("held_s", Cell::number(found.free_motion.held_s));
+    row.set("reversals", FleetCell::count(found.free_motion.reversals));
+    row.set("partial_reversals", FleetCell::count(found.free_motion.partial_reversals));
+    row.set("held_s", FleetCell::number(found.free_motion.held_s));
     if let Some(fit) = &found.position_profile {
-        row.set("position_profile_knots", Cell::count(fit.profile.gains().len()));
-        row.set("position_profile_held_out_rms_n", Cell::number(fit.held_out_rms_n));
-        row.set("position_profile_constant_held_out_rms_n", Cell::number(fit.constant_held_out_rms_n));
+        row.set("position_profile_knots", FleetCell::count(fit.profile.gains().len()));
+        row.set("position_profile_held_out_rms_n", FleetCell::number(fit.held_out_rms_n));
+        row.set("position_profile_constant_held_out_rms_n", FleetCell::number(fit.constant_held_out_rms_n));
     }
 }
 
-fn quality_of_fit(row: &mut Row, found: &Identification) {
-    row.set("residual_rms_n", Cell::number(found.residual_rms));
-    row.set("free_parameters", Cell::count(found.free_parameters));
-    row.set("position_delay_s", Cell::from(found.position_delay.map(|lag| lag.delay_s)));
-    row.set("steady_passes", Cell::count(found.steady.means.len()));
-    row.set("pass_scatter_n", Cell::number(found.steady.pass_scatter_n));
+fn quality_of_fit(row: &mut FleetRow, found: &Identification) {
+    row.set("residual_rms_n", FleetCell::number(found.residual_rms));
+    row.set("free_parameters", FleetCell::count(found.free_parameters));
+    row.set("position_delay_s", FleetCell::from(found.position_delay.map(|lag| lag.delay_s)));
+    row.set("steady_strokes", FleetCell::count(found.steady.means.len()));
+    row.set("stroke_scatter_n", FleetCell::number(found.steady.stroke_scatter_n));
     if !found.steady.means.is_empty() {
         let [slowest, fastest] = found.steady.speed_range_m_s;
-        row.set("slowest_steady_m_s", Cell::number(slowest));
-        row.set("fastest_steady_m_s", Cell::number(fastest));
+        row.set("slowest_steady_m_s", FleetCell::number(slowest));
+        row.set("fastest_steady_m_s", FleetCell::number(fastest));
     }
     match &found.deformation {
-        Ok(fit) => row.set("traverses", Cell::count(fit.traverses.len())),
-        Err(why) => row.set("deformation_missing", Cell::text(why)),
+        Ok(fit) => row.set("full_reversals", FleetCell::count(fit.full_reversals.len())),
+        Err(why) => row.set("deformation_missing", FleetCell::text(why)),
     }
-    row.set("friction_scatter", Cell::number(found.friction_scale.scatter));
-    row.set("friction_drift", Cell::number(found.friction_scale.drift));
+    row.set("friction_scatter", FleetCell::number(found.friction_scale.scatter));
+    row.set("friction_drift", FleetCell::number(found.friction_scale.drift));
     if let Some(jump) = found.friction_scale.jumps.first() {
-        row.set("friction_jump_ratio", Cell::number(jump.ratio));
-        row.set("friction_jump_s", Cell::number(jump.time_s));
+        row.set("friction_jump_ratio", FleetCell::number(jump.ratio));
+        row.set("friction_jump_s", FleetCell::number(jump.time_s));
     }
     if let Some(fit) = &found.fit {
         let kept: Vec<&str> = fit.terms.iter().filter(|t| t.kept).map(|t| t.term.name()).collect();
-        row.set("terms", Cell::text(kept.join(" ")));
+        row.set("terms", FleetCell::text(kept.join(" ")));
     }
 }

@@ -9,9 +9,9 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::dataset::{Job, Metadata, Part, Source, in_common};
+use super::dataset::{DataFile, Job, Metadata, Source, in_common};
 use super::one::Input;
-use super::row::Cell;
+use super::row::FleetCell;
 use crate::recording::formats::parquet::Parquet;
 use crate::recording::formats::parquet::select::{Cells, Piece, Selected, Value};
 use crate::recording::{ReadOptions, RecordingError};
@@ -25,7 +25,7 @@ const HELD_OPEN: usize = 4;
 
 /// A file with rows of recordings.
 struct Opened {
-    part: Part,
+    part: DataFile,
     held: Option<Arc<Parquet>>,
 }
 
@@ -38,7 +38,7 @@ impl Opened {
     }
 }
 
-fn open(part: &Part) -> Result<Arc<Parquet>, RecordingError> {
+fn open(part: &DataFile) -> Result<Arc<Parquet>, RecordingError> {
     Parquet::named(&part.path, &part.name).map(Arc::new)
 }
 
@@ -56,24 +56,24 @@ struct Rows {
 }
 
 /// A value, and the rows that contain it.
-type Found = (String, Vec<Range<u64>>);
+type ValueRows = (String, Vec<Range<u64>>);
 
 /// The values of a column, in order of appearance.
 ///
 /// # Errors
 /// [`RecordingError`] where the file or the column cannot be read.
-pub(super) fn values(file: &Part, by: &str) -> Result<Vec<String>, RecordingError> {
+pub(super) fn values(file: &DataFile, by: &str) -> Result<Vec<String>, RecordingError> {
     Ok(ranges(&open(file)?, by)?.into_iter().map(|(value, _)| value).collect())
 }
 
 /// The values of a column in order of appearance, and the rows that contain each; the value is
 /// empty for a missing one.
-fn ranges(parquet: &Arc<Parquet>, by: &str) -> Result<Vec<Found>, RecordingError> {
+fn ranges(parquet: &Arc<Parquet>, by: &str) -> Result<Vec<ValueRows>, RecordingError> {
     let rows = 0..parquet.rows();
     let Some(place) = parquet.place(by) else {
         return Ok(if rows.is_empty() { Vec::new() } else { vec![(String::new(), vec![rows])] });
     };
-    let mut found: Vec<Found> = Vec::new();
+    let mut found: Vec<ValueRows> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut at = 0;
     Selected::new(parquet.clone(), place, parquet.plan(&[rows])).runs(&mut |value, rows| {
@@ -94,7 +94,7 @@ fn ranges(parquet: &Arc<Parquet>, by: &str) -> Result<Vec<Found>, RecordingError
     Ok(found)
 }
 
-/// As [`Cell::in_words`].
+/// As [`FleetCell::in_words`].
 fn words(value: Value<'_>) -> Cow<'_, str> {
     match value {
         Value::Missing => "".into(),
@@ -111,7 +111,7 @@ fn words(value: Value<'_>) -> Cow<'_, str> {
 /// [`RecordingError`] where a file cannot be read.
 pub(super) fn jobs(source: &Source) -> Result<Vec<Job>, RecordingError> {
     let Source { name, path, metadata, group_by, parts, elsewhere } = source;
-    let alone = [Part { name: name.clone(), path: path.clone(), metadata: metadata.clone() }];
+    let alone = [DataFile { name: name.clone(), path: path.clone(), metadata: metadata.clone() }];
     let parts = if parts.is_empty() { &alone } else { parts.as_slice() };
     let elsewhere: HashSet<&str> = elsewhere.iter().map(String::as_str).collect();
     let mut found: Vec<(String, Vec<Rows>)> = Vec::new();
@@ -205,23 +205,23 @@ impl Group {
 }
 
 /// Converts a value to a cell.
-fn cell(value: Value<'_>) -> Cell {
+fn cell(value: Value<'_>) -> FleetCell {
     match value {
-        Value::Missing => Cell::Empty,
-        Value::Number(value) => Cell::number(value),
-        Value::Integer(value) => Cell::Integer(value),
-        Value::Boolean(value) => Cell::Boolean(value),
-        Value::Text(text) => Cell::text(text),
+        Value::Missing => FleetCell::Empty,
+        Value::Number(value) => FleetCell::number(value),
+        Value::Integer(value) => FleetCell::Integer(value),
+        Value::Boolean(value) => FleetCell::Boolean(value),
+        Value::Text(text) => FleetCell::text(text),
     }
 }
 
 /// Whether a value equals a cell; files may differ in the type of numbers.
-fn is_in(value: Value<'_>, cell: &Cell) -> bool {
+fn is_in(value: Value<'_>, cell: &FleetCell) -> bool {
     match (value, cell) {
-        (Value::Missing, Cell::Empty) => true,
-        (Value::Boolean(value), Cell::Boolean(own)) => value == *own,
-        (Value::Text(text), Cell::Text(own)) => text == own,
-        (Value::Integer(value), Cell::Integer(own)) => value == *own,
+        (Value::Missing, FleetCell::Empty) => true,
+        (Value::Boolean(value), FleetCell::Boolean(own)) => value == *own,
+        (Value::Text(text), FleetCell::Text(own)) => text == own,
+        (Value::Integer(value), FleetCell::Integer(own)) => value == *own,
         (Value::Integer(value), _) => cell.as_number() == Some(value as f64),
         (Value::Number(value), _) => cell.as_number() == Some(value),
         _ => false,

@@ -12,7 +12,7 @@ use crate::table::{Field, Kind};
 /// Numbers are finite: an unbounded end of an interval is empty.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Cell {
+pub enum FleetCell {
     /// Nothing.
     #[default]
     Empty,
@@ -26,7 +26,7 @@ pub enum Cell {
     Text(String),
 }
 
-impl Cell {
+impl FleetCell {
     /// A number; empty unless it is finite.
     pub fn number(value: f64) -> Self {
         if value.is_finite() { Self::Float(value) } else { Self::Empty }
@@ -79,7 +79,7 @@ impl Cell {
     }
 }
 
-impl From<Option<f64>> for Cell {
+impl From<Option<f64>> for FleetCell {
     fn from(value: Option<f64>) -> Self {
         value.map_or(Self::Empty, Self::number)
     }
@@ -106,13 +106,13 @@ const BEFORE: [(&str, Kind); 13] = [
 ];
 
 /// Columns of the data and of the fit, after the parameters.
-const BEHIND: [(&str, Kind); 36] = [
+const TRAILING: [(&str, Kind); 36] = [
     ("method", Kind::Text),
     ("residual_rms_n", Kind::Number),
     ("force_rms_n", Kind::Number),
     ("free_parameters", Kind::Integer),
     ("deformation_missing", Kind::Text),
-    ("pass_scatter_n", Kind::Number),
+    ("stroke_scatter_n", Kind::Number),
     ("friction_scatter", Kind::Number),
     ("friction_drift", Kind::Number),
     ("friction_jump_ratio", Kind::Number),
@@ -124,8 +124,8 @@ const BEHIND: [(&str, Kind); 36] = [
     ("position_profile_constant_held_out_rms_n", Kind::Number),
     ("slowest_steady_m_s", Kind::Number),
     ("fastest_steady_m_s", Kind::Number),
-    ("steady_passes", Kind::Integer),
-    ("traverses", Kind::Integer),
+    ("steady_strokes", Kind::Integer),
+    ("full_reversals", Kind::Integer),
     ("reversals", Kind::Integer),
     ("partial_reversals", Kind::Integer),
     ("held_s", Kind::Number),
@@ -150,7 +150,7 @@ pub(super) fn parameters() -> Vec<ParameterId> {
     identify::reported(DEGREES)
 }
 
-/// The columns of every [`Row`], in order.
+/// The columns of every [`FleetRow`], in order.
 pub fn columns() -> Vec<Field> {
     let fixed = |(name, kind): &(&str, Kind)| Field::new(*name, *kind);
     let mut all: Vec<Field> = BEFORE.iter().map(fixed).collect();
@@ -160,15 +160,15 @@ pub fn columns() -> Vec<Field> {
             [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_determined", Kind::Boolean)];
         all.extend(ends.map(end));
     }
-    all.extend(BEHIND.iter().map(fixed));
+    all.extend(TRAILING.iter().map(fixed));
     all
 }
 
 /// Result of one recording, in the order of [`columns`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct FleetRow {
     /// The cells.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<FleetCell>,
 }
 
 thread_local! {
@@ -182,14 +182,14 @@ pub fn place(name: &str) -> Option<usize> {
     PLACES.with(|places| places.get(name).copied())
 }
 
-impl Row {
+impl FleetRow {
     /// An empty row.
     pub(super) fn empty() -> Self {
-        Self { cells: vec![Cell::Empty; PLACES.with(std::collections::HashMap::len)] }
+        Self { cells: vec![FleetCell::Empty; PLACES.with(std::collections::HashMap::len)] }
     }
 
     /// The cell in the column of that name; `None` if there is no such column.
-    pub fn get(&self, name: &str) -> Option<&Cell> {
+    pub fn get(&self, name: &str) -> Option<&FleetCell> {
         place(name).and_then(|at| self.cells.get(at))
     }
 
@@ -204,7 +204,7 @@ impl Row {
     }
 
     /// Fills a cell. A name that is not a column is a bug of this module and is ignored.
-    pub(super) fn set(&mut self, name: &str, cell: Cell) {
+    pub(super) fn set(&mut self, name: &str, cell: FleetCell) {
         debug_assert!(place(name).is_some(), "no column {name}");
         if let Some(at) = place(name) {
             self.cells[at] = cell;

@@ -9,9 +9,9 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use trocar_model::{Direction, ParameterId, Quantity};
 
 use super::dataset::{Dataset, Job, Metadata};
-use super::journal::{Entry, Journal, Place, journal_path};
+use super::journal::{Entry, EntryLocation, Journal, journal_path};
 use super::one::{Config, hash_of, identify_one, is_passing, refused, warn};
-use super::row::{Cell, Row, columns};
+use super::row::{FleetCell, FleetRow, columns};
 use crate::cancel::{self, Cancel, Stopped};
 use crate::error::OutputError;
 use crate::table::{Column, Field, Kind, TableWriter};
@@ -30,9 +30,9 @@ pub enum FleetError {
     /// Table or journal cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// A part computed elsewhere does not match its order.
-    #[error("a part of the work came back wrong: {0}")]
-    Part(String),
+    /// The result of a worker does not match its order.
+    #[error("the result of a worker does not match its order: {0}")]
+    WorkerResult(String),
     /// Cancelled; the journal is kept.
     #[error(transparent)]
     Stopped(#[from] Stopped),
@@ -46,7 +46,7 @@ pub struct Tally {
     /// Recordings with a row.
     pub done: usize,
     /// Number of these reused from the journal.
-    pub taken_over: usize,
+    pub reused: usize,
     /// Number of these that failed.
     pub failed: usize,
     /// Samples of all recordings with a row.
@@ -70,12 +70,12 @@ pub struct Record {
     /// Metadata of the recording.
     pub metadata: Metadata,
     /// Cells of the columns that are kept, by name.
-    pub cells: BTreeMap<&'static str, Cell>,
+    pub cells: BTreeMap<&'static str, FleetCell>,
 }
 
 impl Record {
     /// The cell in a column.
-    pub fn cell(&self, name: &str) -> Option<&Cell> {
+    pub fn cell(&self, name: &str) -> Option<&FleetCell> {
         self.cells.get(name)
     }
 
@@ -127,12 +127,12 @@ type Order = (usize, usize);
 struct Finished {
     order: Order,
     metadata: Metadata,
-    done: Done,
+    done: RowSource,
 }
 
-enum Done {
-    Now(Box<Entry>),
-    Before(Place),
+enum RowSource {
+    New(Box<Entry>),
+    Journal(EntryLocation),
 }
 
 /// Identifies every recording of `dataset` on its own, on `threads` threads (0: one per processor;
@@ -186,11 +186,11 @@ pub fn run(
 /// The remaining work.
 struct Queue<'a> {
     dataset: &'a Dataset,
-    left: Mutex<Left>,
+    left: Mutex<RemainingWork>,
     changed: Condvar,
 }
 
-struct Left {
+struct RemainingWork {
     next_source: usize,
     jobs: VecDeque<(Order, Job)>,
     /// Sources that are being opened: more jobs may follow.
@@ -199,11 +199,11 @@ struct Left {
 
 impl<'a> Queue<'a> {
     fn new(dataset: &'a Dataset) -> Self {
-        let left = Left { next_source: 0, jobs: VecDeque::new(), opening: 0 };
+        let left = RemainingWork { next_source: 0, jobs: VecDeque::new(), opening: 0 };
         Self { dataset, left: Mutex::new(left), changed: Condvar::new() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Left> {
+    fn lock(&self) -> MutexGuard<'_, RemainingWork> {
         self.left.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -214,7 +214,7 @@ impl<'a> Queue<'a> {
     }
 
     /// Works until the queue is empty.
-    fn work(&self, config: &Config, before: &HashMap<String, Place>, sender: &Sender<Finished>) {
+    fn work(&self, config: &Config, before: &HashMap<String, EntryLocation>, sender: &Sender<Finished>) {
         while let Some((order, job)) = self.next(config, sender) {
             cancel::check();
             let finished = finish(order, job, config, before);
@@ -259,15 +259,15 @@ impl<'a> Queue<'a> {
 }
 
 impl Finished {
-    fn now(order: Order, metadata: Metadata, name: String, row: Row, config: &Config) -> Self {
+    fn now(order: Order, metadata: Metadata, name: String, row: FleetRow, config: &Config) -> Self {
         let sha256 = row.text("sha256").unwrap_or_default().to_owned();
         let entry = Entry { name, sha256, config: config.hash(), row };
-        Self { order, metadata, done: Done::Now(Box::new(entry)) }
+        Self { order, metadata, done: RowSource::New(Box::new(entry)) }
     }
 }
 
 /// One recording: reused if it equals the one in the journal, otherwise identified.
-fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, Place>) -> Finished {
+fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, EntryLocation>) -> Finished {
     let input = match job.input(&config.reading_ahead()) {
         Ok(input) => input,
         Err(error) => {
@@ -278,16 +278,16 @@ fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, 
     if let Some(place) = before.get(&job.name)
         && hash_of(&input, config).is_some_and(|hash| hash == place.sha256)
     {
-        return Finished { order, metadata: job.metadata, done: Done::Before(place.clone()) };
+        return Finished { order, metadata: job.metadata, done: RowSource::Journal(place.clone()) };
     }
     let mut row = identify_one(&input, config);
-    row.set("path", Cell::text(&job.name));
+    row.set("path", FleetCell::text(&job.name));
     if job.is_file()
         && let Some(reason) = row.text("reason")
     {
         // Without paths of this machine.
         let reason = reason.replace(&job.path.display().to_string(), &job.name);
-        row.set("reason", Cell::text(reason));
+        row.set("reason", FleetCell::text(reason));
     }
     if let Some(warning) = &job.warning {
         warn(&mut row, warning);
@@ -297,7 +297,7 @@ fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, 
 
 /// Results received from the workers.
 struct Gathered {
-    rows: BTreeMap<Order, (Metadata, Place)>,
+    rows: BTreeMap<Order, (Metadata, EntryLocation)>,
     tally: Tally,
     kinds: BTreeMap<String, Option<Kind>>,
     /// Sources with at least one finished recording.
@@ -319,9 +319,9 @@ impl Gathered {
         progress(&self.tally);
         for Finished { order, metadata, done } in receiver {
             let (place, row) = match done {
-                Done::Now(entry) => (self.note(&entry, journal)?, entry.row),
-                Done::Before(place) => {
-                    self.tally.taken_over += 1;
+                RowSource::New(entry) => (self.note(&entry, journal)?, entry.row),
+                RowSource::Journal(place) => {
+                    self.tally.reused += 1;
                     let row = journal.row(&place)?;
                     (place, row)
                 }
@@ -339,14 +339,14 @@ impl Gathered {
 
     /// Writes an entry to the journal. A failure that may be temporary is written without its hash,
     /// so that the recording is identified again next time.
-    fn note(&self, entry: &Entry, journal: &mut Journal) -> Result<Place, OutputError> {
+    fn note(&self, entry: &Entry, journal: &mut Journal) -> Result<EntryLocation, OutputError> {
         if !is_passing(&entry.row) {
             return journal.append(entry);
         }
         journal.append(&Entry { sha256: String::new(), ..entry.clone() })
     }
 
-    fn count(&mut self, (source, _): Order, row: &Row) {
+    fn count(&mut self, (source, _): Order, row: &FleetRow) {
         if std::mem::replace(&mut self.begun[source], true) {
             self.tally.total += 1;
         }
@@ -375,12 +375,12 @@ impl Gathered {
         let mut piece: Vec<Column> = fields.iter().map(|field| Column::new(field.kind)).collect();
         for (own, place) in self.rows.into_values() {
             let row = journal.row(&place)?;
-            let empty = Cell::Empty;
+            let empty = FleetCell::Empty;
             let cells = metadata.iter().map(|(name, _)| own.get(name).unwrap_or(&empty));
             let (first, rest) = row.cells.split_at(1);
             first.iter().chain(cells).chain(rest).zip(&mut piece).for_each(|(cell, column)| push(column, cell));
             let kept = KEPT.iter().filter_map(|name| Some((name.as_str(), row.get(name)?.clone())));
-            records.push(Record { cells: kept.filter(|(_, cell)| *cell != Cell::Empty).collect(), metadata: own });
+            records.push(Record { cells: kept.filter(|(_, cell)| *cell != FleetCell::Empty).collect(), metadata: own });
             if piece[0].len() == PIECE {
                 writer.write(&piece)?;
                 piece.iter_mut().for_each(Column::clear);
@@ -403,11 +403,11 @@ fn common(one: Option<Kind>, other: Option<Kind>) -> Option<Kind> {
     }
 }
 
-fn push(column: &mut Column, cell: &Cell) {
+fn push(column: &mut Column, cell: &FleetCell) {
     match column {
         Column::Number(cells) => cells.push(cell.as_number().unwrap_or(f64::NAN)),
-        Column::Integer(cells) => cells.push(if let Cell::Integer(value) = cell { Some(*value) } else { None }),
-        Column::Boolean(cells) => cells.push(if let Cell::Boolean(value) = cell { Some(*value) } else { None }),
-        Column::Text(cells) => cells.push((*cell != Cell::Empty).then(|| cell.in_words().into())),
+        Column::Integer(cells) => cells.push(if let FleetCell::Integer(value) = cell { Some(*value) } else { None }),
+        Column::Boolean(cells) => cells.push(if let FleetCell::Boolean(value) = cell { Some(*value) } else { None }),
+        Column::Text(cells) => cells.push((*cell != FleetCell::Empty).then(|| cell.in_words().into())),
     }
 }

@@ -1,8 +1,8 @@
 //! Which parameters the data determine, and whether the model is adequate. Both are judged from the
 //! simulated motion of the model over the recordings.
 //!
-//! - F_c, c and the branches need full reversals: the model slides in one direction and, after a
-//!   reversal, in the other. Each slide covers a stated travel, and the measured force is constant
+//! - F_c, c and the branches need reversals with sliding before and after: the model slides in one direction
+//!   and, after the reversal, in the other. Each slide covers a stated travel, and the measured force is constant
 //!   while the model slides.
 //! - Separating F_c from β needs sliding at two speeds; otherwise the sliding force at rest is an
 //!   extrapolation.
@@ -21,7 +21,7 @@ use crate::replay::replay;
 
 /// Sliding travel, in half widths, needed to show that the force stays constant.
 const SHOWS_SLIDING: f64 = 0.5;
-/// Fewest full reversals.
+/// Fewest reversals with sliding before and after.
 const FEWEST_REVERSALS: usize = 2;
 /// Least ratio of fast to slow sliding speed that separates F_c from β (a tenth of the travel is
 /// faster or slower, respectively).
@@ -111,14 +111,15 @@ const LEFT_RISE: f64 = 0.5;
 
 /// Sums over one recording.
 #[derive(Default)]
-struct Seen {
+struct RecordingSums {
     /// Σ e² and samples: deforming, sliding; and Σ e² without the friction scale of strokes.
     squares: [f64; 2],
     samples: [usize; 2],
     plain_squares: f64,
     /// Σ F².
     power: f64,
-    full_reversals: usize,
+    /// Reversals before and after which the model slides.
+    sliding_reversals: usize,
     /// Speed, m/s, and travel, m, of sliding.
     speeds: Vec<(f64, f64)>,
     /// Ratio of measured to simulated force for each stroke, in the first and the second half of
@@ -128,10 +129,10 @@ struct Seen {
 
 /// Judges the model.
 pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
-    let seen: Vec<Seen> = (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
+    let seen: Vec<RecordingSums> = (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
     let mut undetermined = Vec::new();
     if model.has_shape {
-        undetermined.extend(full_reversals(input, model, &seen));
+        undetermined.extend(sliding_reversals(input, model, &seen));
     }
     let speeds = Speeds::new(&seen);
     undetermined.extend(speeds.separated());
@@ -147,22 +148,22 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     Adequacy { phases, undetermined, doubts, stick_slip, residual_rms: (squares / samples.max(1) as f64).sqrt() }
 }
 
-fn look(input: &Input, model: &Model, index: usize) -> Seen {
+fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     let (recording, segments) = (&input.recordings[index], &input.segments[index]);
     let candidate = model.candidate;
     let run = replay(&model.trocar, recording, candidate.offset);
     let velocity = local_velocity(recording, (5.0 * recording.quality.median_interval).max(0.02));
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
-    let mut seen = Seen::default();
+    let mut seen = RecordingSums::default();
     let acceleration = &input.accelerations[index];
     let reading = |i: usize| recording.force[i] - candidate.offset - candidate.unmodelled_mass * acceleration[i];
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
-    for pass in &segments.passes {
-        let scale = model.scale.at(index, recording.time[pass.start] - recording.time[0]);
+    for stroke in &segments.strokes {
+        let scale = model.scale.at(index, recording.time[stroke.start] - recording.time[0]);
         let (mut slid, mut sums) = (0.0, Vec::new());
-        for i in (pass.start + 1..=pass.end).filter(|i| known[*i] && !recording.is_clipped(*i)) {
+        for i in (stroke.start + 1..=stroke.end).filter(|i| known[*i] && !recording.is_clipped(*i)) {
             let step = (x[i] - x[i - 1]).abs();
             let error = reading(i) - scale * run.force[i];
             let phase = usize::from(run.sliding[i]);
@@ -177,9 +178,9 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
             }
         }
         let slides = slid >= SHOWS_SLIDING * candidate.half_width;
-        let turned = slid_before.is_some_and(|d| d != pass.direction.sign()) && pass.starts_at_reversal;
-        seen.full_reversals += usize::from(slides && turned);
-        slid_before = slides.then_some(pass.direction.sign());
+        let turned = slid_before.is_some_and(|d| d != stroke.direction.sign()) && stroke.starts_at_reversal;
+        seen.sliding_reversals += usize::from(slides && turned);
+        slid_before = slides.then_some(stroke.direction.sign());
         if slides {
             let mean = |first: bool| {
                 let part = sums.iter().filter(|(at, _)| (*at < 0.5 * slid) == first).map(|s| s.1);
@@ -191,15 +192,15 @@ fn look(input: &Input, model: &Model, index: usize) -> Seen {
     seen
 }
 
-/// Checks that there are enough full reversals and that the force is constant where the model
+/// Checks that there are enough reversals with sliding before and after, and that the force is constant where the model
 /// slides.
-fn full_reversals(input: &Input, model: &Model, seen: &[Seen]) -> Vec<(Group, String)> {
-    let count: usize = seen.iter().map(|s| s.full_reversals).sum();
+fn sliding_reversals(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<(Group, String)> {
+    let count: usize = seen.iter().map(|s| s.sliding_reversals).sum();
     let longest = input.recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
     let mut all = Vec::new();
     if count < FEWEST_REVERSALS {
         let why = format!(
-            "{count} full reversals with sliding on both sides, at least {FEWEST_REVERSALS} are needed: record strokes of several \
+            "{count} reversals with sliding before and after, at least {FEWEST_REVERSALS} are needed: record strokes of several \
              centimetres in both directions (longest here: {:.1} mm)",
             1e3 * longest
         );
@@ -237,7 +238,7 @@ fn rise_left(candidate: &Candidate, speed: f64) -> Option<f64> {
 struct Speeds(Vec<(f64, f64)>);
 
 impl Speeds {
-    fn new(seen: &[Seen]) -> Self {
+    fn new(seen: &[RecordingSums]) -> Self {
         let mut speeds: Vec<(f64, f64)> = seen.iter().flat_map(|s| s.speeds.iter().copied()).collect();
         speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self(speeds)
@@ -298,7 +299,7 @@ impl Speeds {
     }
 }
 
-fn phases(input: &Input, model: &Model, seen: &[Seen]) -> Vec<Phase> {
+fn phases(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<Phase> {
     let noise = input.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let force = (seen.iter().map(|s| s.power).sum::<f64>() / samples.max(1) as f64).sqrt();

@@ -2,7 +2,7 @@
 //!
 //! The profile is fitted where strokes repeat, and only to readings taken while sliding. If all
 //! strokes reverse at the same positions, position and deflection cannot be separated while the
-//! seal deforms. The profile is kept if it improves the prediction of held-out strokes. The element
+//! seal deforms. The profile is kept if it improves the prediction of held-out cycles. The element
 //! is then refitted to the readings with the profile removed.
 
 use super::Segments;
@@ -13,7 +13,7 @@ use crate::profile::{self, ProfileFit, ProfileSample};
 use crate::recording::Recording;
 use crate::replay::replay;
 use crate::scatter::StrokeScatter;
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// The profile, or why repeated strokes gave none; `Ok(None)` where none was requested or possible.
 pub(super) type Profile = Result<Option<ProfileFit>, String>;
@@ -58,19 +58,19 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
     let candidate = &fit.fitted.best.candidate;
     let stages = candidate.stages().map_err(|e| e.to_string())?;
     let trocar = Trocar::of_seal(stages);
-    let (mut samples, mut strokes) = (Vec::new(), 0);
+    let (mut samples, mut cycles) = (Vec::new(), 0);
     for (index, recording) in input.recordings.iter().enumerate() {
         let run = replay(&trocar, recording, candidate.offset);
         let acceleration = &input.accelerations[index];
-        let stroke = profile::strokes(recording, &passes(recording, reversal_threshold(recording)));
+        let cycle = profile::cycles(recording, &strokes(recording, reversal_threshold(recording)));
         let slides = |i: &usize| run.sliding[*i];
         samples.extend(run.known.iter().cloned().flatten().filter(slides).map(|i| ProfileSample {
             position: recording.position[i],
             seal_force: fit.scale.at(index, recording.time[i] - recording.time[0]) * run.force[i],
             reading: recording.force[i] - candidate.unmodelled_mass * acceleration[i],
-            stroke: strokes + stroke[i],
+            cycle: cycles + cycle[i],
         }));
-        strokes += stroke.iter().max().map_or(0, |last| last + 1);
+        cycles += cycle.iter().max().map_or(0, |last| last + 1);
     }
     let storage = stages.elements().iter().map(profile::storage_length).fold(0.0, f64::max);
     profile::fit(&samples, storage).map_err(|e| e.to_string())
@@ -81,10 +81,10 @@ impl Segments {
     pub(super) fn turn_at_same_places(&self, recording: &Recording) -> bool {
         let x = &recording.position;
         let ends = |of: fn(f64, f64) -> f64| {
-            let all: Vec<f64> = self.passes.iter().map(|p| of(x[p.start], x[p.end])).collect();
+            let all: Vec<f64> = self.strokes.iter().map(|p| of(x[p.start], x[p.end])).collect();
             let (low, high) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
             high - low
         };
-        self.passes.len() >= 4 && ends(f64::min) + ends(f64::max) < 0.1 * recording.quality.stroke
+        self.strokes.len() >= 4 && ends(f64::min) + ends(f64::max) < 0.1 * recording.quality.stroke
     }
 }

@@ -8,7 +8,7 @@ use trocar_model::{
 };
 
 use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
-use super::shape::{BranchShape, Pins, Span};
+use super::shape::{BranchShape, EndForces, Span};
 use super::stage::SecondStage;
 use super::training::Step;
 
@@ -53,8 +53,8 @@ impl Candidate {
     }
 
     /// Forces at ±c.
-    pub fn pins(&self) -> Pins {
-        Pins { low: -self.withdrawal.static_force, high: self.insertion.static_force }
+    pub fn end_forces(&self) -> EndForces {
+        EndForces { low: -self.withdrawal.static_force, high: self.insertion.static_force }
     }
 
     /// Sliding force in `direction`.
@@ -119,7 +119,7 @@ impl Candidate {
 
     /// θ of EMS (25).
     fn coefficient(&self, direction: Direction, piece: u8, power: u8) -> Option<f64> {
-        let branch = self.branch(direction).branch(self.half_width, self.pins()).ok()?;
+        let branch = self.branch(direction).branch(self.half_width, self.end_forces()).ok()?;
         let piece = if piece == 1 { branch.left() } else { branch.right() };
         piece.monomial().get(usize::from(power)).copied()
     }
@@ -129,9 +129,9 @@ impl Candidate {
     /// # Errors
     /// When the parameters do not form a valid model.
     pub fn params(&self) -> Result<ElementParams, ParamError> {
-        let pins = self.pins();
-        let insertion_branch = self.insertion_branch.branch(self.half_width, pins)?;
-        let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, pins)?;
+        let end_forces = self.end_forces();
+        let insertion_branch = self.insertion_branch.branch(self.half_width, end_forces)?;
+        let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, end_forces)?;
         let softest = DeformationForce::new(insertion_branch, withdrawal_branch, None)?;
         let deformation = if self.yield_ratio > Self::DEFAULT_YIELD_RATIO {
             let stiffness = softest.yield_stiffness() * self.yield_ratio / Self::DEFAULT_YIELD_RATIO;

@@ -7,8 +7,8 @@
 //! z(t_i) = x(t_i) − x(t_0) + z(t_0)      from positions, not from velocities  (24)
 //! F_def(z) = two joined polynomials per direction, least squares              (25), (26)
 //! ```
-//! A traverse runs from the crossing of −F_s after a reversal to the first crossing of +F_s: the
-//! seal has snapped through from −c to +c. Its travel is 2c. The spread of c over traverses is the
+//! A full reversal runs from the crossing of −F_s after a reversal to the first crossing of +F_s: the
+//! seal has snapped through from −c to +c. Its travel is 2c. The spread of c over full reversals is the
 //! error of the reconstructed deflection. EMS (24) sums velocities; the encoder positions give the
 //! same result without accumulated error.
 
@@ -16,23 +16,23 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::estimate::{Estimate, LinearFit, t_p_value, t_quantile};
-use super::shape::{BranchShape, Pins};
+use super::shape::{BranchShape, EndForces};
 use crate::recording::Recording;
-use crate::segment::{Direction, Pass};
+use crate::segment::{Direction, Stroke};
 
-/// Points per traverse at which the deformation force is stored.
+/// Points per full reversal at which the deformation force is stored.
 pub const BINS: usize = 100;
 /// Samples over which the force is averaged when a switching instant is sought.
 const SMOOTHING: usize = 5;
-/// Fewest samples of a traverse that define its curve.
+/// Fewest samples of a full reversal that define its curve.
 const FEWEST_SAMPLES: usize = 5;
-/// Fewest traverses from which a half width is estimated.
-const FEWEST_TRAVERSES: usize = 3;
-/// Largest relative spread of c over traverses at which the deformation counts as resolved.
+/// Fewest full reversals from which a half width is estimated.
+const FEWEST_REVERSALS: usize = 3;
+/// Largest relative spread of c over full reversals at which the deformation counts as resolved.
 const LARGEST_SPREAD: f64 = 0.45;
-/// Largest scatter of the force between traverses, as a fraction of the range between the limits.
+/// Largest scatter of the force between full reversals, as a fraction of the range between the limits.
 const LARGEST_SCATTER: f64 = 0.15;
-/// Fewest samples per half width of a traverse that determine the half width.
+/// Fewest samples per half width of a full reversal that determine the half width.
 pub(super) const COARSEST: f64 = 5.0;
 /// Deflections, as z/c, at which the influence of the velocity is tested (figure 7 uses one).
 const LEVELS: [f64; 7] = [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75];
@@ -70,8 +70,8 @@ impl Limits {
     }
 
     /// The end points of both branches: (−c, −F_s) and (+c, +F_s).
-    pub fn pins(&self) -> Pins {
-        Pins { low: -self.withdrawal, high: self.insertion }
+    pub fn end_forces(&self) -> EndForces {
+        EndForces { low: -self.withdrawal, high: self.insertion }
     }
 }
 
@@ -81,33 +81,33 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Drops traverses whose travel is an outlier of their direction: a switching instant caused by a
+/// Drops full reversals whose travel is an outlier of their direction: a switching instant caused by a
 /// disturbance.
-fn without_outliers(mut traverses: Vec<Traverse>) -> Vec<Traverse> {
+fn without_outliers(mut full_reversals: Vec<FullReversal>) -> Vec<FullReversal> {
     for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own = || traverses.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
+        let own = || full_reversals.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
         let middle = median(own().collect());
         let spread = 1.4826 * median(own().map(|c| (c - middle).abs()).collect());
         let limit = (5.0 * spread).max(0.05 * middle);
-        traverses.retain(|t| t.direction != direction || (t.half_travel - middle).abs() <= limit);
+        full_reversals.retain(|t| t.direction != direction || (t.half_travel - middle).abs() <= limit);
     }
-    traverses
+    full_reversals
 }
 
 /// Standard deviation, m, of the half travel about its direction's mean.
-fn spread_of(traverses: &[Traverse]) -> f64 {
+fn spread_of(full_reversals: &[FullReversal]) -> f64 {
     let mut squares = 0.0;
     for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own: Vec<f64> = traverses.iter().filter(|t| t.direction == direction).map(|t| t.half_travel).collect();
+        let own: Vec<f64> = full_reversals.iter().filter(|t| t.direction == direction).map(|t| t.half_travel).collect();
         let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
         squares += own.iter().map(|c| (c - mean).powi(2)).sum::<f64>();
     }
-    (squares / (traverses.len() as f64 - 2.0).max(1.0)).sqrt()
+    (squares / (full_reversals.len() as f64 - 2.0).max(1.0)).sqrt()
 }
 
-/// One full snap-through of the seal.
+/// A full reversal: after a reversal of the motion the seal deforms from one sliding limit to the other.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Traverse {
+pub struct FullReversal {
     /// Index of the recording.
     pub recording: usize,
     /// Sense of the motion.
@@ -129,7 +129,7 @@ pub struct Traverse {
 /// Test of the influence of the deformation velocity (figure 7).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DampingTest {
-    /// σ, N s/m, from all deflections and traverses jointly.
+    /// σ, N s/m, from all deflections and full reversals jointly.
     pub seal_damping_n_s_m: Estimate,
     /// p value of σ = 0.
     pub p_value: f64,
@@ -159,7 +159,7 @@ pub struct BranchFit {
     pub single_polynomial_rms: f64,
     /// Mean curve at the bin centres, N.
     pub mean_curve: Vec<f64>,
-    /// Standard deviation over traverses at the bin centres, N.
+    /// Standard deviation over full reversals at the bin centres, N.
     pub scatter: Vec<f64>,
 }
 
@@ -168,7 +168,7 @@ pub struct BranchFit {
 pub struct DeformationFit {
     /// c, m.
     pub half_width: Estimate,
-    /// Standard deviation of c over traverses, m: the error of the reconstructed deflection.
+    /// Standard deviation of c over full reversals, m: the error of the reconstructed deflection.
     pub deflection_error: f64,
     /// p value of c being independent of speed; `None` with too few speeds.
     pub speed_dependence_p_value: Option<f64>,
@@ -176,10 +176,10 @@ pub struct DeformationFit {
     pub insertion_branch: BranchFit,
     /// Branch of the withdrawal (z falling).
     pub withdrawal_branch: BranchFit,
-    /// Influence of the deformation velocity; `None` when all traverses have one speed.
+    /// Influence of the deformation velocity; `None` when all full reversals have one speed.
     pub damping: Option<DampingTest>,
-    /// The traverses.
-    pub traverses: Vec<Traverse>,
+    /// The full reversals found in the measured force.
+    pub full_reversals: Vec<FullReversal>,
 }
 
 /// Bin centres as z/c, from -1 to 1.
@@ -187,37 +187,37 @@ pub fn bin_centres() -> impl Iterator<Item = f64> {
     (0..BINS).map(|k| (2 * k + 1) as f64 / BINS as f64 - 1.0)
 }
 
-/// Finds the full snap-throughs of one recording; `level` gives the ratio of the sliding force of a
-/// pass to the common limits.
+/// Finds the full reversals of one recording; `level` gives the ratio of the sliding force of a
+/// stroke to the common limits.
 ///
-/// The friction scale of a seal varies by about a percent from pass to pass. Switching instants are
-/// therefore taken at the limits of each pass, and its curve is scaled to the common ones. With
-/// common limits, a weak pass would switch late or never while a strong one would switch hardly
+/// The friction scale of a seal varies by about a percent from stroke to stroke. Switching instants are
+/// therefore taken at the limits of each stroke, and its curve is scaled to the common ones. With
+/// common limits, a weak stroke would switch late or never while a strong one would switch hardly
 /// earlier, which would overestimate c.
-pub(super) fn traverses(
+pub(super) fn full_reversals(
     index: usize,
     recording: &Recording,
-    passes: &[Pass],
+    strokes: &[Stroke],
     limits: &Limits,
     level: impl Fn(usize) -> f64,
-) -> Vec<Traverse> {
+) -> Vec<FullReversal> {
     let mut found = Vec::new();
     let mut slid_before: Option<(Direction, f64)> = None;
-    for (number, pass) in passes.iter().enumerate() {
+    for (number, stroke) in strokes.iter().enumerate() {
         let own = level(number);
-        let before = slid_before.filter(|(d, _)| *d != pass.direction && pass.starts_at_reversal);
-        let start = before.map_or(own, |(_, level)| level) * limits.against(pass.direction);
-        let crossing = crossings(recording, pass, limits.offset, start, own * limits.of(pass.direction));
+        let before = slid_before.filter(|(d, _)| *d != stroke.direction && stroke.starts_at_reversal);
+        let start = before.map_or(own, |(_, level)| level) * limits.against(stroke.direction);
+        let crossing = crossings(recording, stroke, limits.offset, start, own * limits.of(stroke.direction));
         if let (Some((from, to)), Some((_, level_before))) = (crossing, before) {
-            let levels = match pass.direction {
+            let levels = match stroke.direction {
                 Direction::Insertion => [level_before, own],
                 Direction::Withdrawal => [own, level_before],
             };
-            found.extend(traverse(index, recording, pass.direction, from, to, limits.offset, levels));
+            found.extend(full_reversal(index, recording, stroke.direction, from, to, limits.offset, levels));
         }
-        // A pass that never reaches its limit leaves the seal part way: the next one is no full
+        // A stroke that never reaches its limit leaves the seal part way: the next one is no full
         // snap-through.
-        slid_before = crossing.map(|_| (pass.direction, own));
+        slid_before = crossing.map(|_| (stroke.direction, own));
     }
     found
 }
@@ -229,15 +229,15 @@ fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
 }
 
 /// First sample inside the limits after the reversal, and first sample at this direction's limit.
-fn crossings(recording: &Recording, pass: &Pass, offset: f64, start: f64, limit: f64) -> Option<(usize, usize)> {
-    let s = pass.direction.sign();
-    let along = |i: usize| s * (smoothed(recording, i, pass.start, pass.end) - offset);
-    let from = (pass.start..pass.end).find(|i| along(*i) > -start)?;
-    let to = (from + 1..=pass.end).find(|i| along(*i) >= limit)?;
+fn crossings(recording: &Recording, stroke: &Stroke, offset: f64, start: f64, limit: f64) -> Option<(usize, usize)> {
+    let s = stroke.direction.sign();
+    let along = |i: usize| s * (smoothed(recording, i, stroke.start, stroke.end) - offset);
+    let from = (stroke.start..stroke.end).find(|i| along(*i) > -start)?;
+    let to = (from + 1..=stroke.end).find(|i| along(*i) >= limit)?;
     Some((from, to))
 }
 
-fn traverse(
+fn full_reversal(
     index: usize,
     recording: &Recording,
     direction: Direction,
@@ -245,7 +245,7 @@ fn traverse(
     to: usize,
     offset: f64,
     levels: [f64; 2],
-) -> Option<Traverse> {
+) -> Option<FullReversal> {
     let s = direction.sign();
     let x = &recording.position;
     let total = s * (x[to] - x[from]);
@@ -274,7 +274,7 @@ fn traverse(
         *force /= levels[0] + (levels[1] - levels[0]) * part;
     }
     let speed = total / (t[t.len() - 1] - t[0]).max(f64::MIN_POSITIVE);
-    Some(Traverse { recording: index, direction, from, to, half_travel: 0.5 * total, speed, curve, velocity })
+    Some(FullReversal { recording: index, direction, from, to, half_travel: 0.5 * total, speed, curve, velocity })
 }
 
 /// Values at the bin centres along the motion: the mean of the samples in a bin, or interpolated
@@ -320,57 +320,57 @@ pub(super) fn end_stiffness(insertion_branch: &BranchFit, withdrawal_branch: &Br
     least.max(0.05 * end(&insertion_branch.mean_curve, false).abs()).max(1.0)
 }
 
-/// Fits half width, branches and damping to the traverses.
+/// Fits half width, branches and damping to the full reversals.
 ///
 /// # Errors
 /// A message that states why the recordings do not resolve a deformation.
 pub(super) fn fit(
-    traverses: Vec<Traverse>,
+    full_reversals: Vec<FullReversal>,
     limits: &Limits,
     degrees: [usize; 2],
     sensors: Sensors,
 ) -> Result<DeformationFit, String> {
     let lsb = sensors.position_step;
-    let traverses = without_outliers(traverses);
-    let count = |d| traverses.iter().filter(|t| t.direction == d).count();
+    let full_reversals = without_outliers(full_reversals);
+    let count = |d| full_reversals.iter().filter(|t| t.direction == d).count();
     let (insertions, withdrawals) = (count(Direction::Insertion), count(Direction::Withdrawal));
-    if insertions + withdrawals < FEWEST_TRAVERSES || insertions == 0 || withdrawals == 0 {
+    if insertions + withdrawals < FEWEST_REVERSALS || insertions == 0 || withdrawals == 0 {
         return Err(format!(
             "{insertions} insertions and {withdrawals} withdrawals deform the seal from one sliding limit to the other; at least \
-             {FEWEST_TRAVERSES} in all and one in each direction are needed (longer strokes, or more of them)"
+             {FEWEST_REVERSALS} in all and one in each direction are needed (longer strokes, or more of them)"
         ));
     }
-    let n = traverses.len() as f64;
-    let mean = traverses.iter().map(|t| t.half_travel).sum::<f64>() / n;
-    let spread = spread_of(&traverses);
+    let n = full_reversals.len() as f64;
+    let mean = full_reversals.iter().map(|t| t.half_travel).sum::<f64>() / n;
+    let spread = spread_of(&full_reversals);
     if spread > LARGEST_SPREAD * mean || mean < 5.0 * lsb {
         return Err(format!(
-            "no repeatable deformation: half width {:.4} mm with a spread of {:.4} mm over {n} reversals, position steps of {:.4} mm",
+            "no repeatable deformation: half width {:.4} mm with a spread of {:.4} mm over {n} full reversals, position steps of {:.4} mm",
             1e3 * mean,
             1e3 * spread,
             1e3 * lsb
         ));
     }
-    let branch = |d| branch_fit(&curves_of(&traverses, d), limits.pins(), degrees);
+    let branch = |d| branch_fit(&curves_of(&full_reversals, d), limits.end_forces(), degrees);
     let (Some(insertion_branch), Some(withdrawal_branch)) =
         (branch(Direction::Insertion), branch(Direction::Withdrawal))
     else {
         return Err("the deformation force could not be fitted by joined polynomials".to_owned());
     };
     // A switch is detected when the smoothed noise first reaches the limit: an error common to all
-    // traverses.
+    // full reversals.
     let switching =
         sensors.force_noise / (SMOOTHING as f64).sqrt() / end_stiffness(&insertion_branch, &withdrawal_branch, mean);
     let scatter = mean_square(&insertion_branch.scatter).max(mean_square(&withdrawal_branch.scatter)).sqrt();
     let swing = limits.insertion + limits.withdrawal;
     if scatter > LARGEST_SCATTER * swing {
         return Err(format!(
-            "no repeatable deformation: between reversals the force scatters by {scatter:.2} N at equal deflection, of {swing:.2} N from \
+            "no repeatable deformation: between full reversals the force scatters by {scatter:.2} N at equal deflection, of {swing:.2} N from \
              one sliding limit to the other"
         ));
     }
-    let damping = damping_test(&traverses, spread, mean);
-    let samples = median(traverses.iter().map(|t| 0.5 * (t.to - t.from) as f64).collect());
+    let damping = damping_test(&full_reversals, spread, mean);
+    let samples = median(full_reversals.iter().map(|t| 0.5 * (t.to - t.from) as f64).collect());
     let half_width = if samples < COARSEST {
         let why = format!("sampled too coarsely: {samples:.1} samples per half width, at least {COARSEST} are needed");
         Estimate::undetermined(mean, "m", why)
@@ -380,17 +380,17 @@ pub(super) fn fit(
     Ok(DeformationFit {
         half_width,
         deflection_error: spread,
-        speed_dependence_p_value: speed_dependence(&traverses),
+        speed_dependence_p_value: speed_dependence(&full_reversals),
         insertion_branch,
         withdrawal_branch,
         damping,
-        traverses,
+        full_reversals,
     })
 }
 
 /// Curves of one direction.
-pub(super) fn curves_of(traverses: &[Traverse], direction: Direction) -> Vec<&[f64]> {
-    traverses.iter().filter(|t| t.direction == direction).map(|t| t.curve.as_slice()).collect()
+pub(super) fn curves_of(full_reversals: &[FullReversal], direction: Direction) -> Vec<&[f64]> {
+    full_reversals.iter().filter(|t| t.direction == direction).map(|t| t.curve.as_slice()).collect()
 }
 
 /// Points (z/c, mean force over curves).
@@ -403,9 +403,9 @@ fn mean_square(values: &[f64]) -> f64 {
     values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64
 }
 
-fn branch_fit(curves: &[&[f64]], pins: Pins, degrees: [usize; 2]) -> Option<BranchFit> {
+fn branch_fit(curves: &[&[f64]], end_forces: EndForces, degrees: [usize; 2]) -> Option<BranchFit> {
     let points = mean_points(curves);
-    let (shape, rms) = BranchShape::fit(degrees, pins, &points)?;
+    let (shape, rms) = BranchShape::fit(degrees, end_forces, &points)?;
     let (single_polynomial, single_polynomial_rms) = single_polynomial(&points)?;
     let spread = |k: usize| {
         let squares: f64 = curves.iter().map(|c| (c[k] - points[k].1).powi(2)).sum();
@@ -437,21 +437,21 @@ pub fn legendre(order: usize, t: f64) -> f64 {
 }
 
 /// p value of the slope of c against speed.
-fn speed_dependence(traverses: &[Traverse]) -> Option<f64> {
-    let n = traverses.len();
-    let design = DMatrix::from_fn(n, 2, |i, j| if j == 0 { 1.0 } else { traverses[i].speed });
-    let data = DVector::from_fn(n, |i, _| traverses[i].half_travel);
+fn speed_dependence(full_reversals: &[FullReversal]) -> Option<f64> {
+    let n = full_reversals.len();
+    let design = DMatrix::from_fn(n, 2, |i, j| if j == 0 { 1.0 } else { full_reversals[i].speed });
+    let data = DVector::from_fn(n, |i, _| full_reversals[i].half_travel);
     let fit = LinearFit::new(&design, &data, &DVector::from_element(n, 1.0)).filter(|f| f.degrees >= 3.0)?;
     Some(t_p_value(fit.coefficients[1] / fit.covariance[(1, 1)].sqrt(), fit.degrees))
 }
 
 /// Generalised least squares of F_jp = f_j + σ·v_jp + K_j·δ_p + e_jp over deflections j and
-/// traverses p.
+/// full reversals p.
 ///
-/// δ_p is the error of the reconstructed deflection of the traverse (sd from the spread of c),
+/// δ_p is the error of the reconstructed deflection of the full reversal (sd from the spread of c),
 /// common to its deflections. It represents the gray rectangles of figure 7 as a covariance.
-fn damping_test(traverses: &[Traverse], deflection_error: f64, half_width: f64) -> Option<DampingTest> {
-    let speeds = traverses.iter().map(|t| t.speed);
+fn damping_test(full_reversals: &[FullReversal], deflection_error: f64, half_width: f64) -> Option<DampingTest> {
+    let speeds = full_reversals.iter().map(|t| t.speed);
     let (slow, fast) = speeds.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
     if fast < 1.2 * slow {
         return None;
@@ -459,16 +459,16 @@ fn damping_test(traverses: &[Traverse], deflection_error: f64, half_width: f64) 
     let bins: Vec<usize> = LEVELS.iter().map(|u| (0.5 * (u + 1.0) * BINS as f64) as usize).collect();
     let levels = LEVELS.len();
     let columns = 2 * levels + 1;
-    let mut design = DMatrix::zeros(levels * traverses.len(), columns);
-    let mut data = DVector::zeros(levels * traverses.len());
+    let mut design = DMatrix::zeros(levels * full_reversals.len(), columns);
+    let mut data = DVector::zeros(levels * full_reversals.len());
     for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let curves = curves_of(traverses, direction);
+        let curves = curves_of(full_reversals, direction);
         let mean = mean_points(&curves);
         let stiffness: Vec<f64> = bins.iter().map(|b| slope(&mean, *b, half_width)).collect();
         let noise = level_noise(&curves, &mean, &bins);
         let whitening = whitening(&stiffness, deflection_error, noise)?;
         let block = if direction == Direction::Insertion { 0 } else { levels };
-        for (p, t) in traverses.iter().enumerate().filter(|(_, t)| t.direction == direction) {
+        for (p, t) in full_reversals.iter().enumerate().filter(|(_, t)| t.direction == direction) {
             let mut rows = DMatrix::zeros(levels, columns);
             let mut force = DVector::zeros(levels);
             for (j, b) in bins.iter().enumerate() {
@@ -482,8 +482,8 @@ fn damping_test(traverses: &[Traverse], deflection_error: f64, half_width: f64) 
     }
     let rows = data.len();
     let fit = LinearFit::new(&design, &data, &DVector::from_element(rows, 1.0))?;
-    // The traverse is the independent unit: its deflections share one reconstruction error.
-    let degrees = traverses.len() as f64 - 2.0;
+    // The full reversal is the independent unit: its deflections share one reconstruction error.
+    let degrees = full_reversals.len() as f64 - 2.0;
     let sigma = fit.coefficients[columns - 1];
     let error = fit.covariance[(columns - 1, columns - 1)].sqrt();
     let p_value = t_p_value(sigma / error, degrees);

@@ -4,7 +4,7 @@
 use trocar_model::SlidingFriction;
 
 use super::candidate::Candidate;
-use super::shape::{BranchShape, Pins};
+use super::shape::{BranchShape, EndForces};
 use super::stage::SecondStage;
 use crate::segment::Direction;
 
@@ -12,8 +12,14 @@ use crate::segment::Direction;
 const POINTS: usize = 200;
 
 /// Force, N, of a stage at `travel`, m, after a reversal at the far end of its deflections.
-fn upon_stroke(shape: &BranchShape, half_width: f64, pins: Pins, direction: Direction, travel: f64) -> Option<f64> {
-    let branch = shape.branch(half_width, pins).ok()?;
+fn upon_stroke(
+    shape: &BranchShape,
+    half_width: f64,
+    end_forces: EndForces,
+    direction: Direction,
+    travel: f64,
+) -> Option<f64> {
+    let branch = shape.branch(half_width, end_forces).ok()?;
     let deflection = direction.sign() * (travel - half_width).min(half_width);
     Some(branch.force(deflection))
 }
@@ -22,14 +28,14 @@ fn upon_stroke(shape: &BranchShape, half_width: f64, pins: Pins, direction: Dire
 /// travel (m) over a full stroke.
 fn fitted(
     degrees: [usize; 2],
-    (half_width, pins): (f64, Pins),
+    (half_width, end_forces): (f64, EndForces),
     direction: Direction,
     force: impl Fn(f64) -> Option<f64>,
 ) -> Option<BranchShape> {
     let at = |k: usize| (2.0 * (k as f64 + 0.5) / POINTS as f64) - 1.0;
     let point = |u: f64| Some((u, force(half_width * (1.0 + direction.sign() * u))?));
     let points: Option<Vec<(f64, f64)>> = (0..POINTS).map(|k| point(at(k))).collect();
-    BranchShape::fit(degrees, pins, &points?).map(|found| found.0)
+    BranchShape::fit(degrees, end_forces, &points?).map(|found| found.0)
 }
 
 fn scaled(sliding: &mut SlidingFriction, factor: f64) {
@@ -41,14 +47,14 @@ fn scaled(sliding: &mut SlidingFriction, factor: f64) {
 impl Candidate {
     /// Force, N, of the first stage over a full stroke.
     fn first_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
-        upon_stroke(self.branch(direction), self.half_width, self.pins(), direction, travel)
+        upon_stroke(self.branch(direction), self.half_width, self.end_forces(), direction, travel)
     }
 
     /// Force, N, of the second stage over a full stroke; 0 without one.
     fn second_upon_stroke(&self, direction: Direction, travel: f64) -> Option<f64> {
         let Some(second) = &self.second else { return Some(0.0) };
-        let pins = second.pins(&self.insertion, &self.withdrawal);
-        upon_stroke(second.branch(direction), second.half_width, pins, direction, travel)
+        let end_forces = second.end_forces(&self.insertion, &self.withdrawal);
+        upon_stroke(second.branch(direction), second.half_width, end_forces, direction, travel)
     }
 
     /// The candidate with forces scaled by `factor` and branches that give `force` (N) over full
@@ -62,7 +68,7 @@ impl Candidate {
         let mut whole = Candidate { half_width, ..self.clone() };
         [&mut whole.insertion, &mut whole.withdrawal].into_iter().for_each(|s| scaled(s, factor));
         whole.seal_damping *= factor;
-        let ends = (half_width, whole.pins());
+        let ends = (half_width, whole.end_forces());
         let degrees = self.insertion_branch.degrees();
         let [insertion_branch, withdrawal_branch] =
             Direction::BOTH.map(|d| fitted(degrees, ends, d, |travel| force(d, travel)));
@@ -88,8 +94,8 @@ impl Candidate {
         };
         let smaller =
             self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| self.first_upon_stroke(d, travel))?;
-        let pins = second.pins(&smaller.insertion, &smaller.withdrawal);
-        second.insertion_branch.join_force = 0.5 * (pins.low + pins.high);
+        let end_forces = second.end_forces(&smaller.insertion, &smaller.withdrawal);
+        second.insertion_branch.join_force = 0.5 * (end_forces.low + end_forces.high);
         second.withdrawal_branch.join_force = second.insertion_branch.join_force;
         let with = Candidate { second: Some(second), ..smaller };
         let first_alone = |d, travel| Some(self.first_upon_stroke(d, travel)? - with.second_upon_stroke(d, travel)?);

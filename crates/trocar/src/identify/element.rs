@@ -21,9 +21,9 @@ use super::spread::variance;
 use super::terms::{self, Chosen, Term, TermTrial};
 use super::training::acceleration_is_resolved;
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
-use super::two_steps::{TwoSteps, settled_stretches};
+use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
-use super::unexplained::{Left, Unexplained};
+use super::unexplained::{Unexplained, UnexplainedEffects};
 use super::{FreeMotion, IdentifyOptions, Progress, Segments};
 use crate::recording::{Recording, range};
 use crate::replay::replay;
@@ -64,7 +64,7 @@ pub(super) struct ElementFit {
     pub(super) scale: FrictionScale,
     /// Root mean square error, N, of the paper's element fitted to the same readings.
     pub(super) paper_rms: f64,
-    pub(super) left: Left,
+    pub(super) left: UnexplainedEffects,
 }
 
 /// A fit with its training data and the variances of its friction scale.
@@ -194,7 +194,7 @@ impl Scaled {
     /// Adds the trials of the terms and the error of the paper's element.
     fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
         let scale = FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
-        let left = Left::by(input.recordings, &self.training, &self.fitted);
+        let left = UnexplainedEffects::by(input.recordings, &self.training, &self.fitted);
         ElementFit { fitted: self.fitted, trials, scale, paper_rms, left }
     }
 }
@@ -344,10 +344,10 @@ fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
     let mut imposed = vec![false; strokes.len()];
     let mut speeds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
     for (recording, segments) in input.segments.iter().enumerate() {
-        for stretch in segments.stretches.iter().filter(|s| s.dwell >= IMPOSED) {
-            let stroke = strokes.partition_point(|s| (s.recording, s.start) <= (recording, stretch.start));
+        for segment in segments.steady_segments.iter().filter(|s| s.dwell >= IMPOSED) {
+            let stroke = strokes.partition_point(|s| (s.recording, s.start) <= (recording, segment.start));
             imposed[stroke.saturating_sub(1)] = true;
-            speeds[usize::from(stretch.velocity > 0.0)].push(stretch.velocity.abs());
+            speeds[usize::from(segment.velocity > 0.0)].push(segment.velocity.abs());
         }
     }
     let separated = |own: &Vec<f64>| {
@@ -410,10 +410,10 @@ fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
     let Input { recordings, segments, accelerations, two, .. } = input;
     let segmented = |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
         let settled = match &two.deformation {
-            Ok(found) => settled_stretches(recording, segments, &two.steady, found),
+            Ok(found) => settled_segments(recording, segments, &two.steady, found),
             Err(_) => Vec::new(),
         };
-        Segmented { recording, passes: &segments.passes, settled, acceleration }
+        Segmented { recording, strokes: &segments.strokes, settled, acceleration }
     };
     let data: Vec<Segmented> = recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
@@ -513,12 +513,12 @@ fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
     const POINTS: usize = 100;
     let seal = ElementParams::plausible_10_5_mm().ok()?.deformation;
     let (c, end) = (seal.half_width(), seal.insertion().force(seal.half_width()));
-    let pins = candidate.pins();
-    let force = pins.high.min(-pins.low) / end;
+    let end_forces = candidate.end_forces();
+    let force = end_forces.high.min(-end_forces.low) / end;
     let fitted = |branch: &Branch| {
         let at = |k: usize| 2.0 * (k as f64 + 0.5) / POINTS as f64 - 1.0;
         let points: Vec<(f64, f64)> = (0..POINTS).map(|k| (at(k), force * branch.force(c * at(k)))).collect();
-        BranchShape::fit(degrees, pins, &points).map(|found| found.0)
+        BranchShape::fit(degrees, end_forces, &points).map(|found| found.0)
     };
     Some(Candidate {
         insertion_branch: fitted(seal.insertion())?,
@@ -563,8 +563,8 @@ fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
 
 /// The candidate with straight branches of polynomials of `degrees`.
 pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
-    let pins = candidate.pins();
-    let branch = BranchShape { join_force: 0.5 * (pins.low + pins.high), ..BranchShape::straight(degrees) };
+    let end_forces = candidate.end_forces();
+    let branch = BranchShape { join_force: 0.5 * (end_forces.low + end_forces.high), ..BranchShape::straight(degrees) };
     Candidate { half_width, insertion_branch: branch.clone(), withdrawal_branch: branch, ..candidate.clone() }
 }
 

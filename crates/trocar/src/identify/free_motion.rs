@@ -4,14 +4,14 @@ use serde::Serialize;
 
 use super::Segments;
 use crate::recording::Recording;
-use crate::segment::Pass;
+use crate::segment::Stroke;
 
 /// Holds and partial reversals in the recordings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FreeMotion {
-    /// Reversals.
+    /// Reversals of the motion, full or not.
     pub reversals: usize,
-    /// Passes that end before the seal has snapped through: shorter than 2c.
+    /// Strokes that end before the seal has snapped through: shorter than 2c.
     pub partial_reversals: usize,
     /// Time at rest or with small vibration, s: a tenth of a second or more within a tenth of c.
     pub held_s: f64,
@@ -23,13 +23,13 @@ impl FreeMotion {
         for (recording, segments) in recordings.iter().zip(segments) {
             let x = &recording.position;
             // From one reversal to the next, without a gap.
-            let partial = |pair: &&[Pass]| {
-                let (pass, next) = (&pair[0], &pair[1]);
-                let whole = pass.starts_at_reversal && next.starts_at_reversal && next.start == pass.end;
-                whole && (x[pass.end] - x[pass.start]).abs() < 2.0 * half_width
+            let partial = |pair: &&[Stroke]| {
+                let (stroke, next) = (&pair[0], &pair[1]);
+                let whole = stroke.starts_at_reversal && next.starts_at_reversal && next.start == stroke.end;
+                whole && (x[stroke.end] - x[stroke.start]).abs() < 2.0 * half_width
             };
-            all.partial_reversals += segments.passes.windows(2).filter(partial).count();
-            all.reversals += segments.passes.iter().filter(|p| p.starts_at_reversal).count();
+            all.partial_reversals += segments.strokes.windows(2).filter(partial).count();
+            all.reversals += segments.strokes.iter().filter(|p| p.starts_at_reversal).count();
             all.held_s += held(recording, 0.1 * half_width);
         }
         all

@@ -1,8 +1,8 @@
 //! Identification of an EMS element from recordings.
 //!
 //! ```text
-//! recordings -> passes, stretches -> F_0, F_c, β (23), Stribeck (11)            steady.rs, stribeck.rs
-//!            -> traverses, c, branches (12), (24)-(26), σ (figure 7)            deformation.rs, shape.rs       the paper's two steps
+//! recordings -> strokes, constant velocity -> F_0, F_c, β (23), Stribeck (11)    steady.rs, stribeck.rs
+//!            -> full reversals, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs       the paper's two steps
 //!            -> all motion against simulated force: one likelihood              likelihood.rs, training.rs
 //!               friction scale of each stroke, optional terms                   element.rs, scale.rs, terms.rs
 //!            -> the force along the position, where strokes repeat it           along.rs
@@ -20,11 +20,11 @@ use trocar_model::{Element, ParameterId, Quantity, Stages, Trocar};
 
 use crate::profile::ProfileFit;
 use crate::recording::{Recording, RecordingError, range};
-use crate::segment::{Pass, SegmentOptions, Stretch, passes, reversal_threshold, stretches};
+use crate::segment::{SegmentOptions, SteadySegment, Stroke, reversal_threshold, steady_segments, strokes};
 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
-pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, Limits, Traverse, bin_centres, legendre};
+pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, FullReversal, Limits, bin_centres, legendre};
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use free_motion::FreeMotion;
@@ -32,9 +32,9 @@ pub use numbers::reported;
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;
 pub use scale::{FrictionScale, Jump, StrokeFriction};
-pub use shape::{BranchShape, Pins};
+pub use shape::{BranchShape, EndForces};
 pub use stage::SecondStage;
-pub use steady::{DirectionLine, LackOfFit, PassMean, SteadyFit, StribeckFit};
+pub use steady::{DirectionLine, LackOfFit, SteadyFit, StribeckFit, StrokeMean};
 pub use stick_slip::StickSlip;
 pub use terms::{Term, TermTrial};
 pub use unexplained::PositionDelay;
@@ -124,16 +124,16 @@ pub enum IdentifyError {
     NoRecording,
     /// No steady sliding anywhere.
     #[error(
-        "no steady sliding found: {passes} strokes, {stretches} constant-velocity segments, none of them \
+        "no steady sliding found: {strokes} strokes, {steady_segments} constant-velocity segments, none of them \
          after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
          at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
          several speeds, or half a minute of motion with many reversals"
     )]
     NoSteadySliding {
-        /// Passes found.
-        passes: usize,
-        /// Stretches found.
-        stretches: usize,
+        /// Strokes found.
+        strokes: usize,
+        /// Constant-velocity segments found.
+        steady_segments: usize,
     },
     /// The force opposes the motion.
     #[error(
@@ -266,7 +266,7 @@ pub struct Identification {
     /// The position delay that was found and compensated; `None` if none is detectable.
     pub position_delay: Option<PositionDelay>,
     /// Position dependence of the force in addition to the element; `None` where it does not
-    /// improve the prediction of held-out strokes.
+    /// improve the prediction of held-out cycles.
     pub position_profile: Option<ProfileFit>,
     /// Why repeated strokes gave no position profile.
     pub no_position_profile: Option<String>,
@@ -327,10 +327,10 @@ impl Identification {
 /// Callback for a progress display: name of the stage and fraction done, 0 to 1.
 pub type Progress<'a> = &'a (dyn Fn(&str, f64) + Sync);
 
-/// Passes and stretches of one recording.
+/// Strokes and constant-velocity segments of one recording.
 struct Segments {
-    passes: Vec<Pass>,
-    stretches: Vec<Stretch>,
+    strokes: Vec<Stroke>,
+    steady_segments: Vec<SteadySegment>,
 }
 
 /// Identifies an EMS element from recordings of any motion.
@@ -363,8 +363,8 @@ pub fn identify(
     let (input, lag) = (in_time.input(options), in_time.lag);
     if fit.is_none() && input.two.steady.means.is_empty() {
         return Err(IdentifyError::NoSteadySliding {
-            passes: input.segments.iter().map(|s| s.passes.len()).sum(),
-            stretches: input.segments.iter().map(|s| s.stretches.len()).sum(),
+            strokes: input.segments.iter().map(|s| s.strokes.len()).sum(),
+            steady_segments: input.segments.iter().map(|s| s.steady_segments.len()).sum(),
         });
     }
     progress("position profile", 0.8);
@@ -388,7 +388,7 @@ fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
         return no_force(format!("reaches {largest:.1e} N, which no instrument exerts"));
     }
     // One stroke at constant speed has a constant force.
-    if passes(recording, reversal_threshold(recording)).len() < 2 {
+    if strokes(recording, reversal_threshold(recording)).len() < 2 {
         return Ok(());
     }
     if low == high {
@@ -404,7 +404,7 @@ fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
 }
 
 fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
-    let passes = passes(recording, reversal_threshold(recording));
-    let stretches = stretches(recording, &passes, options);
-    Segments { passes, stretches }
+    let strokes = strokes(recording, reversal_threshold(recording));
+    let steady_segments = steady_segments(recording, &strokes, options);
+    Segments { strokes, steady_segments }
 }

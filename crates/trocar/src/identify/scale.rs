@@ -59,16 +59,17 @@ impl FrictionScale {
     pub(super) fn new(training: &Training, fitted: &Fitted<EmsTrial>, recordings: &[Recording], scatter: f64) -> Self {
         let sigma2 = fitted.rms[1].powi(2);
         let used = || fitted.normal.scales.iter().zip(&training.strokes).enumerate();
-        let stroke = |(g, (scale, stroke)): (usize, (&super::likelihood::StrokeScale, &super::training::Stroke))| {
-            let origin = recordings[stroke.recording].time[0];
-            StrokeFriction {
-                recording: stroke.recording,
-                time_s: stroke.time - origin,
-                scale: 1.0 + scale.own,
-                standard_error: (sigma2 / scale.information.max(f64::MIN_POSITIVE)).sqrt(),
-                counted: !training.scale.is_unconstrained(g),
-            }
-        };
+        let stroke =
+            |(g, (scale, stroke)): (usize, (&super::likelihood::StrokeScale, &super::training::ScaledStroke))| {
+                let origin = recordings[stroke.recording].time[0];
+                StrokeFriction {
+                    recording: stroke.recording,
+                    time_s: stroke.time - origin,
+                    scale: 1.0 + scale.own,
+                    standard_error: (sigma2 / scale.information.max(f64::MIN_POSITIVE)).sqrt(),
+                    counted: !training.scale.is_unconstrained(g),
+                }
+            };
         let seen = |(_, (scale, _)): &(usize, (&super::likelihood::StrokeScale, _))| scale.information > 0.0;
         let strokes = used().filter(seen).map(stroke).collect();
         let basis = &training.scale.basis;

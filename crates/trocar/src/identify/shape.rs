@@ -40,7 +40,7 @@ pub struct BranchShape {
 
 /// Forces, N, at -c and +c through which both branches pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pins {
+pub struct EndForces {
     /// Force at -c, negative.
     pub low: f64,
     /// Force at +c, positive.
@@ -98,46 +98,46 @@ impl BranchShape {
         }
     }
 
-    /// The branch over [-half_width, half_width], m, through `pins`.
+    /// The branch over [-half_width, half_width], m, through `end_forces`.
     ///
     /// # Errors
     /// When the parameters do not form a valid branch (join outside the width, values not finite).
-    pub fn branch(&self, half_width: f64, pins: Pins) -> Result<Branch, ParamError> {
+    pub fn branch(&self, half_width: f64, end_forces: EndForces) -> Result<Branch, ParamError> {
         let join = self.join * half_width;
-        let left = legendre_coefficients(pins.low, self.join_force, &self.left);
-        let right = legendre_coefficients(self.join_force, pins.high, &self.right);
+        let left = legendre_coefficients(end_forces.low, self.join_force, &self.left);
+        let right = legendre_coefficients(self.join_force, end_forces.high, &self.right);
         Branch::new(Piece::new(-half_width, join, &left)?, Piece::new(join, half_width, &right)?)
     }
 
     /// Writes the design row at `u` = z/c into `row`; returns the part of the force that the end
     /// points fix.
-    fn row(join: f64, degrees: [usize; 2], pins: Pins, u: f64, row: &mut [f64]) -> f64 {
+    fn row(join: f64, degrees: [usize; 2], end_forces: EndForces, u: f64, row: &mut [f64]) -> f64 {
         row.fill(0.0);
         let [left, right] = degrees.map(|d| d - 1);
-        let (t, pinned, first, count) = if u < join {
+        let (t, fixed, first, count) = if u < join {
             let t = (2.0 * u - (join - 1.0)) / (join + 1.0);
             row[0] = 0.5 * (1.0 + t);
-            (t, 0.5 * (1.0 - t) * pins.low, 1, left)
+            (t, 0.5 * (1.0 - t) * end_forces.low, 1, left)
         } else {
             let t = (2.0 * u - (1.0 + join)) / (1.0 - join);
             row[0] = 0.5 * (1.0 - t);
-            (t, 0.5 * (1.0 + t) * pins.high, 1 + left, right)
+            (t, 0.5 * (1.0 + t) * end_forces.high, 1 + left, right)
         };
         bent_legendre(t, &mut row[first..first + count]);
-        pinned
+        fixed
     }
 
     /// Least squares for a given join (EMS (26)): the shape and the mean square residual, N².
     ///
     /// The basis is so well conditioned that the normal equations lose no accuracy.
-    fn fit_at(join: f64, degrees: [usize; 2], pins: Pins, points: &[(f64, f64)]) -> Option<(Self, f64)> {
+    fn fit_at(join: f64, degrees: [usize; 2], end_forces: EndForces, points: &[(f64, f64)]) -> Option<(Self, f64)> {
         let columns = degrees[0] + degrees[1] - 1;
         let mut normal = DMatrix::<f64>::zeros(columns, columns);
         let mut moment = DVector::<f64>::zeros(columns);
         let mut squares = 0.0f64;
         let mut row = vec![0.0; columns];
         for (u, force) in points {
-            let rest = force - Self::row(join, degrees, pins, *u, &mut row);
+            let rest = force - Self::row(join, degrees, end_forces, *u, &mut row);
             squares += rest * rest;
             for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
                 moment[j] += a * rest;
@@ -160,10 +160,10 @@ impl BranchShape {
     /// section in the best cell.
     ///
     /// `points` are (z/c, force in N). Returns the shape and its root mean square residual, N.
-    pub fn fit(degrees: [usize; 2], pins: Pins, points: &[(f64, f64)]) -> Option<(Self, f64)> {
+    pub fn fit(degrees: [usize; 2], end_forces: EndForces, points: &[(f64, f64)]) -> Option<(Self, f64)> {
         const CELLS: usize = 56;
         let join_at = |k: usize| Self::JOIN_RANGE * (2.0 * k as f64 / CELLS as f64 - 1.0);
-        let cost = |join: f64| Self::fit_at(join, degrees, pins, points).map_or(f64::INFINITY, |f| f.1);
+        let cost = |join: f64| Self::fit_at(join, degrees, end_forces, points).map_or(f64::INFINITY, |f| f.1);
         let costs: Vec<f64> = (0..=CELLS).map(|k| cost(join_at(k))).collect();
         let best = (0..=CELLS).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
         let (mut low, mut high) = (join_at(best.saturating_sub(1)), join_at((best + 1).min(CELLS)));
@@ -173,7 +173,7 @@ impl BranchShape {
             if cost(a) < cost(b) { high = b } else { low = a }
         }
         let join = [0.5 * (low + high), join_at(best)].into_iter().min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
-        let (shape, mean_square) = Self::fit_at(join, degrees, pins, points)?;
+        let (shape, mean_square) = Self::fit_at(join, degrees, end_forces, points)?;
         Some((shape, mean_square.sqrt()))
     }
 }
@@ -183,11 +183,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_branch_passes_its_pins_and_is_continuous_for_any_numbers() {
+    fn a_branch_meets_its_end_forces_and_is_continuous_for_any_numbers() {
         let shape =
             BranchShape { join: -0.3, join_force: 1.3, left: vec![0.7, -0.2, 0.4], right: vec![-0.5, 0.1, 0.9] };
-        let pins = Pins { low: -2.0, high: 2.5 };
-        let branch = shape.branch(8e-3, pins).expect("finite numbers");
+        let end_forces = EndForces { low: -2.0, high: 2.5 };
+        let branch = shape.branch(8e-3, end_forces).expect("finite numbers");
         assert!((branch.force(-8e-3) - -2.0).abs() < 1e-12);
         assert!((branch.force(8e-3) - 2.5).abs() < 1e-12);
         assert!((branch.force(-2.4e-3 - 1e-12) - branch.force(-2.4e-3 + 1e-12)).abs() < 1e-8);
@@ -198,10 +198,10 @@ mod tests {
     fn a_branch_of_its_own_kind_is_recovered_with_its_join() {
         let truth =
             BranchShape { join: -0.275, join_force: 1.0, left: vec![-1.2, 0.5, 0.2], right: vec![0.6, -0.3, 0.1] };
-        let pins = Pins { low: -3.0, high: 3.0 };
-        let branch = truth.branch(1.0, pins).expect("finite numbers");
+        let end_forces = EndForces { low: -3.0, high: 3.0 };
+        let branch = truth.branch(1.0, end_forces).expect("finite numbers");
         let points: Vec<_> = (0..200).map(|k| -1.0 + 2.0 * k as f64 / 199.0).map(|u| (u, branch.force(u))).collect();
-        let (found, rms) = BranchShape::fit([4, 4], pins, &points).expect("enough points");
+        let (found, rms) = BranchShape::fit([4, 4], end_forces, &points).expect("enough points");
         assert!(rms < 1e-4, "{rms}");
         assert!((found.join - truth.join).abs() < 1e-3, "{}", found.join);
         assert!((found.join_force - truth.join_force).abs() < 5e-3, "{}", found.join_force);

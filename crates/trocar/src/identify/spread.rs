@@ -105,7 +105,7 @@ impl<'a, T: Trial> Spread<'a, T> {
 
     /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that
     /// inform the parameter which changes along `direction`, less one. A parameter informed by few
-    /// passes, such as F_s by the slow ones, has few.
+    /// strokes, such as F_s by the slow ones, has few.
     fn degrees(&self, direction: &DVector<f64>) -> f64 {
         let shares = self.found.information(direction);
         let (sum, squares) = shares.iter().fold((0.0, 0.0), |(sum, squares), s| (sum + s, squares + s * s));

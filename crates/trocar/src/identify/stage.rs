@@ -2,7 +2,7 @@
 
 use trocar_model::{DeformationForce, ElementParams, ParamError, SealDamping, SlidingFriction};
 
-use super::shape::{BranchShape, Pins};
+use super::shape::{BranchShape, EndForces};
 use crate::segment::Direction;
 
 /// A second seal in parallel with the first, or the part of a lip that snaps through separately.
@@ -35,9 +35,9 @@ impl SecondStage {
     }
 
     /// Forces at the ends of its branches beside a first stage that slides so.
-    pub(super) fn pins(&self, insertion: &SlidingFriction, withdrawal: &SlidingFriction) -> Pins {
+    pub(super) fn end_forces(&self, insertion: &SlidingFriction, withdrawal: &SlidingFriction) -> EndForces {
         let force = |own: &SlidingFriction| self.sliding(own).static_force;
-        Pins { low: -force(withdrawal), high: force(insertion) }
+        EndForces { low: -force(withdrawal), high: force(insertion) }
     }
 
     /// Branch in `direction`.
@@ -50,9 +50,9 @@ impl SecondStage {
 
     /// Its parameters beside the first element.
     pub(super) fn params(&self, first: &ElementParams) -> Result<ElementParams, ParamError> {
-        let pins = self.pins(&first.insertion, &first.withdrawal);
+        let end_forces = self.end_forces(&first.insertion, &first.withdrawal);
         let [insertion_branch, withdrawal_branch] =
-            Direction::BOTH.map(|direction| self.branch(direction).branch(self.half_width, pins));
+            Direction::BOTH.map(|direction| self.branch(direction).branch(self.half_width, end_forces));
         let deformation = DeformationForce::new(insertion_branch?, withdrawal_branch?, None)?;
         let [insertion, withdrawal] = [&first.insertion, &first.withdrawal].map(|own| self.sliding(own));
         let damping = self.share * first.damping.coefficients[0];

@@ -1,4 +1,4 @@
-//! Steady state: sliding force as a function of velocity, from one mean per pass (EMS section
+//! Steady state: sliding force as a function of velocity, from one mean per stroke (EMS section
 //! IV-A).
 //!
 //! # Equations (key EMS in SOURCES.md)
@@ -6,10 +6,10 @@
 //! F = F_0 + F_c·sgn(v) + β·v                                        (23) with a sensor offset F_0
 //! F = F_0 + (F_c + (F_s − F_c)·exp(−(|v|/v_s)^δ))·sgn(v) + β·v      (11)
 //! ```
-//! The samples of one pass are not independent: differences between passes (lubrication, position
-//! along the stroke) do not average out within a pass. So one pass gives one datum, weighted by
-//! 1/(τ² + s²/n_eff) with the scatter between passes τ estimated from the data. Intervals use
-//! Student's t on the number of passes.
+//! The samples of one stroke are not independent: differences between strokes (lubrication, position
+//! along the stroke) do not average out within a stroke. So one stroke gives one datum, weighted by
+//! 1/(τ² + s²/n_eff) with the scatter between strokes τ estimated from the data. Intervals use
+//! Student's t on the number of strokes.
 //!
 //! A sensor offset and a difference of the Coulomb force between the directions shift the two lines
 //! alike, so the data cannot separate them. The test is therefore whether the slopes differ.
@@ -22,13 +22,13 @@ use serde::Serialize;
 use super::IdentifyError;
 use super::estimate::{Estimate, LinearFit, t_p_value};
 use crate::recording::{Recording, local_velocity};
-use crate::segment::{Direction, Pass, Stretch, after_start};
+use crate::segment::{Direction, SteadySegment, Stroke, after_start};
 
-const NO_STRETCH: &str = "no constant-velocity segment after the deformation";
+const NO_STEADY_SEGMENT: &str = "no constant-velocity segment after the deformation";
 
-/// Mean force and velocity of the steady sliding in one pass at one speed.
+/// Mean force and velocity of the steady sliding in one stroke at one speed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct PassMean {
+pub struct StrokeMean {
     /// Index of the recording.
     pub recording: usize,
     /// Number of the plateau of velocity in the recording.
@@ -44,7 +44,7 @@ pub struct PassMean {
     pub velocity_m_s: f64,
     /// Mean reading, N, sensor offset included.
     pub force_n: f64,
-    /// Standard error, N, of the mean within the pass.
+    /// Standard error, N, of the mean within the stroke.
     pub standard_error_n: f64,
     /// Standard deviation, N, of the samples about the mean.
     pub scatter_n: f64,
@@ -106,12 +106,12 @@ pub struct SteadyFit {
     pub stribeck: Option<StribeckFit>,
     /// Lack-of-fit test, when enough speeds were measured.
     pub lack_of_fit: Option<LackOfFit>,
-    /// Scatter between passes, N.
-    pub pass_scatter_n: f64,
+    /// Scatter between strokes, N.
+    pub stroke_scatter_n: f64,
     /// Slowest and fastest speed measured, m/s.
     pub speed_range_m_s: [f64; 2],
-    /// The data: one mean per pass and speed.
-    pub means: Vec<PassMean>,
+    /// The data: one mean per stroke and speed.
+    pub means: Vec<StrokeMean>,
 }
 
 impl SteadyFit {
@@ -142,23 +142,24 @@ pub(super) fn sign(v: f64) -> f64 {
     }
 }
 
-/// Means over the steady part of each pass: samples of its stretches that lie at least
+/// Means over the steady part of each stroke: samples of its constant-velocity segments that lie at least
 /// `settled(|v|)` metres after the reversal.
 ///
-/// The stretches of one plateau form one datum.
-pub(super) fn pass_means(
+/// The segments of one plateau form one datum.
+pub(super) fn stroke_means(
     index: usize,
     recording: &Recording,
-    passes: &[Pass],
-    stretches: &[Stretch],
+    strokes: &[Stroke],
+    steady_segments: &[SteadySegment],
     settled: impl Fn(f64) -> f64,
-) -> Vec<PassMean> {
-    let parts = after_start(recording, passes, stretches, settled);
-    let mut means: Vec<PassMean> = Vec::new();
+) -> Vec<StrokeMean> {
+    let parts = after_start(recording, strokes, steady_segments, settled);
+    let mut means: Vec<StrokeMean> = Vec::new();
     for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own: Vec<Stretch> = parts.iter().filter(|s| passes[s.pass].direction == direction).copied().collect();
-        for stretch in over_common_positions(recording, own) {
-            let Some(mean) = mean_of(index, recording, &stretch, direction) else { continue };
+        let own: Vec<SteadySegment> =
+            parts.iter().filter(|s| strokes[s.stroke].direction == direction).copied().collect();
+        for segment in over_common_positions(recording, own) {
+            let Some(mean) = mean_of(index, recording, &segment, direction) else { continue };
             match means.iter_mut().rev().find(|m| m.plateau == mean.plateau) {
                 Some(earlier) => *earlier = merged(earlier, &mean),
                 None => means.push(mean),
@@ -169,16 +170,16 @@ pub(super) fn pass_means(
     means
 }
 
-/// The parts of the stretches over the positions common to (nearly) all of them, if these parts
+/// The parts of the segments over the positions common to (nearly) all of them, if these parts
 /// have at least a third of the usual length.
 ///
 /// A friction that changes along the stroke then affects all speeds equally. Otherwise slow
 /// strokes, whose plateaus are longer, would include the ends of the stroke.
-fn over_common_positions(recording: &Recording, stretches: Vec<Stretch>) -> Vec<Stretch> {
+fn over_common_positions(recording: &Recording, steady_segments: Vec<SteadySegment>) -> Vec<SteadySegment> {
     let x = &recording.position;
-    // Ends of the plateaus: a plateau may be split into several stretches.
+    // Ends of the plateaus: a plateau may be split into several segments.
     let mut plateaus: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
-    for s in &stretches {
+    for s in &steady_segments {
         let (a, b) = (x[s.start].min(x[s.end - 1]), x[s.start].max(x[s.end - 1]));
         let ends = plateaus.entry(s.plateau).or_insert((a, b));
         *ends = (ends.0.min(a), ends.1.max(b));
@@ -189,25 +190,25 @@ fn over_common_positions(recording: &Recording, stretches: Vec<Stretch>) -> Vec<
         values[(part * (values.len() - 1) as f64).round() as usize]
     };
     if plateaus.len() < 2 {
-        return stretches;
+        return steady_segments;
     }
     let (low, high) = (quantile(|e| e.0, 0.9), quantile(|e| e.1, 0.1));
     if high - low < quantile(|e| e.1 - e.0, 0.5) / 3.0 {
-        return stretches;
+        return steady_segments;
     }
     let inside = |i: &usize| (low..=high).contains(&x[*i]);
-    let common = |s: &Stretch| {
+    let common = |s: &SteadySegment| {
         let start = (s.start..s.end).find(inside)?;
         let end = (start..s.end).rev().find(inside)? + 1;
-        Some(Stretch { start, end, ..*s })
+        Some(SteadySegment { start, end, ..*s })
     };
-    stretches.iter().filter_map(common).collect()
+    steady_segments.iter().filter_map(common).collect()
 }
 
-fn merged(a: &PassMean, b: &PassMean) -> PassMean {
+fn merged(a: &StrokeMean, b: &StrokeMean) -> StrokeMean {
     let (na, nb) = (a.samples as f64, b.samples as f64);
     let blend = |x: f64, y: f64| (na * x + nb * y) / (na + nb);
-    PassMean {
+    StrokeMean {
         velocity_m_s: blend(a.velocity_m_s, b.velocity_m_s),
         force_n: blend(a.force_n, b.force_n),
         standard_error_n: (na * a.standard_error_n).hypot(nb * b.standard_error_n) / (na + nb),
@@ -217,9 +218,9 @@ fn merged(a: &PassMean, b: &PassMean) -> PassMean {
     }
 }
 
-/// Mean over a stretch; its error from the scatter of ten batch means, which includes slow ripple.
-fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Direction) -> Option<PassMean> {
-    let Stretch { start, end, .. } = *stretch;
+/// Mean over a segment; its error from the scatter of ten batch means, which includes slow ripple.
+fn mean_of(index: usize, rec: &Recording, segment: &SteadySegment, direction: Direction) -> Option<StrokeMean> {
+    let SteadySegment { start, end, .. } = *segment;
     let n = end.saturating_sub(start);
     if n < 5 || rec.time[end - 1] - rec.time[start] < 0.04 || (start..end).any(|i| rec.is_clipped(i)) {
         return None;
@@ -234,11 +235,11 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
     let variance = (0..batches).map(|k| (batch_mean(k) - mean).powi(2)).sum::<f64>() / (batches - 1) as f64;
     let rounding = rec.quality.force_resolution / 12f64.sqrt();
     let velocity = (rec.position[end - 1] - rec.position[start]) / (rec.time[end - 1] - rec.time[start]);
-    Some(PassMean {
+    Some(StrokeMean {
         recording: index,
-        plateau: stretch.plateau,
+        plateau: segment.plateau,
         sample: start,
-        dwell: stretch.dwell,
+        dwell: segment.dwell,
         direction,
         velocity_m_s: velocity,
         force_n: mean,
@@ -250,12 +251,12 @@ fn mean_of(index: usize, rec: &Recording, stretch: &Stretch, direction: Directio
 
 /// The means of motions whose speed was imposed, if they determine the line; else all.
 ///
-/// Under a constant push the speed responds to the friction of the pass, so its scatter is an error
+/// Under a constant push the speed responds to the friction of the stroke, so its scatter is an error
 /// of the regressor, not of the force. A motion that keeps one speed for half of its time was
 /// driven at that speed.
-pub(super) fn imposed(means: Vec<PassMean>) -> Vec<PassMean> {
+pub(super) fn imposed(means: Vec<StrokeMean>) -> Vec<StrokeMean> {
     const IMPOSED: f64 = 0.5;
-    let own: Vec<PassMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
+    let own: Vec<StrokeMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
     let determined = [Direction::Insertion, Direction::Withdrawal].into_iter().all(|d| speeds_differ(&own, d));
     if determined && own.len() >= 6 { own } else { means }
 }
@@ -267,27 +268,27 @@ pub(super) fn imposed(means: Vec<PassMean>) -> Vec<PassMean> {
 pub(super) fn moving_means(
     index: usize,
     recording: &Recording,
-    passes: &[Pass],
+    strokes: &[Stroke],
     slowest: f64,
     duration: f64,
-) -> Vec<PassMean> {
+) -> Vec<StrokeMean> {
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
     let mut means = Vec::new();
-    for (number, pass) in passes.iter().enumerate() {
-        let sign = pass.direction.sign();
-        let moving: Vec<usize> = (pass.start..pass.end).filter(|i| sign * velocity[*i] > slowest).collect();
+    for (number, stroke) in strokes.iter().enumerate() {
+        let sign = stroke.direction.sign();
+        let moving: Vec<usize> = (stroke.start..stroke.end).filter(|i| sign * velocity[*i] > slowest).collect();
         let samples = ((duration / recording.quality.median_interval) as usize).max(5);
         for block in moving.chunks_exact(samples) {
             let n = samples as f64;
             let mean = |of: &dyn Fn(usize) -> f64| block.iter().map(|i| of(*i)).sum::<f64>() / n;
             let force = mean(&|i| recording.force[i]);
             let scatter = mean(&|i| (recording.force[i] - force).powi(2));
-            means.push(PassMean {
+            means.push(StrokeMean {
                 recording: index,
                 plateau: number,
                 sample: block[0],
                 dwell: 0.0,
-                direction: pass.direction,
+                direction: stroke.direction,
                 velocity_m_s: mean(&|i| velocity[i]),
                 force_n: force,
                 // Within a transient the force follows the speed, so its scatter is no measure of
@@ -301,11 +302,11 @@ pub(super) fn moving_means(
     means
 }
 
-/// Fits the steady-state law to the pass means.
+/// Fits the steady-state law to the stroke means.
 ///
 /// Never fails: parameters that the means do not determine are returned as not determined, with the
 /// reason (EMS (23)).
-pub(super) fn fit(means: Vec<PassMean>) -> SteadyFit {
+pub(super) fn fit(means: Vec<StrokeMean>) -> SteadyFit {
     let positive = direction_line(&means, Direction::Insertion);
     let negative = direction_line(&means, Direction::Withdrawal);
     let speeds = means.iter().map(|m| m.velocity_m_s.abs());
@@ -344,7 +345,7 @@ pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, Identif
     if recordings.iter().map(work).sum::<f64>() < -CLEARLY * most {
         return Err(IdentifyError::ForceSign { coulomb_force: -coulomb });
     }
-    let none = |value, unit| Estimate::undetermined(value, unit, NO_STRETCH);
+    let none = |value, unit| Estimate::undetermined(value, unit, NO_STEADY_SEGMENT);
     let mut levels = blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N"));
     let mut speeds: Vec<f64> = recordings.iter().flat_map(|r| local_velocity(r, 0.05)).map(f64::abs).collect();
     speeds.sort_by(f64::total_cmp);
@@ -363,7 +364,7 @@ fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
         symmetry_p_value: None,
         stribeck: None,
         lack_of_fit: None,
-        pass_scatter_n: 0.0,
+        stroke_scatter_n: 0.0,
         speed_range_m_s: [0.0, 0.0],
         means: Vec::new(),
     }
@@ -372,7 +373,7 @@ fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
 /// Whether the speeds of one direction determine a slope: the fastest is at least a fifth above the
 /// slowest, and at least a quarter of the means differ from the usual speed by a tenth. A single
 /// odd stroke among many at one speed determines nothing.
-fn speeds_differ(means: &[PassMean], direction: Direction) -> bool {
+fn speeds_differ(means: &[StrokeMean], direction: Direction) -> bool {
     let own = means.iter().filter(|m| m.direction == direction);
     let mut speeds: Vec<f64> = own.map(|m| m.velocity_m_s.abs()).collect();
     speeds.sort_by(f64::total_cmp);
@@ -382,16 +383,16 @@ fn speeds_differ(means: &[PassMean], direction: Direction) -> bool {
     *fastest > 1.2 * slowest && 4 * off >= speeds.len()
 }
 
-fn has(means: &[PassMean], direction: Direction) -> bool {
+fn has(means: &[StrokeMean], direction: Direction) -> bool {
     means.iter().any(|m| m.direction == direction)
 }
 
 /// F = F_0 + F_c·sgn(v) + β·v, or as much of it as the means determine.
-fn common_line(means: &[PassMean]) -> SteadyFit {
+fn common_line(means: &[StrokeMean]) -> SteadyFit {
     let both = has(means, Direction::Insertion) && has(means, Direction::Withdrawal);
     let slope = speeds_differ(means, Direction::Insertion) || speeds_differ(means, Direction::Withdrawal);
     if means.is_empty() {
-        let none = |unit| Estimate::undetermined(0.0, unit, NO_STRETCH);
+        let none = |unit| Estimate::undetermined(0.0, unit, NO_STEADY_SEGMENT);
         return blank(none("N"), none("N s/m"), none("N"));
     }
     let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be distinguished";
@@ -401,14 +402,14 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
             let (fit, scatter) = weighted(means, &[|_| 1.0, sign, |v| v]);
             let Some(fit) = fit else { return common_line(&[]) };
             let line = blank(fit.estimate(1, "N"), fit.estimate(2, "N s/m"), fit.estimate(0, "N"));
-            SteadyFit { pass_scatter_n: scatter, ..line }
+            SteadyFit { stroke_scatter_n: scatter, ..line }
         }
         (true, false) => {
             let (fit, scatter) = weighted(means, &[|_| 1.0, sign]);
             let Some(fit) = fit else { return common_line(&[]) };
             let coulomb = Estimate::undetermined(fit.coefficients[1], "N", one_speed);
             let line = blank(coulomb, Estimate::undetermined(0.0, "N s/m", one_speed), fit.estimate(0, "N"));
-            SteadyFit { pass_scatter_n: scatter, ..line }
+            SteadyFit { stroke_scatter_n: scatter, ..line }
         }
         (false, _) => {
             let columns: &[fn(f64) -> f64] = if slope { &[sign, |v| v] } else { &[sign] };
@@ -420,14 +421,14 @@ fn common_line(means: &[PassMean]) -> SteadyFit {
             };
             let coulomb = Estimate::undetermined(fit.coefficients[0], "N", one_way);
             let line = blank(coulomb, viscous, Estimate::undetermined(0.0, "N", one_way));
-            SteadyFit { pass_scatter_n: scatter, ..line }
+            SteadyFit { stroke_scatter_n: scatter, ..line }
         }
     }
 }
 
 /// The line of one direction alone, through the readings including the offset.
-pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option<DirectionLine> {
-    let own: Vec<PassMean> = means.iter().filter(|m| m.direction == direction).cloned().collect();
+pub(super) fn direction_line(means: &[StrokeMean], direction: Direction) -> Option<DirectionLine> {
+    let own: Vec<StrokeMean> = means.iter().filter(|m| m.direction == direction).cloned().collect();
     if own.is_empty() {
         return None;
     }
@@ -445,7 +446,7 @@ pub(super) fn direction_line(means: &[PassMean], direction: Direction) -> Option
 
 /// p value of the hypothesis of equal slopes: t test of a slope difference in addition to the
 /// common line.
-fn symmetry_p_value(means: &[PassMean]) -> Option<f64> {
+fn symmetry_p_value(means: &[StrokeMean]) -> Option<f64> {
     if !speeds_differ(means, Direction::Insertion) || !speeds_differ(means, Direction::Withdrawal) {
         return None;
     }
@@ -454,17 +455,17 @@ fn symmetry_p_value(means: &[PassMean]) -> Option<f64> {
     Some(t_p_value(fit.coefficients[3] / fit.covariance[(3, 3)].sqrt(), fit.degrees))
 }
 
-/// Weighted least squares of the means on functions of velocity; also the scatter between passes τ, N.
+/// Weighted least squares of the means on functions of velocity; also the scatter between strokes τ, N.
 ///
 /// τ² is the value at which the weighted residuals have their expected size (method of Paule and
 /// Mandel). The covariance includes the residual variance factor, so intervals follow Student's t
-/// with the number of passes.
-pub(super) fn weighted(means: &[PassMean], columns: &[fn(f64) -> f64]) -> (Option<LinearFit>, f64) {
+/// with the number of strokes.
+pub(super) fn weighted(means: &[StrokeMean], columns: &[fn(f64) -> f64]) -> (Option<LinearFit>, f64) {
     let design = DMatrix::from_fn(means.len(), columns.len(), |i, j| columns[j](means[i].velocity_m_s));
     weighted_design(means, &design)
 }
 
-fn weighted_design(means: &[PassMean], design: &DMatrix<f64>) -> (Option<LinearFit>, f64) {
+fn weighted_design(means: &[StrokeMean], design: &DMatrix<f64>) -> (Option<LinearFit>, f64) {
     let data = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
     let fit_with = |tau2: f64| {
         let weights =

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::Segments;
 use crate::recording::{Recording, median, range};
-use crate::segment::Stretch;
+use crate::segment::SteadySegment;
 
 /// Fewest crossings of the hysteresis that count as stick-slip. The least peak-to-peak amplitude is
 /// the sum of these multiples of the force and of the sensor noise.
@@ -181,7 +181,7 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
 /// with a hysteresis of a quarter of the peak-to-peak amplitude. A plateau is used as a whole
 /// because the slips of a seal disturb the drive, too.
 fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) -> Vec<Oscillation<'a>> {
-    let of = |plateau: &[Stretch]| {
+    let of = |plateau: &[SteadySegment]| {
         let (start, end) = (plateau.first()?.start, plateau.last()?.end);
         let (from, last) = (start + (end - start) / 3, end - 1);
         let force = &recording.force[from..end];
@@ -216,5 +216,5 @@ fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) 
         };
         (swings as usize >= FEWEST_SWINGS).then_some(found)
     };
-    segments.stretches.chunk_by(|a, b| a.plateau == b.plateau).filter_map(of).collect()
+    segments.steady_segments.chunk_by(|a, b| a.plateau == b.plateau).filter_map(of).collect()
 }

@@ -3,7 +3,7 @@
 //!
 //! For a fixed Stribeck velocity v_s the curve is linear in F_0, F_c, F_s − F_c and β; v_s itself
 //! is found on a grid. Under the straight line v_s has no meaning, so the largest F statistic over
-//! the grid has no tabulated distribution. Its p value comes from a seeded simulation of passes
+//! the grid has no tabulated distribution. Its p value comes from a seeded simulation of strokes
 //! scattered about the line. The term is accepted when the test requires it, the curve rises
 //! towards rest (F_s > F_c), and at least a tenth of the rise remains at the slowest speed
 //! measured. A narrower rise would be an extrapolation; it is reported but not used.
@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::estimate::{Estimate, LinearFit, f_p_value};
 use super::random::normal;
-use super::steady::{LackOfFit, PassMean, SteadyFit, StribeckFit, direction_line, sign, weighted};
+use super::steady::{LackOfFit, SteadyFit, StribeckFit, StrokeMean, direction_line, sign, weighted};
 use crate::segment::Direction;
 
 /// Significance level of the lack-of-fit test.
@@ -54,7 +54,7 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
         () if bump <= 0.0 => "the force falls towards low speed: not a Stribeck curve, the line is kept".to_owned(),
         () if at_slowest < LEAST_PART_SEEN * bump => format!(
             "the force rises below {:.0} mm/s, but such a narrow bump lies outside the speeds measured: the line is kept, \
-             record slower strokes to pin it",
+             record slower strokes to determine it",
             1e3 * slowest
         ),
         () => {
@@ -102,8 +102,8 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
         stribeck_velocity_m_s: Estimate::from_bounds(vs, low.min(vs - half).max(0.0), high.max(vs + half), "m/s"),
         stribeck_exponent: EXPONENT,
     });
-    let without_bump: Vec<PassMean> =
-        means.iter().map(|m| PassMean { force_n: m.force_n - rise * bump(m.velocity_m_s), ..m.clone() }).collect();
+    let without_bump: Vec<StrokeMean> =
+        means.iter().map(|m| StrokeMean { force_n: m.force_n - rise * bump(m.velocity_m_s), ..m.clone() }).collect();
     fit.insertion = direction_line(&without_bump, Direction::Insertion);
     fit.withdrawal = direction_line(&without_bump, Direction::Withdrawal);
 }
@@ -131,7 +131,7 @@ struct Profile {
 }
 
 impl Profile {
-    fn new(means: &[PassMean], weights: DVector<f64>, slowest: f64, fastest: f64) -> Self {
+    fn new(means: &[StrokeMean], weights: DVector<f64>, slowest: f64, fastest: f64) -> Self {
         let v: Vec<f64> = means.iter().map(|m| m.velocity_m_s).collect();
         let root = weights.map(f64::sqrt);
         let line = DMatrix::from_fn(v.len(), 3, |i, j| root[i] * [1.0, sign(v[i]), v[i]][j]).qr().q();

@@ -1,11 +1,11 @@
 //! Recordings as steps for the simulation: position increments, durations, readings, weights and
 //! clusters.
 //!
-//! Within a settled constant-velocity stretch a longer step loses nothing, so its samples are
+//! Within a settled constant-velocity segment a longer step loses nothing, so its samples are
 //! averaged. Elsewhere samples are averaged while the motion is at most a few thousandths of the
 //! half width. Their mean reading is compared with the force at their mean position. A *cluster* is
-//! a cycle of two passes (or several short ones): the unit that is left out for intervals. A
-//! *stroke* is a pass, or several short ones, with its own friction scale.
+//! a cycle of two strokes (or several short ones): the unit that is left out for intervals. Short
+//! strokes that follow each other share one friction scale: together they count as one stroke here.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ use trocar_model::{Seal, Stages};
 
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
-use crate::segment::{Direction, Pass, Stretch};
+use crate::segment::{Direction, SteadySegment, Stroke};
 
 /// Most samples averaged, and longest time, s: stick-slip has a frequency of about 10 Hz or more.
 const THINNING: usize = 50;
@@ -60,9 +60,9 @@ impl Step {
     }
 }
 
-/// Motion with one friction scale: a pass, or several short ones.
+/// A stroke with its own friction scale; several short strokes count as one.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Stroke {
+pub(crate) struct ScaledStroke {
     pub(crate) cluster: usize,
     pub(crate) recording: usize,
     /// First sample.
@@ -118,16 +118,16 @@ pub(crate) struct Training {
     /// σ², N²: weight of the priors of the free parameters; 0 ignores them.
     pub(crate) variance: f64,
     /// In chronological order.
-    pub(crate) strokes: Vec<Stroke>,
+    pub(crate) strokes: Vec<ScaledStroke>,
     pub(crate) scale: Scale,
 }
 
 /// A recording with its segmentation.
 pub(crate) struct Segmented<'a> {
     pub(crate) recording: &'a Recording,
-    pub(crate) passes: &'a [Pass],
-    /// Constant-velocity stretches from where the sliding has settled.
-    pub(crate) settled: Vec<Stretch>,
+    pub(crate) strokes: &'a [Stroke],
+    /// Constant-velocity segments from where the sliding has settled.
+    pub(crate) settled: Vec<SteadySegment>,
     /// Acceleration, m/s².
     pub(crate) acceleration: &'a [f64],
 }
@@ -158,7 +158,7 @@ impl Training {
             },
             half_width,
             independent,
-            strokes_of_cluster: if data.iter().map(|d| d.passes.len()).sum::<usize>() < FEW_STROKES { 1 } else { 2 },
+            strokes_of_cluster: if data.iter().map(|d| d.strokes.len()).sum::<usize>() < FEW_STROKES { 1 } else { 2 },
         };
         let (mut runs, mut strokes) = (Vec::new(), Vec::new());
         for (index, part) in data.iter().enumerate() {
@@ -168,7 +168,7 @@ impl Training {
                 }
             }
         }
-        let clusters = strokes.last().map_or(0, |s: &Stroke| s.cluster + 1);
+        let clusters = strokes.last().map_or(0, |s: &ScaledStroke| s.cluster + 1);
         Self { runs, clusters, variance: 0.0, strokes, scale: Scale::default() }
     }
 
@@ -234,7 +234,8 @@ struct Limits {
 
 /// Current strokes and clusters of a run.
 struct Progress {
-    pass: usize,
+    /// Index of the current stroke of the recording.
+    stroke: usize,
     strokes_inside: usize,
     cluster_time: f64,
     /// Path since the stroke began, m.
@@ -244,16 +245,16 @@ struct Progress {
     is_first: bool,
 }
 
-fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, strokes: &mut Vec<Stroke>) -> Run {
+fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, scaled: &mut Vec<ScaledStroke>) -> Run {
     let recording = part.recording;
     let mut steps = Vec::new();
-    let mut stretch = part.settled.partition_point(|s| s.end <= range.start);
-    let cluster = strokes.last().map_or(0, |s| s.cluster + 1);
+    let mut segment = part.settled.partition_point(|s| s.end <= range.start);
+    let cluster = scaled.last().map_or(0, |s| s.cluster + 1);
     let mut at = range.start;
-    let direction = part.passes.iter().find(|p| p.end > at).map(|p| p.direction);
-    strokes.push(Stroke { cluster, recording: index, start: at, time: recording.time[at], direction });
+    let direction = part.strokes.iter().find(|p| p.end > at).map(|p| p.direction);
+    scaled.push(ScaledStroke { cluster, recording: index, start: at, time: recording.time[at], direction });
     let mut progress = Progress {
-        pass: part.passes.partition_point(|p| p.end <= at),
+        stroke: part.strokes.partition_point(|p| p.end <= at),
         strokes_inside: 0,
         cluster_time: recording.time[at],
         path: 0.0,
@@ -261,11 +262,11 @@ fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, stro
         is_first: true,
     };
     while at + 1 < range.end {
-        while part.settled.get(stretch).is_some_and(|s| s.end <= at + 1) {
-            stretch += 1;
+        while part.settled.get(segment).is_some_and(|s| s.end <= at + 1) {
+            segment += 1;
         }
-        let inside = part.settled.get(stretch).filter(|s| s.start <= at);
-        progress.reverse(part, index, at, limits, strokes);
+        let inside = part.settled.get(segment).filter(|s| s.start <= at);
+        progress.reverse(part, index, at, limits, scaled);
         let next = match inside {
             Some(s) => together(part, at, s.end, limits.sliding),
             None if progress.since_reversal > SLIDES * limits.half_width => {
@@ -291,7 +292,7 @@ fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, stro
                 (mean(&recording.position) - recording.position[at]) / displacement
             },
             independent: if limits.independent.is_finite() { 1.0 } else { samples },
-            stroke: strokes.len() - 1,
+            stroke: scaled.len() - 1,
             path: if progress.is_first { f64::INFINITY } else { progress.path },
             blend: 1.0,
         });
@@ -301,14 +302,14 @@ fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, stro
 }
 
 impl Progress {
-    /// Begins a stroke at a reversal, and a cluster with every other stroke.
-    fn reverse(&mut self, part: &Segmented, index: usize, at: usize, limits: Limits, strokes: &mut Vec<Stroke>) {
-        if part.passes.get(self.pass).is_none_or(|p| p.end > at) {
+    /// Begins a scaled stroke at a reversal, and a cluster with every other stroke.
+    fn reverse(&mut self, part: &Segmented, index: usize, at: usize, limits: Limits, scaled: &mut Vec<ScaledStroke>) {
+        if part.strokes.get(self.stroke).is_none_or(|p| p.end > at) {
             return;
         }
-        self.pass += 1;
+        self.stroke += 1;
         self.since_reversal = 0.0;
-        let last = *strokes.last().expect("a run begins with a stroke");
+        let last = *scaled.last().expect("a run begins with a stroke");
         let time = part.recording.time[at];
         if self.path < SHORTEST_STROKE * limits.half_width || time - last.time < limits.stroke {
             return;
@@ -320,8 +321,8 @@ impl Progress {
             cluster += 1;
         }
         (self.path, self.is_first) = (0.0, false);
-        let direction = part.passes.get(self.pass).map(|p| p.direction);
-        strokes.push(Stroke { cluster, recording: index, start: at, time, direction });
+        let direction = part.strokes.get(self.stroke).map(|p| p.direction);
+        scaled.push(ScaledStroke { cluster, recording: index, start: at, time, direction });
     }
 }
 

@@ -9,16 +9,16 @@ use rayon::prelude::*;
 use trocar_model::{ParameterId, Quantity, Relaxation, SlidingFriction};
 
 use super::candidate::Candidate;
-use super::deformation::{self, DampingTest, DeformationFit, Limits, Sensors, Traverse, curves_of, mean_points};
+use super::deformation::{self, DampingTest, DeformationFit, FullReversal, Limits, Sensors, curves_of, mean_points};
 use super::estimate::Estimate;
 use super::numbers::branch_ids;
 use super::replicates::Replicates;
 use super::shape::BranchShape;
-use super::steady::{self, DirectionLine, PassMean, SteadyFit};
+use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
 use super::{IdentifyError, IdentifyOptions, Parameter, Segments, stribeck};
 use crate::cancel;
 use crate::recording::Recording;
-use crate::segment::{Direction, Stretch, after_start};
+use crate::segment::{Direction, SteadySegment, after_start};
 
 /// Result of the two steps.
 pub(super) struct TwoSteps {
@@ -50,10 +50,10 @@ fn alternately(
     segments: &[Segments],
     options: &IdentifyOptions,
 ) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
-    let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<PassMean> {
+    let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<StrokeMean> {
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let halved: Vec<Stretch> = s.stretches.iter().map(|st| latter_half(r, st)).collect();
-            steady::pass_means(i, r, &s.passes, if second_half { &halved } else { &s.stretches }, settled)
+            let halved: Vec<SteadySegment> = s.steady_segments.iter().map(|st| latter_half(r, st)).collect();
+            steady::stroke_means(i, r, &s.strokes, if second_half { &halved } else { &s.steady_segments }, settled)
         };
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
@@ -61,11 +61,11 @@ fn alternately(
         let limits = limits(steady, sensors(recordings).force_noise);
         let found = recordings.iter().zip(segments).enumerate();
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let levels = pass_levels(i, s, steady);
-            deformation::traverses(i, r, &s.passes, &limits, |pass| levels[pass])
+            let levels = stroke_levels(i, s, steady);
+            deformation::full_reversals(i, r, &s.strokes, &limits, |stroke| levels[stroke])
         };
-        let traverses = found.flat_map(of).collect();
-        deformation::fit(traverses, &limits, options.degrees, sensors(recordings))
+        let full_reversals = found.flat_map(of).collect();
+        deformation::fit(full_reversals, &limits, options.degrees, sensors(recordings))
     };
     let mut steady = steady::fit(steady::imposed(means(&|_| 0.0, true)));
     let mut deformation = deform(&steady);
@@ -99,17 +99,17 @@ fn alternately(
     Ok((steady, deformation))
 }
 
-/// Friction scale of each pass: sliding force relative to the fitted line; 1 for a pass without a
+/// Friction scale of each stroke: sliding force relative to the fitted line; 1 for a stroke without a
 /// mean of its own.
-fn pass_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
-    let mut levels = vec![1.0; segments.passes.len()];
+fn stroke_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
+    let mut levels = vec![1.0; segments.strokes.len()];
     for mean in steady.means.iter().filter(|m| m.recording == index) {
         let fitted = steady.line(mean.velocity_m_s) - steady.offset_n.value;
         let level = (mean.force_n - steady.offset_n.value) / fitted;
-        let pass = segments.passes.partition_point(|p| p.end <= mean.sample);
+        let stroke = segments.strokes.partition_point(|p| p.end <= mean.sample);
         // A mean far from the line is not a small variation of the friction scale.
-        if pass < levels.len() && (level - 1.0).abs() < 0.2 {
-            levels[pass] = level;
+        if stroke < levels.len() && (level - 1.0).abs() < 0.2 {
+            levels[stroke] = level;
         }
     }
     levels
@@ -133,46 +133,46 @@ fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64
     2.2 * found.half_width.value + 5.0 * time_constant * speed
 }
 
-/// The part of each stretch in which the sliding has settled.
-pub(super) fn settled_stretches(
+/// The part of each segment in which the sliding has settled.
+pub(super) fn settled_segments(
     recording: &Recording,
     segments: &Segments,
     steady: &SteadyFit,
     found: &DeformationFit,
-) -> Vec<Stretch> {
-    after_start(recording, &segments.passes, &segments.stretches, |speed| settled_travel(steady, found, speed))
+) -> Vec<SteadySegment> {
+    after_start(recording, &segments.strokes, &segments.steady_segments, |speed| settled_travel(steady, found, speed))
 }
 
 /// Blocks of all motion instead of the plateau means, down to a fiftieth of the fastest plateau.
-fn with_transients(plateaus: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
+fn with_transients(plateaus: Vec<StrokeMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<StrokeMean> {
     const BLOCK: f64 = 0.1;
     let fastest = plateaus.iter().map(|m| m.velocity_m_s.abs()).fold(0.0, f64::max);
     if fastest == 0.0 {
         return plateaus;
     }
     let found = recordings.iter().zip(segments).enumerate();
-    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.passes, 0.02 * fastest, BLOCK)).collect()
+    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.strokes, 0.02 * fastest, BLOCK)).collect()
 }
 
-fn latter_half(recording: &Recording, stretch: &Stretch) -> Stretch {
+fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment {
     let x = &recording.position;
-    let middle = 0.5 * (x[stretch.start] + x[stretch.end - 1]);
-    let inserting = x[stretch.end - 1] > x[stretch.start];
+    let middle = 0.5 * (x[segment.start] + x[segment.end - 1]);
+    let inserting = x[segment.end - 1] > x[segment.start];
     let behind = |i: &usize| if inserting { x[*i] >= middle } else { x[*i] <= middle };
-    let start = (stretch.start..stretch.end).find(behind).unwrap_or(stretch.start);
-    Stretch { start, ..*stretch }
+    let start = (segment.start..segment.end).find(behind).unwrap_or(segment.start);
+    SteadySegment { start, ..*segment }
 }
 
-/// Drops means of stretches over which the force still rises from one limit to the other, which is
+/// Drops means of segments over which the force still rises from one limit to the other, which is
 /// not sliding.
-fn without_trend(means: Vec<PassMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<PassMean> {
-    let steady = |mean: &PassMean| {
+fn without_trend(means: Vec<StrokeMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<StrokeMean> {
+    let steady = |mean: &StrokeMean| {
         let recording = &recordings[mean.recording];
         let mut sorted = recording.force.clone();
         sorted.sort_by(f64::total_cmp);
         let swing = sorted[sorted.len() * 19 / 20] - sorted[sorted.len() / 20];
-        let own = segments[mean.recording].stretches.iter().filter(|s| s.plateau == mean.plateau);
-        let quarter = |s: &Stretch| ((s.end - s.start) / 4).max(1);
+        let own = segments[mean.recording].steady_segments.iter().filter(|s| s.plateau == mean.plateau);
+        let quarter = |s: &SteadySegment| ((s.end - s.start) / 4).max(1);
         let level = |from: usize, to: usize| recording.force[from..to].iter().sum::<f64>() / (to - from) as f64;
         own.map(|s| (level(s.end - quarter(s), s.end) - level(s.start, s.start + quarter(s))).abs())
             .all(|trend| trend < 0.4 * swing)
@@ -209,13 +209,14 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
 /// Forces at which the seal switches (12).
 ///
 /// Where a single speed leaves the force at rest undetermined, the lower edge of the sliding force
-/// is used: its mean less twice the ripple (scatter within and between passes beyond the sensor
+/// is used: its mean less twice the ripple (scatter within and between strokes beyond the sensor
 /// noise).
 fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin = if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.pass_scatter_n) };
+    let margin =
+        if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.stroke_scatter_n) };
     Limits { offset, insertion: insertion.static_force, withdrawal: withdrawal.static_force, margin }
 }
 
@@ -304,16 +305,16 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
     all
 }
 
-/// Branches refitted to traverses resampled by cycle (or left out one at a time).
+/// Branches refitted to full reversals resampled by cycle (or left out one at a time).
 fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates<Candidate> {
-    let pins = two.candidate.pins();
+    let end_forces = two.candidate.end_forces();
     let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
-        let own: Vec<&Traverse> = found.traverses.iter().filter(|t| t.direction == direction).collect();
+        let own: Vec<&FullReversal> = found.full_reversals.iter().filter(|t| t.direction == direction).collect();
         let curves: Vec<&[f64]> =
             (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
-        BranchShape::fit(options.degrees, pins, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
+        BranchShape::fit(options.degrees, end_forces, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
     };
-    let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.traverses, d).len());
+    let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.full_reversals, d).len());
     let with = |insertion_branch, withdrawal_branch| Candidate {
         insertion_branch,
         withdrawal_branch,

@@ -158,7 +158,7 @@ impl Unexplained {
 
 /// Effects that a fit leaves unexplained.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Left {
+pub(super) struct UnexplainedEffects {
     pub(super) lag: Option<PositionDelay>,
     /// The same where one was already compensated.
     pub(super) lag_left: Option<PositionDelay>,
@@ -166,7 +166,7 @@ pub(super) struct Left {
     pub(super) damping: Option<Estimate>,
 }
 
-impl Left {
+impl UnexplainedEffects {
     pub(super) fn by(recordings: &[Recording], training: &Training, fitted: &Fitted<EmsTrial>) -> Self {
         let Some(tests) = Unexplained::new(recordings, training, fitted) else { return Self::default() };
         Self { lag: tests.lag(), lag_left: tests.lag_left(), mass: tests.mass(), damping: tests.damping() }

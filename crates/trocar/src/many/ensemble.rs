@@ -216,7 +216,7 @@ fn each_part<E: Ensemble>(
     motion: &Motion,
     width: usize,
     places: &mut [f64],
-    work: impl Fn(Part, &mut [f64]) + Sync,
+    work: impl Fn(TaskTrocars, &mut [f64]) + Sync,
 ) -> Result<(), Refusal> {
     let at = motion.position.first().copied().unwrap_or(0.0);
     let count = ensemble.count().min(places.len() / width);
@@ -227,7 +227,7 @@ fn each_part<E: Ensemble>(
         if k > first_refused.load(Ordering::Relaxed) {
             return None;
         }
-        match Part::of(ensemble, k * task..count.min((k + 1) * task), start, at) {
+        match TaskTrocars::of(ensemble, k * task..count.min((k + 1) * task), start, at) {
             Ok(part) => {
                 work(part, places);
                 None
@@ -252,14 +252,14 @@ fn task(count: usize) -> usize {
 type Profile<'a> = PositionProfile<&'a [f64]>;
 
 /// The trocars of a task at the start of the motion.
-struct Part<'a> {
+struct TaskTrocars<'a> {
     seals: Vec<Seal>,
     states: Vec<SealState>,
     profiles: Vec<Option<Profile<'a>>>,
     at_start: Vec<f64>,
 }
 
-impl<'a> Part<'a> {
+impl<'a> TaskTrocars<'a> {
     fn of(ensemble: &'a impl Ensemble, indices: Range<usize>, start: Start, at: f64) -> Result<Self, Refusal> {
         let mut part = Self { seals: Vec::new(), states: Vec::new(), profiles: Vec::new(), at_start: Vec::new() };
         for index in indices {

@@ -1,8 +1,8 @@
 //! Estimates the profile from readings and the simulated force for them.
 //!
 //! Linear least squares with a penalty on second differences. The number of knots and the weight of
-//! the penalty minimize the error on held-out strokes. A profile is returned only if it predicts
-//! held-out strokes better than a constant does. Readings with large residuals (after a reversal,
+//! the penalty minimize the error on held-out cycles. A profile is returned only if it predicts
+//! held-out cycles better than a constant does. Readings with large residuals (after a reversal,
 //! where a millisecond matters) are downweighted with Huber's weights, whose scale is the median
 //! absolute residual.
 
@@ -15,7 +15,7 @@ use super::banded::{Banded, Factor};
 use super::is_passive;
 use crate::cancel;
 use crate::recording::Recording;
-use crate::segment::Pass;
+use crate::segment::Stroke;
 
 /// Candidate numbers of intervals between knots.
 const INTERVALS: [usize; 8] = [4, 8, 16, 32, 48, 64, 96, 128];
@@ -28,7 +28,7 @@ const RIDGE: f64 = 1e-3;
 const HELD: f64 = 1e9;
 /// Fewest readings per knot.
 const FEWEST_PER_KNOT: usize = 8;
-/// Fewest and most folds of the cross-validation over strokes.
+/// Fewest and most folds of the cross-validation over cycles.
 const FOLDS: [usize; 2] = [3, 10];
 /// Smallest relative decrease of the held-out error.
 const LEAST_GAIN: f64 = 0.03;
@@ -51,8 +51,8 @@ pub struct ProfileSample {
     pub seal_force: f64,
     /// Reading, N.
     pub reading: f64,
-    /// Number of the stroke; samples of one stroke are held out together.
-    pub stroke: usize,
+    /// Number of the cycle; samples of one cycle are held out together.
+    pub cycle: usize,
 }
 
 /// A profile with its supporting statistics.
@@ -65,7 +65,7 @@ pub struct ProfileFit {
     pub offset_n: f64,
     /// Root mean square error over the readings used for the fit, N.
     pub rms_n: f64,
-    /// The same over held-out strokes.
+    /// The same over held-out cycles.
     pub held_out_rms_n: f64,
     /// The same for a constant offset and gain 1.
     pub constant_held_out_rms_n: f64,
@@ -94,11 +94,11 @@ pub enum NoProfile {
     /// A non-finite number.
     #[error("sample {0} holds a value that is not finite")]
     NotFinite(usize),
-    /// Too few strokes for cross-validation.
-    #[error("{strokes} strokes, expected at least {}: a profile is only believed when strokes left out agree", FOLDS[0])]
-    TooFewStrokes {
-        /// Strokes found.
-        strokes: usize,
+    /// Too few cycles for cross-validation.
+    #[error("{cycles} cycles, expected at least {}: a position profile is accepted only if it predicts cycles left out of the fit", FOLDS[0])]
+    TooFewCycles {
+        /// Cycles found.
+        cycles: usize,
     },
     /// Too few readings, or all at one position.
     #[error("{samples} readings from {from} m to {to} m are too few for a profile")]
@@ -110,10 +110,10 @@ pub enum NoProfile {
         /// Highest position, m.
         to: f64,
     },
-    /// Held-out strokes are not predicted better.
+    /// Held-out cycles are not predicted better.
     #[error(
-        "strokes left out are off by {profile:.4} N with a profile and by {constant:.4} N without, better in \
-         {better_folds} of {folds} parts: no dependence on the position that repeats"
+        "the error on held-out cycles is {profile:.4} N with a profile and {constant:.4} N without, smaller in \
+         {better_folds} of {folds} parts: no repeatable dependence on the position"
     )]
     NotBetter {
         /// Held-out error with the best profile, N, with Huber's weights.
@@ -136,12 +136,12 @@ pub enum NoProfile {
     Profile(#[from] ProfileError),
 }
 
-/// Number of the back-and-forth stroke (two motions) of each sample.
-pub fn strokes(recording: &Recording, passes: &[Pass]) -> Vec<usize> {
+/// Number of the cycle (one motion there and one back) to which each sample belongs.
+pub fn cycles(recording: &Recording, strokes: &[Stroke]) -> Vec<usize> {
     let mut numbers = vec![0; recording.len()];
-    for (k, pass) in passes.iter().enumerate() {
-        let until = passes.get(k + 1).map_or(recording.len(), |next| next.start);
-        numbers[pass.start..until].fill(pass.motion / 2);
+    for (k, stroke) in strokes.iter().enumerate() {
+        let until = strokes.get(k + 1).map_or(recording.len(), |next| next.start);
+        numbers[stroke.start..until].fill(stroke.motion / 2);
     }
     numbers
 }
@@ -208,7 +208,7 @@ struct Candidate {
     /// Sensor offset estimated with it, N.
     offset: f64,
     roughness: f64,
-    /// Weighted mean squared error over held-out strokes, N².
+    /// Weighted mean squared error over held-out cycles, N².
     held_out: f64,
     constant: f64,
     better_folds: usize,
@@ -262,14 +262,14 @@ impl<'a> Data<'a> {
         if let Some(bad) = samples.iter().position(|s| !finite(s)) {
             return Err(NoProfile::NotFinite(bad));
         }
-        let mut numbers: Vec<usize> = samples.iter().map(|s| s.stroke).collect();
+        let mut numbers: Vec<usize> = samples.iter().map(|s| s.cycle).collect();
         numbers.sort_unstable();
         numbers.dedup();
         if numbers.len() < FOLDS[0] {
-            return Err(NoProfile::TooFewStrokes { strokes: numbers.len() });
+            return Err(NoProfile::TooFewCycles { cycles: numbers.len() });
         }
         let folds = numbers.len().min(FOLDS[1]);
-        let fold = samples.iter().map(|s| numbers.partition_point(|n| *n < s.stroke) % folds).collect();
+        let fold = samples.iter().map(|s| numbers.partition_point(|n| *n < s.cycle) % folds).collect();
         let mut positions: Vec<f64> = samples.iter().map(|s| s.position).collect();
         positions.sort_by(f64::total_cmp);
         let beyond = (BEYOND * samples.len() as f64) as usize;
@@ -313,7 +313,7 @@ impl<'a> Data<'a> {
         all
     }
 
-    /// The candidate that predicts held-out strokes best, or equally well with fewer parameters.
+    /// The candidate that predicts held-out cycles best, or equally well with fewer parameters.
     fn choose(&self, weights: &[f64], storage_length: f64) -> Result<Candidate, NoProfile> {
         let most = self.samples.len() / FEWEST_PER_KNOT;
         let mut candidates = Vec::new();

@@ -158,7 +158,7 @@ fn criteria(comparison: &Comparison) -> Section {
         ))
         .paragraph(
             "The criteria weigh how well a model fits against how many numbers it takes. They ignore how it does on other recordings, \
-             that the error is structure which every model leaves rather than noise, whether the data pin the numbers counted, and \
+             that the error is structure which every model leaves rather than noise, whether the data determine the numbers counted, and \
              the cost of a step.",
         );
     let timed = comparison.entries.iter().any(|entry| entry.ns_per_sample.is_some());
@@ -173,7 +173,7 @@ fn criteria(comparison: &Comparison) -> Section {
 
 fn parameters(comparison: &Comparison) -> Section {
     let section = Section::new("Parameters").paragraph(
-        "With 95 % intervals from the jackknife over passes. Of Leuven, Maxwell-Slip and GMS the models with up to four elements are \
+        "With 95 % intervals from the jackknife over strokes. Of Leuven, Maxwell-Slip and GMS the models with up to four elements are \
          listed; the others, and the coefficients of the branches of the EMS element, are in compare.json.",
     );
     figures::parameters_by_family(comparison).into_iter().fold(section, Section::table)

@@ -473,7 +473,7 @@ pub struct LiveModel {
     /// Range of motion by hand, m.
     pub way: [f64; 2],
     /// A recorded motion for the simulation.
-    pub stretch: Option<Stretch>,
+    pub excerpt: Option<Excerpt>,
 }
 
 /// An adjustable parameter.
@@ -502,7 +502,7 @@ pub struct Knob {
 
 /// A recorded motion at equal time intervals, with the measured force.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Stretch {
+pub struct Excerpt {
     /// Description, such as "surgeon.csv from 12.5 s on".
     pub name: String,
     /// Time between two samples, s.

@@ -3,7 +3,7 @@
 use super::document::{Document, Section, Tile};
 use super::figures::fleet as figures;
 use super::figures::fleet::{ByType, Shown};
-use crate::fleet::{Cell, Config, Fleet};
+use crate::fleet::{Config, Fleet, FleetCell};
 use crate::summary::PROGRAM;
 use trocar_model::Quantity;
 
@@ -27,7 +27,8 @@ const SPECIMENS: [&str; 5] = ["specimen", "serial_number", "serial", "seal", "ce
 impl Roles {
     /// These columns, if `fleet` has them, else columns of the usual names.
     fn settle(&self, fleet: &Fleet) -> Self {
-        let has = |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| *c != Cell::Empty));
+        let has =
+            |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| *c != FleetCell::Empty));
         let numeric =
             |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| c.as_number().is_some()));
         let found = |given: &Option<String>, usual: &[&str], fits: &dyn Fn(&str) -> bool| {
@@ -112,7 +113,7 @@ fn specimens(types: &ByType, roles: &Roles) -> Section {
         "Mixed effects: value = mean of the type + deviation of the specimen ({specimen}) + deviation of the recording. The interval of each \
          recording counts as its known error of measurement. Components by restricted maximum likelihood, common to all types; intervals \
          of means by Student's t with the specimens of the type less one. ICC is the part of the variance that is between specimens, \
-         without the error of measurement. Drift with use is not taken out."
+         without the error of measurement. Drift with use is not removed."
     ));
     section = missing.into_iter().fold(section, Section::paragraph);
     if means.rows.is_empty() { section } else { section.table(means).table(components) }

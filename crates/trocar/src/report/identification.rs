@@ -304,11 +304,11 @@ fn of_all_motion(found: &Identification) -> (String, String) {
 /// The same for the paper's two steps.
 fn of_two_steps(input: &IdentificationReport) -> (String, String) {
     let branches = match input.bootstrap {
-        0 => "by the jackknife over passes".to_owned(),
+        0 => "by the jackknife over strokes".to_owned(),
         n => format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.seed),
     };
     let intervals = format!(
-        "Intervals of the sliding force come from the scatter between passes, those of the joins and of the coefficients of the \
+        "Intervals of the sliding force come from the scatter between strokes, those of the joins and of the coefficients of the \
          branches {branches}."
     );
     ("The value is that of the paper's two steps.".to_owned(), intervals)

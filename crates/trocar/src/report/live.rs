@@ -9,7 +9,7 @@ use flate2::write::GzEncoder;
 use serde::Serialize;
 
 use super::chart::{Codes, inert};
-use super::document::{Knob, LiveModel, Stretch};
+use super::document::{Excerpt, Knob, LiveModel};
 
 /// `crates/trocar-web`, built by its script; a test there compares its forces with those of the
 /// library.
@@ -36,7 +36,7 @@ pub(super) fn embed(model: &LiveModel) -> Result<Embedded, serde_json::Error> {
         row: STANDARD.encode(bytes),
         way: model.way,
         knobs: model.knobs.iter().map(PageKnob::from).collect(),
-        stretch: model.stretch.as_ref().map(PageStretch::from),
+        excerpt: model.excerpt.as_ref().map(PageExcerpt::from),
     };
     Ok(Embedded { module, json: inert(&serde_json::to_string(&page)?) })
 }
@@ -47,7 +47,7 @@ struct Page<'a> {
     row: String,
     way: [f64; 2],
     knobs: Vec<PageKnob<'a>>,
-    stretch: Option<PageStretch<'a>>,
+    excerpt: Option<PageExcerpt<'a>>,
 }
 
 #[derive(Serialize)]
@@ -81,7 +81,7 @@ impl<'a> From<&'a Knob> for PageKnob<'a> {
 }
 
 #[derive(Serialize)]
-struct PageStretch<'a> {
+struct PageExcerpt<'a> {
     name: &'a str,
     interval: f64,
     position: Codes,
@@ -89,14 +89,14 @@ struct PageStretch<'a> {
     known: usize,
 }
 
-impl<'a> From<&'a Stretch> for PageStretch<'a> {
-    fn from(stretch: &'a Stretch) -> Self {
+impl<'a> From<&'a Excerpt> for PageExcerpt<'a> {
+    fn from(excerpt: &'a Excerpt) -> Self {
         Self {
-            name: &stretch.name,
-            interval: stretch.interval,
-            position: Codes::new(stretch.position.iter().copied()),
-            force: Codes::new(stretch.force.iter().copied()),
-            known: stretch.known_from,
+            name: &excerpt.name,
+            interval: excerpt.interval,
+            position: Codes::new(excerpt.position.iter().copied()),
+            force: Codes::new(excerpt.force.iter().copied()),
+            known: excerpt.known_from,
         }
     }
 }

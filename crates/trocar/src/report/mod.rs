@@ -34,8 +34,8 @@ use rayon::prelude::*;
 use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Family, Figure, Kind, Knob, LiveModel, Mark, Panel, Role, Section, Series,
-    Stretch, Table, Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveModel, Mark, Panel, Role, Section,
+    Series, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
@@ -231,9 +231,9 @@ fn check_live(document: &Document) -> Result<(), ReportError> {
     if !trocar.seal().tunables().map(|tunable| tunable.value).eq(model.knobs.iter().map(|knob| knob.value)) {
         return refuse("its knobs are not the parameters of its row");
     }
-    match &model.stretch {
-        Some(stretch) if stretch.position.len() != stretch.force.len() || stretch.position.len() < 2 => {
-            refuse("its stretch has not as many forces as positions, at least two")
+    match &model.excerpt {
+        Some(excerpt) if excerpt.position.len() != excerpt.force.len() || excerpt.position.len() < 2 => {
+            refuse("its excerpt has not as many forces as positions, at least two")
         }
         _ => Ok(()),
     }

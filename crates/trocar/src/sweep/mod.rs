@@ -192,7 +192,7 @@ pub struct Summary {
 }
 
 /// One row before it is written.
-struct Row {
+struct SweepRow {
     drawn: Drawn,
     outcome: Result<Outcome, String>,
 }
@@ -309,8 +309,8 @@ impl Sweep {
             let to = (from + window).min(self.rows());
             let tasks: Vec<u64> = (from..to).step_by(TASK as usize).collect();
             let part = |first: &u64| self.part(*first, (first + TASK).min(to), traces);
-            let parts: Result<Vec<Vec<Row>>, SweepError> = tasks.par_iter().map(part).collect();
-            let rows: Vec<Row> = parts?.into_iter().flatten().collect();
+            let parts: Result<Vec<Vec<SweepRow>>, SweepError> = tasks.par_iter().map(part).collect();
+            let rows: Vec<SweepRow> = parts?.into_iter().flatten().collect();
             summary.see(&rows);
             take(to, &self.columns(from, &rows))?;
         }
@@ -326,7 +326,7 @@ impl Sweep {
         whole.into_iter().chain(parameters).chain(results).chain([failure]).collect()
     }
 
-    fn columns(&self, first: u64, rows: &[Row]) -> Vec<Column> {
+    fn columns(&self, first: u64, rows: &[SweepRow]) -> Vec<Column> {
         let numbers = (first..).take(rows.len()).map(|row| i64::try_from(row).ok()).collect();
         let seeds = rows.iter().map(|row| i64::try_from(row.drawn.seed).ok()).collect();
         let mut columns = vec![Column::Integer(numbers), Column::Integer(seeds)];
@@ -337,7 +337,7 @@ impl Sweep {
             columns.push(Column::Number(rows.iter().map(|row| row.drawn.rig[k]).collect()));
         }
         for k in 0..RESULTS.len() {
-            let result = |row: &Row| row.outcome.as_ref().unwrap_or(&Outcome::NONE).numbers()[k];
+            let result = |row: &SweepRow| row.outcome.as_ref().unwrap_or(&Outcome::NONE).numbers()[k];
             columns.push(Column::Number(rows.iter().map(result).collect()));
         }
         let failures = rows.iter().map(|row| row.outcome.as_ref().err().map(|why| why.clone().into()));
@@ -346,7 +346,7 @@ impl Sweep {
     }
 
     /// Rows from `from` up to, but not including, `to`.
-    fn part(&self, from: u64, to: u64, traces: Option<&FilePath>) -> Result<Vec<Row>, SweepError> {
+    fn part(&self, from: u64, to: u64, traces: Option<&FilePath>) -> Result<Vec<SweepRow>, SweepError> {
         cancel::check();
         let drawn: Vec<Drawn> = (from..to).map(|row| self.draw(row)).collect();
         let seals: Vec<Result<Seal, String>> = drawn.iter().map(|drawn| self.tuned(drawn)).collect();
@@ -361,7 +361,7 @@ impl Sweep {
                 outcomes
             }
         };
-        Ok(drawn.into_iter().zip(outcomes).map(|(drawn, outcome)| Row { drawn, outcome }).collect())
+        Ok(drawn.into_iter().zip(outcomes).map(|(drawn, outcome)| SweepRow { drawn, outcome }).collect())
     }
 
     /// The parameters of a run, as absolute values.
@@ -477,7 +477,7 @@ impl Sweep {
 }
 
 impl Summary {
-    fn see(&mut self, rows: &[Row]) {
+    fn see(&mut self, rows: &[SweepRow]) {
         for why in rows.iter().filter_map(|row| row.outcome.as_ref().err()) {
             self.failed += 1;
             self.first_failure.get_or_insert_with(|| why.clone());

@@ -100,7 +100,7 @@ struct Sums {
     work: [f64; LANES],
     /// NaN until the instrument slides.
     break_away: [f64; LANES],
-    bent: [f64; LANES],
+    deforming: [f64; LANES],
     error: [f64; LANES],
 }
 
@@ -128,7 +128,8 @@ impl<'a> Tally<'a> {
         traces: &'a mut [f64],
     ) -> Self {
         let zero = [0.0; LANES];
-        let sums = Sums { last: zero, peak: zero, square: zero, work: zero, break_away: zero, bent: zero, error: zero };
+        let sums =
+            Sums { last: zero, peak: zero, square: zero, work: zero, break_away: zero, deforming: zero, error: zero };
         let time = path.steps.iter().map(|(_, duration)| duration).sum();
         let way = path.steps.iter().map(|(displacement, _)| displacement.abs()).sum();
         let readings = path.reading.iter().filter(|reading| reading.is_finite()).count() as f64;
@@ -162,7 +163,7 @@ impl<'a> Tally<'a> {
             work: sums.work[lane],
             work_per_metre: share(sums.work[lane], way),
             break_away_force: sums.break_away[lane],
-            deforming_share: share(sums.bent[lane], time),
+            deforming_share: share(sums.deforming[lane], time),
             rms_error: share(sums.error[lane], readings).sqrt(),
         }
     }
@@ -180,7 +181,7 @@ impl Observe for Tally<'_> {
             square: zero,
             work: zero,
             break_away: [f64::NAN; LANES],
-            bent: zero,
+            deforming: zero,
             error: zero,
         };
         if let Some(reading) = self.error_at(0) {
@@ -212,7 +213,7 @@ impl Observe for Tally<'_> {
             sums.work[i] += 0.5 * (force + last) * displacement;
             let breaks = sums.break_away[i].is_nan() & (sliding[i] > 0.0);
             sums.break_away[i] = if breaks { force.abs() } else { sums.break_away[i] };
-            sums.bent[i] += (1.0 - sliding[i]) * duration;
+            sums.deforming[i] += (1.0 - sliding[i]) * duration;
             sums.last[i] = force;
         }
         if let Some(reading) = self.error_at(sample) {

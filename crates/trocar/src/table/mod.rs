@@ -238,7 +238,7 @@ const PIECE: usize = 1 << 12;
 
 /// One cell of a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cell {
+pub enum TableCell {
     /// A number; NaN where it is missing.
     Number(f64),
     /// An integer.
@@ -316,12 +316,12 @@ impl TableWriter {
     ///
     /// # Errors
     /// As for [`TableWriter::write`].
-    pub fn row(&mut self, cells: &[Cell]) -> Result<(), OutputError> {
+    pub fn row(&mut self, cells: &[TableCell]) -> Result<(), OutputError> {
         for (column, cell) in self.waiting.iter_mut().zip(cells) {
             match (column, *cell) {
-                (Column::Number(cells), Cell::Number(number)) => cells.push(number),
-                (Column::Integer(cells), Cell::Integer(number)) => cells.push(Some(number)),
-                (Column::Text(cells), Cell::Text(word)) => cells.push(Some(word.into())),
+                (Column::Number(cells), TableCell::Number(number)) => cells.push(number),
+                (Column::Integer(cells), TableCell::Integer(number)) => cells.push(Some(number)),
+                (Column::Text(cells), TableCell::Text(word)) => cells.push(Some(word.into())),
                 // Columns of unequal length are rejected when they are written.
                 _ => {}
             }

@@ -356,9 +356,9 @@ fn changes() -> Vec<Kind> {
         kind("wetted_abruptly", |_| wetted(50.0, 0.0)),
         kind("wetted_gradually", |_| wetted(20.0, 60.0)),
         kind("wetted_hand", |_| Ok(wetted(0.5 * HAND_S, 0.0)?.under(&HAND))),
-        kind("scatter_1", |_| plain()?.with(|c| c.fluctuation.pass_fraction = 0.01)),
-        kind("scatter_5", |_| plain()?.with(|c| c.fluctuation.pass_fraction = 0.05)),
-        kind("scatter_5_hand", |_| hand()?.with(|c| c.fluctuation.pass_fraction = 0.05)),
+        kind("scatter_1", |_| plain()?.with(|c| c.fluctuation.stroke_fraction = 0.01)),
+        kind("scatter_5", |_| plain()?.with(|c| c.fluctuation.stroke_fraction = 0.05)),
+        kind("scatter_5_hand", |_| hand()?.with(|c| c.fluctuation.stroke_fraction = 0.05)),
         kind("offset_drifts", |_| {
             let bench = plain()?.edited(|r| with_force(r, |force, time, _| force + 0.003 * time));
             Ok(bench.knowing(&offset_ranges(0.0, 0.33)))

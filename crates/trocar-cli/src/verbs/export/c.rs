@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use trocar::export::c::{CError, DEFAULT_PREFIX, check_prefix, from_file};
 use trocar::output::AtomicFile;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::Console;
 
 /// Write a model as one C99 file of constants and one step function, for a microcontroller
@@ -29,11 +29,11 @@ fn prefix(text: &str) -> Result<String, CError> {
     check_prefix(text).map(|()| text.to_owned())
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let text = from_file(&args.model, &args.name)?;
     let mut file = AtomicFile::create(&args.out)?;
     file.write_all(text.as_bytes()).map_err(|source| file.write_error(source))?;
     file.commit()?;
     console.remark(&format!("{} lines of C -> {}", text.lines().count(), args.out.display()));
-    Ok(Done::Clean)
+    Ok(Completion::Clean)
 }

@@ -10,7 +10,7 @@ use trocar::model_file::ModelFile;
 use trocar::output::AtomicFile;
 use trocar_fmu::{Binary, Contents, Input, Platform, Version, package};
 
-use crate::Done;
+use crate::Completion;
 use crate::console::{BadArgument, Console};
 
 /// The library for the platform of this program; empty if there is none.
@@ -64,7 +64,7 @@ fn library(text: &str) -> Result<(Platform, PathBuf), String> {
     Ok((platform, PathBuf::from(file)))
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
     let binaries = binaries(&args.library, LIBRARY, REASON)?;
     let name = args.name.clone().unwrap_or_else(|| name_of(&args.model));
@@ -88,7 +88,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
     file.commit()?;
     let platforms: Vec<String> = binaries.iter().map(|binary| binary.platform.to_string()).collect();
     console.remark(&format!("{} bytes for {} -> {}", bytes.len(), platforms.join(", "), args.out.display()));
-    Ok(Done::Clean)
+    Ok(Completion::Clean)
 }
 
 fn name_of(model: &std::path::Path) -> String {

@@ -5,7 +5,7 @@ pub(crate) mod fmu;
 
 use clap::Subcommand;
 
-use crate::Done;
+use crate::Completion;
 use crate::console::Console;
 
 /// Export a model to C or as an FMU
@@ -21,7 +21,7 @@ enum Format {
     Fmu(fmu::Args),
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Done> {
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     match &args.format {
         Format::C(args) => c::run(console, args),
         Format::Fmu(args) => fmu::run(console, args),

@@ -28,7 +28,7 @@ pub enum Cells {
     /// Text.
     Text,
     /// Integers that are timestamps, with this many units per second.
-    Moment(f64),
+    Timestamp(f64),
 }
 
 /// A cell.
@@ -85,7 +85,7 @@ impl Parquet {
             (Physical::BYTE_ARRAY, _) if is_text && descriptor.max_rep_level() == 0 => Some(Cells::Text),
             (_, None) => None,
             (Physical::BOOLEAN, _) => Some(Cells::Truth),
-            (_, Some(Scale::Since { per_second, .. })) => Some(Cells::Moment(per_second)),
+            (_, Some(Scale::Since { per_second, .. })) => Some(Cells::Timestamp(per_second)),
             (Physical::INT32 | Physical::INT64, Some(Scale::One | Scale::Unsigned)) => Some(Cells::Whole),
             _ => Some(Cells::Number),
         }
@@ -379,7 +379,7 @@ mod tests {
         // Out of range: an error, never another number.
         assert!(cells("unsigned").unwrap_err().contains("2^63"));
         let moments = parquet.place("stamp").unwrap();
-        assert_eq!(parquet.cells(moments), Some(Cells::Moment(1e9)));
+        assert_eq!(parquet.cells(moments), Some(Cells::Timestamp(1e9)));
         let mut all = Vec::new();
         let mut selected = Selected::new(parquet.clone(), moments, parquet.plan(&[2..3, 5..6]));
         let told = selected.runs(&mut |value, _| {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use trocar_model::constants::{ContactConstants, ElementConstants, StretchConstants};
+use trocar_model::constants::{ContactConstants, ElementConstants, SpanConstants};
 use trocar_model::{Element, ElementParams, SlidingFriction};
 
 use super::template::{Filling, number};
@@ -54,7 +54,7 @@ fn find_features(elements: &[Element], constants: &[ElementConstants], filling: 
 
 /// Number of terms of the longest power series, at least 3.
 fn terms(constants: &[ElementConstants]) -> usize {
-    let series = constants.iter().flat_map(|constants| &constants.stretches).map(|stretch| &stretch.force);
+    let series = constants.iter().flat_map(|constants| &constants.spans).map(|span| &span.force);
     let longest = series.map(|force| force.iter().rposition(|pair| *pair != [0.0; 2]).map_or(0, |last| last + 1));
     longest.max().unwrap_or(0).max(3)
 }
@@ -93,8 +93,8 @@ fn write_element(text: &mut String, params: &ElementParams, known: &ElementConst
     member(text, 8, "half_width_m", &number(deformation.half_width()));
     member(text, 8, "yield_stiffness_n_m", &number(deformation.yield_stiffness()));
     member(text, 8, "joins_m", &row(&known.joins));
-    text.push_str("        .stretch = {\n");
-    known.stretches.iter().for_each(|stretch| write_stretch(text, stretch, terms, filling));
+    text.push_str("        .span = {\n");
+    known.spans.iter().for_each(|span| write_span(text, span, terms, filling));
     text.push_str("        },\n");
     member(text, 8, "end_force_n", &row(&known.end_force));
     member(text, 8, "end_stiffness_n_m", &row(&known.end_stiffness));
@@ -117,12 +117,12 @@ fn write_element(text: &mut String, params: &ElementParams, known: &ElementConst
     text.push_str("    },\n");
 }
 
-fn write_stretch(text: &mut String, stretch: &StretchConstants, terms: usize, filling: &Filling) {
+fn write_span(text: &mut String, span: &SpanConstants, terms: usize, filling: &Filling) {
     text.push_str("            {\n");
-    member(text, 16, "middle_m", &number(stretch.mid));
-    member(text, 16, "inverse_half_1_m", &number(stretch.inverse_half));
-    let general = filling.has("general").then_some(("slope_n_m", &stretch.slope));
-    for (name, series) in [("force_n", &stretch.force)].into_iter().chain(general) {
+    member(text, 16, "middle_m", &number(span.mid));
+    member(text, 16, "inverse_half_1_m", &number(span.inverse_half));
+    let general = filling.has("general").then_some(("slope_n_m", &span.slope));
+    for (name, series) in [("force_n", &span.force)].into_iter().chain(general) {
         let _ = writeln!(text, "                .{name} = {{");
         pairs(text, "                    ", &series[..terms]);
         text.push_str("                },\n");
@@ -147,7 +147,7 @@ fn write_contact(text: &mut String, sliding: &SlidingFriction, known: &ContactCo
         ("stribeck", "inverse_stribeck_velocity_s_m", number(1.0 / sliding.stribeck_velocity)),
         ("stribeck", "stribeck_exponent", number(sliding.stribeck_exponent)),
         ("stribeck", "steepest_fall_n_s_m", number(known.steepest_fall)),
-        ("stribeck", "may_fold", u8::from(known.folds).to_string()),
+        ("stribeck", "velocity_weakening", u8::from(known.velocity_weakening).to_string()),
     ];
     write_members(text, 16, filling, &members);
     text.push_str("            },\n");

@@ -17,15 +17,15 @@ static void trocar_series(const double a[@TERMS@][2], double t, double *first, d
     *second = sum[1];
 }
 
-static const trocar_stretch *trocar_stretch_at(const trocar_element *e, double z)
+static const trocar_span *trocar_span_at(const trocar_element *e, double z)
 {
-    return &e->stretch[z < e->joins_m[0] ? 0 : z < e->joins_m[1] ? 1 : 2];
+    return &e->span[z < e->joins_m[0] ? 0 : z < e->joins_m[1] ? 1 : 2];
 }
 
 /* M(z) and h(z), N: a straight line and 0 outside [-c, c]. */
 static double trocar_middle_and_gap(const trocar_element *e, double z, double *gap)
 {
-    const trocar_stretch *stretch;
+    const trocar_span *span;
     double middle;
     *gap = 0.0;
     if (z > e->half_width_m) {
@@ -34,8 +34,8 @@ static double trocar_middle_and_gap(const trocar_element *e, double z, double *g
     if (z < -e->half_width_m) {
         return e->end_force_n[0] + e->end_stiffness_n_m[0] * (z + e->half_width_m);
     }
-    stretch = trocar_stretch_at(e, z);
-    trocar_series(stretch->force_n, (z - stretch->middle_m) * stretch->inverse_half_1_m, &middle, gap);
+    span = trocar_span_at(e, z);
+    trocar_series(span->force_n, (z - span->middle_m) * span->inverse_half_1_m, &middle, gap);
     *gap = *gap > 0.0 ? *gap : 0.0;
     return middle;
 }

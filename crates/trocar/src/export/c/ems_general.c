@@ -11,15 +11,15 @@ typedef struct {
 static trocar_local trocar_local_at(const trocar_element *e, double z)
 {
     trocar_local local;
-    const trocar_stretch *stretch;
+    const trocar_span *span;
     local.middle = trocar_middle_and_gap(e, z, &local.gap);
     if (z > e->half_width_m || z < -e->half_width_m) {
         local.middle_slope = e->end_stiffness_n_m[z > 0.0];
         local.gap_slope = 0.0;
         return local;
     }
-    stretch = trocar_stretch_at(e, z);
-    trocar_series(stretch->slope_n_m, (z - stretch->middle_m) * stretch->inverse_half_1_m, &local.middle_slope,
+    span = trocar_span_at(e, z);
+    trocar_series(span->slope_n_m, (z - span->middle_m) * span->inverse_half_1_m, &local.middle_slope,
                   &local.gap_slope);
     local.gap_slope = local.gap > 0.0 ? local.gap_slope : 0.0; /* where h is clipped it stays at zero */
     return local;
@@ -164,7 +164,7 @@ typedef struct {
     const trocar_element *element;
     const trocar_contact *contact;
     double sign, velocity;
-    int bends;        /* whether the seal deforms on as it slips; if not, the elastic force is as it is */
+    int deforms;      /* whether the seal deforms on as it slips; if not, the elastic force is as it is */
     double elastic;   /* then */
     double z, q;      /* where the step starts, if it deforms */
     double target;    /* where it ends without slip at the end */
@@ -251,10 +251,10 @@ static double trocar_rise_beside(const trocar_balance *b, double u)
 static double trocar_residual(trocar_balance *b, double u, double *slope)
 {
     const double deformation_velocity = b->velocity - b->sign * u; /* EMS (8) */
-    double elastic = b->elastic, bending = 0.0, drag;
+    double elastic = b->elastic, softening = 0.0, drag;
     b->seen = trocar_resist(b, u);
     drag = b->seen.slope;
-    if (b->bends) {
+    if (b->deforms) {
         const double reached = b->target - b->sign * b->implicit * u;
         double stiffness;
         elastic = trocar_reach_with_slope(b->element, b->z, b->q, reached, &stiffness);
@@ -262,7 +262,7 @@ static double trocar_residual(trocar_balance *b, double u, double *slope)
         elastic += b->arms->held + b->arms->stiffness * (reached - b->z);
         stiffness += b->arms->stiffness;
 //@end
-        bending = b->implicit * stiffness;
+        softening = b->implicit * stiffness;
     }
 //@if damping
     elastic += trocar_damping_force(b->element, deformation_velocity);
@@ -270,7 +270,7 @@ static double trocar_residual(trocar_balance *b, double u, double *slope)
 //@else
     (void)deformation_velocity;
 //@end
-    *slope = -drag - bending;
+    *slope = -drag - softening;
     return b->sign * elastic - b->seen.force;
 }
 
@@ -339,7 +339,7 @@ static trocar_balance trocar_balance_of(const trocar_element *e, int side, doubl
     b.contact = &e->contact[side];
     b.sign = side ? 1.0 : -1.0;
     b.velocity = velocity;
-    b.bends = 0;
+    b.deforms = 0;
     b.elastic = b.z = b.q = b.target = b.implicit = 0.0;
 //@if arms
     b.arms = 0;
@@ -371,9 +371,9 @@ static double trocar_least_drag(const trocar_balance *b)
 }
 
 //@if stribeck
-static int trocar_folds(const trocar_balance *b)
+static int trocar_is_multivalued(const trocar_balance *b)
 {
-    return b->contact->may_fold && trocar_least_drag(b) <= 0.0;
+    return b->contact->velocity_weakening && trocar_least_drag(b) <= 0.0;
 }
 
 //@end
@@ -387,7 +387,7 @@ static double trocar_slip_at(trocar_balance *b, double elastic, double guess, do
     }
     b->elastic = elastic;
 //@if stribeck
-    if (trocar_folds(b)) {
+    if (trocar_is_multivalued(b)) {
         stride = 0.1 * b->contact->stribeck_velocity_m_s;
     }
 //@end
@@ -437,22 +437,22 @@ static double trocar_slip_after(const trocar_element *e, const trocar_element_st
     return trocar_slip_at(&b, elastic, last, drag);
 }
 
-/* Where the slip speed at the end of the step is sought: a folded friction law is followed on its present branch; where
- * only the seal softens, the root of least slip is the stable one. */
+/* Where the slip speed at the end of the step is sought: a multivalued friction law is followed on its present branch;
+ * where only the seal softens, the root of least slip is the stable one. */
 static double trocar_search(const trocar_balance *b, const trocar_onset *onset, double guess, double *stride)
 {
     const double least_stiffness = b->element->least_stiffness_n_m;
     double in_speed = HUGE_VAL, in_deflection = HUGE_VAL;
-    int folds = 0;
+    int multivalued = 0;
 //@if stribeck
-    folds = trocar_folds(b);
+    multivalued = trocar_is_multivalued(b);
 //@end
     *stride = HUGE_VAL;
-    if (!folds && !(least_stiffness * b->implicit + trocar_least_drag(b) <= 0.0)) {
+    if (!multivalued && !(least_stiffness * b->implicit + trocar_least_drag(b) <= 0.0)) {
         return guess;
     }
 //@if stribeck
-    if (folds) {
+    if (multivalued) {
         in_speed = 0.1 * b->contact->stribeck_velocity_m_s;
     }
 //@end
@@ -460,7 +460,7 @@ static double trocar_search(const trocar_balance *b, const trocar_onset *onset, 
         in_deflection = 1.0 / 32.0 * b->element->half_width_m / b->implicit;
     }
     *stride = trocar_least(in_speed, in_deflection);
-    return folds ? trocar_most(trocar_least(guess, onset->speed + in_speed), onset->speed - in_speed) : 0.0;
+    return multivalued ? trocar_most(trocar_least(guess, onset->speed + in_speed), onset->speed - in_speed) : 0.0;
 }
 
 /* One implicit step with theta, EMS (14). */
@@ -470,7 +470,7 @@ static void trocar_slide_with(const trocar_element *e, trocar_element_state *sta
     trocar_balance b = trocar_balance_of(e, onset->side, velocity);
     const double s = b.sign;
     double stride, slope, u, deflection, yield_force, force;
-    b.bends = 1;
+    b.deforms = 1;
     b.z = onset->z;
     b.q = onset->q;
     b.target = b.z + velocity * time - s * time * (1.0 - theta) * onset->speed;
@@ -511,7 +511,7 @@ static double trocar_fit_theta(double y)
                    : 1.0 / (1.0 - trocar_decay(y)) - 1.0 / y;
 }
 
-/* theta from the rate K/(beta + g' + D') at the start, and the slip speed at the end if nothing bends. */
+/* theta from the rate K/(beta + g' + D') at the start, and the slip speed at the end if the seal does not deform. */
 static double trocar_predict(const trocar_element *e, const trocar_onset *onset, double velocity, double time,
                              @ARMS_PARAMETER@double *guess)
 {
@@ -577,12 +577,12 @@ static void trocar_slide(const trocar_element *e, trocar_element_state *state, c
 static double trocar_above_limit(const trocar_element *e, const trocar_element_state *state, int side,
                                  double velocity, double time, double part)
 {
-    const double z = state->deflection_m, bent = part * velocity * time;
-    double reached, elastic = trocar_reach(e, z, state->yield_force_n, z + bent, &reached);
+    const double z = state->deflection_m, moved = part * velocity * time;
+    double reached, elastic = trocar_reach(e, z, state->yield_force_n, z + moved, &reached);
 //@if arms
     const trocar_step_arms arms = trocar_arms_within(e, state->arm_force_n, part * time);
     double forces[2];
-    trocar_arm_forces(&arms, bent, forces);
+    trocar_arm_forces(&arms, moved, forces);
     elastic += forces[0] + forces[1];
 //@end
 //@if damping
@@ -606,7 +606,7 @@ static double trocar_yield_fraction(const trocar_element *e, const trocar_elemen
     return there > 0.0 ? chord - chord * there / (there - start) : chord + (1.0 - chord) * -there / (end - there);
 }
 
-/* Bends up to the yield point within the step, and slides from there; `trial` is the force without slip. */
+/* Deforms up to the yield point within the step, and slides from there; `trial` is the force without slip. */
 static void trocar_yield_within(const trocar_element *e, trocar_element_state *state, double velocity, double time,
                                 double trial)
 {
@@ -615,19 +615,19 @@ static void trocar_yield_within(const trocar_element *e, trocar_element_state *s
     trocar_balance b = trocar_balance_of(e, side, velocity);
     const double end = b.sign * trial - b.contact->static_force_n;
     const double part = trocar_yield_fraction(e, state, side, velocity, time, end);
-    const double bent = part * velocity * time;
+    const double moved = part * velocity * time;
     double elastic;
     trocar_onset onset;
 //@if arms
     const trocar_step_arms arms = trocar_arms_within(e, state->arm_force_n, part * time);
 //@end
-    onset.z = z + bent;
+    onset.z = z + moved;
     trocar_reach(e, z, q, onset.z, &onset.q);
     onset.local = trocar_local_at(e, onset.z);
     onset.side = side;
     elastic = onset.local.middle + onset.q;
 //@if arms
-    trocar_arm_forces(&arms, bent, onset.arms);
+    trocar_arm_forces(&arms, moved, onset.arms);
     elastic += onset.arms[0] + onset.arms[1];
 //@end
 //@if lag
@@ -637,7 +637,7 @@ static void trocar_yield_within(const trocar_element *e, trocar_element_state *s
     trocar_slide(e, state, &onset, velocity, (1.0 - part) * time);
 }
 
-/* From stick: bends with the instrument, EMS (10). */
+/* From stick: deforms with the instrument, EMS (10). */
 static void trocar_leave_stick(const trocar_element *e, trocar_element_state *state, double velocity, double time)
 {
     const double z = state->deflection_m, target = z + velocity * time;

@@ -1,4 +1,4 @@
-/* Bending without any slip. */
+/* Deformation without any slip. */
 static void trocar_stick(trocar_element_state *state, double deflection, double yield_force, double force)
 {
     state->deflection_m = deflection;

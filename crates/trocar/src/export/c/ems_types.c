@@ -1,4 +1,4 @@
-/* The middle M and half the gap h of the two branches over one stretch between their joins, EMS (25): power series of
+/* The middle M and half the gap h of the two branches over one span between their joins, EMS (25): power series of
  * t in [-1, 1]. */
 typedef struct {
     double middle_m, inverse_half_1_m;
@@ -6,7 +6,7 @@ typedef struct {
 //@if general
     double slope_n_m[@TERMS@][2]; /* dM/dz, dh/dz */
 //@end
-} trocar_stretch;
+} trocar_span;
 
 /* What is known of sliding to one side. */
 typedef struct {
@@ -28,7 +28,7 @@ typedef struct {
     double inverse_stribeck_velocity_s_m;
     double stribeck_exponent;            /* delta */
     double steepest_fall_n_s_m;          /* max|g'| */
-    int may_fold;                        /* one force may belong to several slip speeds */
+    int velocity_weakening;              /* one force may belong to several slip speeds */
 //@end
 //@end
 } trocar_contact;
@@ -38,7 +38,7 @@ typedef struct {
     double half_width_m;        /* c */
     double yield_stiffness_n_m; /* kappa */
     double joins_m[2];
-    trocar_stretch stretch[3];
+    trocar_span span[3];
     double end_force_n[2];       /* F_e at -c and c */
     double end_stiffness_n_m[2]; /* dF_e/dz beyond */
     trocar_contact contact[2];   /* withdrawal, insertion */

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::{Cells, Taken, cell, is_in};
-use crate::fleet::row::Cell;
+use crate::fleet::row::FleetCell;
 use crate::recording::RecordingError;
 
 /// A column of several files.
@@ -37,15 +37,15 @@ pub(super) fn joined(parts: &[Taken<'_>]) -> Vec<Joined> {
 impl Joined {
     /// Whether it holds numbers or timestamps in one of the files.
     pub(super) fn is_numeric(&self) -> bool {
-        let is_numeric = |cells: Cells| matches!(cells, Cells::Number | Cells::Whole | Cells::Moment(_));
+        let is_numeric = |cells: Cells| matches!(cells, Cells::Number | Cells::Whole | Cells::Timestamp(_));
         self.places.iter().flatten().any(|(_, cells)| cells.is_some_and(is_numeric))
     }
 
     /// The value common to all its cells; `None` if they vary or are timestamps.
-    pub(super) fn constant(&self, parts: &[Taken<'_>]) -> Result<Option<Cell>, RecordingError> {
-        let mut first: Option<Cell> = None;
-        let is_told = |cells: Option<Cells>| cells.is_some_and(|cells| !matches!(cells, Cells::Moment(_)));
-        if !self.places.iter().all(|place| place.is_some_and(|(_, cells)| is_told(cells))) {
+    pub(super) fn constant(&self, parts: &[Taken<'_>]) -> Result<Option<FleetCell>, RecordingError> {
+        let mut first: Option<FleetCell> = None;
+        let is_usable = |cells: Option<Cells>| cells.is_some_and(|cells| !matches!(cells, Cells::Timestamp(_)));
+        if !self.places.iter().all(|place| place.is_some_and(|(_, cells)| is_usable(cells))) {
             return Ok(None);
         }
         for (part, (place, _)) in parts.iter().zip(self.places.iter().flatten()) {
@@ -81,7 +81,7 @@ impl Joined {
             }
         }
         match cells {
-            Some(Cells::Number | Cells::Whole | Cells::Moment(_)) => Ok(()),
+            Some(Cells::Number | Cells::Whole | Cells::Timestamp(_)) => Ok(()),
             _ => Err(first.parquet.not_numeric(place)),
         }
     }
@@ -93,9 +93,9 @@ fn words(cells: Option<Cells>) -> &'static str {
         Some(Cells::Number | Cells::Whole) => "numbers",
         Some(Cells::Truth) => "true and false",
         Some(Cells::Text) => "text",
-        Some(Cells::Moment(1e3)) => "moments in ms",
-        Some(Cells::Moment(1e6)) => "moments in us",
-        Some(Cells::Moment(_)) => "moments in ns",
+        Some(Cells::Timestamp(1e3)) => "timestamps in ms",
+        Some(Cells::Timestamp(1e6)) => "timestamps in us",
+        Some(Cells::Timestamp(_)) => "timestamps in ns",
         None => "what is not read",
     }
 }

@@ -166,7 +166,7 @@ fn first_time(part: &Taken<'_>, place: Option<(usize, Option<Cells>)>) -> Result
     let Some((column, cells)) = place else { return Ok(found) };
     part.select(column).runs(&mut |value, _| {
         found = match (value, cells) {
-            (Value::Integer(raw), Some(Cells::Moment(per_second))) => (raw as f64 / per_second, raw),
+            (Value::Integer(raw), Some(Cells::Timestamp(per_second))) => (raw as f64 / per_second, raw),
             (Value::Integer(value), _) => (value as f64, 0),
             (Value::Number(value), _) => (value, 0),
             _ => return true,

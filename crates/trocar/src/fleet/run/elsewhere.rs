@@ -11,12 +11,12 @@ use std::sync::mpsc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Done, Finished, Fleet, FleetError, Gathered, Tally, finish};
+use super::{Finished, Fleet, FleetError, Gathered, RowSource, Tally, finish};
 use crate::error::OutputError;
 use crate::fleet::dataset::{Dataset, Metadata, Source};
-use crate::fleet::journal::{Entry, Journal, Place, journal_path};
+use crate::fleet::journal::{Entry, EntryLocation, Journal, journal_path};
 use crate::fleet::one::{Config, refused};
-use crate::fleet::row::Cell;
+use crate::fleet::row::FleetCell;
 
 /// A unit of work for a worker, with the results already known.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -28,7 +28,7 @@ struct Order {
 
 /// A finished recording returned by a worker; without an entry if the journal has it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-struct Part {
+struct WorkerResult {
     name: String,
     metadata: Metadata,
     entry: Option<Entry>,
@@ -42,9 +42,9 @@ struct Part {
 /// Text that is not an order.
 pub fn identify_source(order: &str, config: &Config) -> Result<String, serde_json::Error> {
     let Order { source, known } = serde_json::from_str(order)?;
-    let place = |(name, sha256): (String, String)| (name, Place { at: 0, length: 0, sha256 });
-    let before: HashMap<String, Place> = known.into_iter().map(place).collect();
-    let parts: Vec<Part> = match source.jobs() {
+    let place = |(name, sha256): (String, String)| (name, EntryLocation { at: 0, length: 0, sha256 });
+    let before: HashMap<String, EntryLocation> = known.into_iter().map(place).collect();
+    let parts: Vec<WorkerResult> = match source.jobs() {
         Ok(jobs) => jobs.into_iter().map(|job| part(job.name.clone(), finish((0, 0), job, config, &before))).collect(),
         Err(error) => {
             let whole = source.whole();
@@ -55,12 +55,12 @@ pub fn identify_source(order: &str, config: &Config) -> Result<String, serde_jso
     serde_json::to_string(&parts)
 }
 
-fn part(name: String, Finished { metadata, done, .. }: Finished) -> Part {
+fn part(name: String, Finished { metadata, done, .. }: Finished) -> WorkerResult {
     let entry = match done {
-        Done::Now(entry) => Some(*entry),
-        Done::Before(_) => None,
+        RowSource::New(entry) => Some(*entry),
+        RowSource::Journal(_) => None,
     };
-    Part { name, metadata, entry }
+    WorkerResult { name, metadata, entry }
 }
 
 /// Collects the results from elsewhere, in any order, and writes the same table as
@@ -69,7 +69,7 @@ pub struct Collector {
     sources: Vec<Source>,
     config: Config,
     table: PathBuf,
-    before: HashMap<String, Place>,
+    before: HashMap<String, EntryLocation>,
     journal: Journal,
     gathered: Gathered,
     added: BTreeSet<usize>,
@@ -110,15 +110,18 @@ impl Collector {
     /// effect.
     ///
     /// # Errors
-    /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::Part`] for text
+    /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::WorkerResult`] for text
     /// from another origin.
     pub fn add(&mut self, source: usize, parts: &str) -> Result<Tally, FleetError> {
-        let parts: Vec<Part> = serde_json::from_str(parts).map_err(|error| FleetError::Part(error.to_string()))?;
+        let parts: Vec<WorkerResult> =
+            serde_json::from_str(parts).map_err(|error| FleetError::WorkerResult(error.to_string()))?;
         let mut all = Vec::with_capacity(parts.len());
-        for (k, Part { name, metadata, entry }) in parts.into_iter().enumerate() {
+        for (k, WorkerResult { name, metadata, entry }) in parts.into_iter().enumerate() {
             let done = match entry {
-                Some(entry) => Done::Now(Box::new(entry)),
-                None => Done::Before(self.before.get(&name).cloned().ok_or_else(|| FleetError::Part(name.clone()))?),
+                Some(entry) => RowSource::New(Box::new(entry)),
+                None => RowSource::Journal(
+                    self.before.get(&name).cloned().ok_or_else(|| FleetError::WorkerResult(name.clone()))?,
+                ),
             };
             all.push(Finished { order: (source, k), metadata, done });
         }
@@ -131,9 +134,11 @@ impl Collector {
     /// # Errors
     /// As for [`Collector::add`].
     pub fn lose(&mut self, source: usize, kind: &str, reason: &str) -> Result<Tally, FleetError> {
-        let Some(lost) = self.sources.get(source) else { return Err(FleetError::Part(format!("source {source}"))) };
+        let Some(lost) = self.sources.get(source) else {
+            return Err(FleetError::WorkerResult(format!("source {source}")));
+        };
         let mut row = refused(&lost.name, &self.config, reason.to_owned());
-        row.set("reason_kind", Cell::text(kind));
+        row.set("reason_kind", FleetCell::text(kind));
         let whole = lost.whole();
         let finished = Finished::now((source, 0), whole.metadata, whole.name, row, &self.config);
         self.take(source, vec![finished])
@@ -141,7 +146,7 @@ impl Collector {
 
     fn take(&mut self, source: usize, all: Vec<Finished>) -> Result<Tally, FleetError> {
         if source >= self.sources.len() {
-            return Err(FleetError::Part(format!("source {source}")));
+            return Err(FleetError::WorkerResult(format!("source {source}")));
         }
         if self.added.insert(source) {
             let (sender, receiver) = mpsc::channel();
@@ -158,10 +163,10 @@ impl Collector {
     /// Writes the table and removes the journal.
     ///
     /// # Errors
-    /// [`FleetError::Output`]; [`FleetError::Part`] if a source is missing.
+    /// [`FleetError::Output`]; [`FleetError::WorkerResult`] if a source is missing.
     pub fn write(mut self) -> Result<Fleet, FleetError> {
         if let Some(missing) = (0..self.sources.len()).find(|source| !self.added.contains(source)) {
-            return Err(FleetError::Part(format!("{} is missing", self.sources[missing].name)));
+            return Err(FleetError::WorkerResult(format!("{} is missing", self.sources[missing].name)));
         }
         let fleet = self.gathered.write(&mut self.journal, &self.table)?;
         self.journal.remove()?;

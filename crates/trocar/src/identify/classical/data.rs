@@ -4,10 +4,10 @@
 use trocar_model::Stages;
 
 use crate::identify::training::{Segmented, Training};
-use crate::identify::two_steps::settled_stretches;
+use crate::identify::two_steps::settled_segments;
 use crate::identify::{Identification, IdentifyOptions, Segments, segment};
 use crate::recording::Recording;
-use crate::segment::Stretch;
+use crate::segment::SteadySegment;
 
 use super::kind::Scales;
 
@@ -56,18 +56,22 @@ pub(crate) fn plain_training(
     let parts: Vec<_> = recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
     let mut all = Vec::new();
     for (recording, ((segments, settled), acceleration)) in recordings.iter().zip(&parts) {
-        let (passes, settled) = (segments.passes.as_slice(), settled.clone());
-        all.push(Segmented { recording, passes, settled, acceleration });
+        let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
+        all.push(Segmented { recording, strokes, settled, acceleration });
     }
     let mut training = Training::new(&all, half_width, MOST_CLUSTERS, f64::INFINITY);
     training.forget_unknown_starts(stages);
     training
 }
 
-fn segmented(recording: &Recording, found: &Identification, options: &IdentifyOptions) -> (Segments, Vec<Stretch>) {
+fn segmented(
+    recording: &Recording,
+    found: &Identification,
+    options: &IdentifyOptions,
+) -> (Segments, Vec<SteadySegment>) {
     let segments = segment(recording, &options.segment);
     let settled = match &found.deformation {
-        Ok(deformation) => settled_stretches(recording, &segments, &found.steady, deformation),
+        Ok(deformation) => settled_segments(recording, &segments, &found.steady, deformation),
         Err(_) => Vec::new(),
     };
     (segments, settled)

@@ -112,7 +112,7 @@ impl Trial for ClassicalTrial {
 
 /// Fits of special cases that a model may start from.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Kin<'a> {
+pub(crate) struct RelatedFits<'a> {
     /// Same family with one element less.
     pub(crate) smaller: Option<&'a ClassicalFit>,
     /// Fit of [`Kind::special`].
@@ -126,12 +126,12 @@ pub(crate) struct Kin<'a> {
 ///
 /// # Errors
 /// A message when no start gives a model that runs.
-pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: Kin) -> Result<ClassicalFit, String> {
+pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<ClassicalFit, String> {
     let special = match (kin.special, kind.special()) {
-        (None, Some(special)) => Some(fit(special, data, Kin::default())?),
+        (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
         _ => None,
     };
-    let kin = Kin { special: kin.special.or(special.as_ref()), ..kin };
+    let kin = RelatedFits { special: kin.special.or(special.as_ref()), ..kin };
     let coordinates: Arc<[Coordinate]> = coordinates(kind, &data.scales).into();
     let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
         starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers)).collect()

@@ -1,8 +1,8 @@
 //! Classical friction models, identified from the same recordings as an EMS element.
 //!
-//! Data and preprocessing are the same: passes and stretches from the segmentation, samples
+//! Data and preprocessing are the same: strokes and constant-velocity segments from the segmentation, samples
 //! averaged where the motion is small, scoring from where the initial state no longer matters, and
-//! clusters of passes for the intervals. Every model is fitted by free-run simulation (output-error
+//! clusters of strokes for the intervals. Every model is fitted by free-run simulation (output-error
 //! least squares). Linear models are thereby solved in closed form. The stiffnesses of Maxwell-Slip
 //! start from a convex problem (non-negative least squares for given limits, RIZOS).
 
@@ -13,5 +13,5 @@ mod starts;
 
 pub(crate) use data::{ASSUMED_WIDTH, ClassicalData};
 pub use fit::ClassicalFit;
-pub(crate) use fit::{Kin, LONG, SHORT, doubts, fit};
+pub(crate) use fit::{LONG, RelatedFits, SHORT, doubts, fit};
 pub use kind::Kind;

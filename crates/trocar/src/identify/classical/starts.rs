@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::identify::nnls::non_negative;
 
 use super::data::ClassicalData;
-use super::fit::{ClassicalFit, Kin, fit};
+use super::fit::{ClassicalFit, RelatedFits, fit};
 use super::kind::{Kind, Scales};
 
 /// Limits tried for the elements of a bank.
@@ -15,7 +15,7 @@ const DIVIDED: [f64; 2] = [0.7, 1.3];
 
 /// Starts with the same forces as the fitted special cases, which the fit can only improve; the
 /// sensor offset first.
-pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
+pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
     let Scales { force, speeds: [slowest, _], .. } = data.scales;
     let grown = kin.smaller.and_then(|fit| match kind {
         Kind::MaxwellSlip(_) => Some(doubled(&fit.numbers, 2, 2)),
@@ -30,7 +30,7 @@ pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f6
 }
 
 /// Several starts derived from the data, each with the sensor offset first.
-pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
+pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
     let Scales { offset, force, viscous, half_width, speeds: [slowest, fastest], .. } = data.scales;
     let stiffnesses = [0.5, 2.0, 8.0].map(|factor| factor * force / half_width);
     let middle = (slowest * fastest).sqrt();
@@ -69,7 +69,7 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
         numbers
     };
     let mut all = Vec::new();
-    if let Ok(lugre) = fit(Kind::LuGre, data, Kin::default()) {
+    if let Ok(lugre) = fit(Kind::LuGre, data, RelatedFits::default()) {
         let [_, stiffness, micro, coulomb, rise, velocity, beta] = lugre.numbers[..] else { return all };
         for (exponent, softer, inner) in [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)] {
             let inner_stiffness = inner * softer * stiffness / (n - 1).max(1) as f64;
@@ -84,7 +84,7 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
     all
 }
 
-fn gms(n: usize, data: &ClassicalData, kin: Kin) -> Vec<Vec<f64>> {
+fn gms(n: usize, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let bank = convex_bank(n, data);
     let of = |rise: f64, v: f64, attraction: f64, damping: f64| {

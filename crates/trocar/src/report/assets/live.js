@@ -275,9 +275,9 @@ class Strip {
     this.box.style.marginLeft = plot.bbox.left / ratio + "px";
     this.box.style.width = plot.bbox.width / ratio + "px";
     this.handle.style.left = part(position);
-    const bent = Number.isFinite(deflection) ? deflection : 0, from = Math.min(position, position - bent);
+    const deformed = Number.isFinite(deflection) ? deflection : 0, from = Math.min(position, position - deformed);
     this.seal.style.left = part(from);
-    this.seal.style.width = 100 * MM * Math.abs(bent) / (high - low) + "%";
+    this.seal.style.width = 100 * MM * Math.abs(deformed) / (high - low) + "%";
     this.handle.setAttribute("aria-valuenow", (MM * position).toFixed(1));
     this.handle.setAttribute("aria-valuetext", text);
   }
@@ -374,8 +374,8 @@ class Pen {
   }
 }
 
-// What is measured: a recorded stretch.
-function stretchOf(compressed) {
+// What is measured: a recorded excerpt.
+function excerptOf(compressed) {
   if (!compressed) return null;
   const [position, force] = [compressed.position, compressed.force].map(decode);
   const time = Float64Array.from(position, (_, i) => i * compressed.interval);
@@ -393,7 +393,7 @@ class Live {
   constructor(element, data, runner) {
     this.data = data;
     this.runner = runner;
-    this.stretch = stretchOf(data.stretch);
+    this.excerpt = excerptOf(data.excerpt);
     this.element = element;
     this.modes();
     const body = make("div", "live-body", element);
@@ -403,7 +403,7 @@ class Live {
     this.hint = make("p", "live-hint", view);
     this.panels(make("div", "charts", view));
     this.tools(view);
-    this.setMode(this.stretch ? "recorded" : "drag");
+    this.setMode(this.excerpt ? "recorded" : "drag");
     new ResizeObserver(() => { this.all.forEach((panel) => panel.plot.setSize(panel.size())); this.draw(); }).observe(view);
   }
 
@@ -413,7 +413,7 @@ class Live {
     group.setAttribute("aria-label", "Motion");
     this.radios = {};
     for (const [mode, words] of Object.entries(MODES)) {
-      if (mode === "recorded" && !this.stretch) continue;
+      if (mode === "recorded" && !this.excerpt) continue;
       const label = make("label", "", group), radio = make("input", "", label);
       Object.assign(radio, { type: "radio", name: "live-mode", value: mode });
       make("span", "", label).textContent = words;
@@ -471,7 +471,7 @@ class Live {
     this.anew.hidden = mode === "recorded";
     this.path.data.least = mode === "draw" ? 260 : 140;
     this.path.plot.setSize(this.path.size());
-    this.hint.textContent = mode === "recorded" ? this.stretch.name : HINTS[mode];
+    this.hint.textContent = mode === "recorded" ? this.excerpt.name : HINTS[mode];
     this.restart();
   }
 
@@ -493,7 +493,7 @@ class Live {
 
   // Times, positions and, where it is known, the force at the start.
   source() {
-    if (this.mode === "recorded") return [this.stretch.time, this.stretch.position, this.stretch.force[0]];
+    if (this.mode === "recorded") return [this.excerpt.time, this.excerpt.position, this.excerpt.force[0]];
     if (this.mode === "drag" && this.motion) return [this.motion.time, this.motion.position];
     return (this.mode === "draw" && this.pen.motion()) || [[0], [this.strip.position]];
   }
@@ -519,16 +519,16 @@ class Live {
   // Root mean square of measured minus computed, once the start is forgotten.
   error(motion) {
     let squares = 0, count = 0;
-    for (let i = this.stretch.known; i < this.stretch.force.length; i++, count++) squares += (this.stretch.force[i] - motion.force[i]) ** 2;
+    for (let i = this.excerpt.known; i < this.excerpt.force.length; i++, count++) squares += (this.excerpt.force[i] - motion.force[i]) ** 2;
     return Math.sqrt(squares / count);
   }
 
   draw() {
     if (!this.motion) return;
-    const { motion, stretch } = this, recorded = this.mode === "recorded", drag = this.mode === "drag";
+    const { motion, excerpt } = this, recorded = this.mode === "recorded", drag = this.mode === "drag";
     const now = recorded ? this.now : motion.end, end = motion.time.at(-1);
     const from = !drag ? 0 : reducedMotion() ? SHOWN_DRAG * Math.floor(end / SHOWN_DRAG) : Math.max(0, end - SHOWN_DRAG);
-    const until = recorded ? stretch.time.at(-1) : drag ? from + SHOWN_DRAG : LONGEST_DRAWING;
+    const until = recorded ? excerpt.time.at(-1) : drag ? from + SHOWN_DRAG : LONGEST_DRAWING;
     const none = [new Float64Array(0), new Float64Array(0)], point = (x, y) => [Float64Array.of(x), Float64Array.of(y)];
     const [time, position, force] = motion.columns(from, "time", "position", "force");
     const identified = this.identified ? this.identified.columns(from, "time", "position", "force") : null;
@@ -538,10 +538,10 @@ class Live {
     const isEmpty = motion.time.length < 2;
     const shown = (values) => (isEmpty && !drag ? none : values);
     this.path.show([shown([time, position]), shown(point(dotAt[0], dotAt[1]))], [from, until, ...along]);
-    this.force.data.marks = recorded && stretch.known > 0 ? [{ axis: "x", from: 0, to: stretch.time[stretch.known], label: "start unknown" }] : [];
-    this.force.show([recorded ? [stretch.time, stretch.force] : none, identified ? [identified[0], identified[2]] : none, shown([time, force]),
+    this.force.data.marks = recorded && excerpt.known > 0 ? [{ axis: "x", from: 0, to: excerpt.time[excerpt.known], label: "start unknown" }] : [];
+    this.force.show([recorded ? [excerpt.time, excerpt.force] : none, identified ? [identified[0], identified[2]] : none, shown([time, force]),
       shown(point(dotAt[0], dotAt[2]))], [from, until, ...high]);
-    this.loop.show([stretch ? [stretch.shown, stretch.force] : none, identified ? [identified[1], identified[2]] : none, shown([position, force]),
+    this.loop.show([excerpt ? [excerpt.shown, excerpt.force] : none, identified ? [identified[1], identified[2]] : none, shown([position, force]),
       shown(point(dotAt[1], dotAt[2]))], [...along, ...high]);
     this.say(now);
     this.strip.show(motion.position[now], motion.deflection[now], (MM * motion.position[now]).toFixed(1) + " mm, " + motion.force[now].toFixed(2) + " N");
@@ -550,7 +550,7 @@ class Live {
   // Forces that fit all that is drawn, rounded outwards, so that the axis rests while a slider moves a little.
   range(force) {
     let low = 0, high = 0;
-    for (const values of [force, this.stretch ? this.stretch.force : []]) for (const value of values) {
+    for (const values of [force, this.excerpt ? this.excerpt.force : []]) for (const value of values) {
       if (value < low) low = value;
       if (value > high) high = value;
     }

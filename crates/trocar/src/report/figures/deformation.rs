@@ -4,7 +4,8 @@ use trocar_model::{Branch, Element, Friction, Stages};
 
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::identify::{
-    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, Identification, Pins, Traverse, bin_centres, legendre,
+    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, EndForces, FullReversal, Identification, bin_centres,
+    legendre,
 };
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::significant;
@@ -58,7 +59,7 @@ struct Level {
 impl Level {
     fn new(deformation: &DeformationFit, direction: Direction, level: f64) -> Self {
         let bin = ((0.5 * (level + 1.0) * BINS as f64) as usize).min(BINS - 1);
-        let own = deformation.traverses.iter().filter(|t: &&Traverse| t.direction == direction);
+        let own = deformation.full_reversals.iter().filter(|t: &&FullReversal| t.direction == direction);
         let mean = &fit_of(deformation, direction).mean_curve;
         let (low, high) = (bin.saturating_sub(4), (bin + 4).min(BINS - 1));
         let travel = 2.0 * deformation.half_width.value * (high - low) as f64 / BINS as f64;
@@ -179,8 +180,8 @@ fn withdrawal_branch(found: &Identification) -> &Branch {
 
 /// The two-step fit of a branch.
 fn fitted(found: &Identification, deformation: &DeformationFit, shape: &BranchShape) -> Option<Branch> {
-    let pins: Pins = found.two_step.pins();
-    shape.branch(deformation.half_width.value, pins).ok()
+    let end_forces: EndForces = found.two_step.end_forces();
+    shape.branch(deformation.half_width.value, end_forces).ok()
 }
 
 fn single(fit: &BranchFit, u: f64) -> f64 {
@@ -214,7 +215,7 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
 
 /// Mean speed of the snap-throughs, m/s.
 fn mean_speed(deformation: &DeformationFit) -> f64 {
-    deformation.traverses.iter().map(|t| t.speed).sum::<f64>() / deformation.traverses.len().max(1) as f64
+    deformation.full_reversals.iter().map(|t| t.speed).sum::<f64>() / deformation.full_reversals.len().max(1) as f64
 }
 
 /// The whole model snapped through at the mean speed of the snap-throughs, with all stages, damping
@@ -230,8 +231,8 @@ fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit,
     }
     // As in the measured snap-throughs, z is measured from where the force leaves the sliding
     // limit.
-    let pins = found.two_step.pins();
-    let limit = sign * if sign > 0.0 { pins.low } else { pins.high };
+    let end_forces = found.two_step.end_forces();
+    let limit = sign * if sign > 0.0 { end_forces.low } else { end_forces.high };
     for _ in 0..BRANCH_POINTS {
         if sign * found.stages.step(&mut state, sign * step, duration) >= limit {
             break;
@@ -250,7 +251,7 @@ fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
 }
 
 fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> String {
-    let count = |d| deformation.traverses.iter().filter(|t| t.direction == d).count();
+    let count = |d| deformation.full_reversals.iter().filter(|t| t.direction == d).count();
     let [left, right] = deformation.insertion_branch.shape.degrees();
     let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
     let refined = if found.fit.is_some() {

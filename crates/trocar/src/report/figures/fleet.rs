@@ -78,7 +78,7 @@ impl Shown {
     /// The value in the displayed unit, if the recording determines it.
     fn value(self, record: &Record) -> Option<f64> {
         let known = record.cell(&format!("{}_determined", self.column()));
-        let is_determined = known.is_none_or(|cell| *cell == crate::fleet::Cell::Boolean(true));
+        let is_determined = known.is_none_or(|cell| *cell == crate::fleet::FleetCell::Boolean(true));
         record.number(&self.column()).filter(|_| is_determined).map(|value| self.unit().scale * value)
     }
 
@@ -106,7 +106,7 @@ impl<'a> ByType<'a> {
     /// By the metadata column `by`; one type without it.
     pub(in super::super) fn new(fleet: &'a Fleet, by: Option<&str>) -> Self {
         let name = |record: &Record| match by {
-            Some(by) => record.metadata.get(by).map_or_else(String::new, crate::fleet::Cell::in_words),
+            Some(by) => record.metadata.get(by).map_or_else(String::new, crate::fleet::FleetCell::in_words),
             None => "all".to_owned(),
         };
         let identified = fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
@@ -162,7 +162,7 @@ pub(in super::super) fn distributions(types: &ByType) -> Figure {
     };
     let figure = SHOWN.iter().map(panel).fold(Figure::new("distributions", 0, "Parameters by type"), Figure::panel);
     figure.columns(2).caption(
-        "Each point is a recording whose data pin the parameter; below them the quartiles as a line and the median as a point. The \
+        "Each point is a recording whose data determine the parameter; below them the quartiles as a line and the median as a point. The \
          forces of insertion and withdrawal are the lines of steady sliding at rest, with the sensor's offset in them; their mean is F_c.",
     )
 }
@@ -278,7 +278,7 @@ pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
     }
     let mut reasons: Vec<(&str, Vec<&Record>)> = reasons.into_iter().collect();
     reasons.sort_by_key(|(_, records)| std::cmp::Reverse(records.len()));
-    let table = Table::new("Failed recordings", ["Reason", "Recordings", "First", "What was said of it"]);
+    let table = Table::new("Failed recordings", ["Reason", "Recordings", "First", "Message"]);
     let row = |table: Table, (kind, records): &(&str, Vec<&Record>)| {
         let text = |name| records[0].text(name).unwrap_or_default().to_owned();
         let said = text("reason");
@@ -324,7 +324,11 @@ pub(in super::super) fn mixed_effects(types: &ByType, specimen: &str) -> (Table,
 
 /// The name of a record's specimen, if it has one.
 fn known(record: &Record, specimen: &str) -> Option<String> {
-    record.metadata.get(specimen).filter(|cell| **cell != crate::fleet::Cell::Empty).map(crate::fleet::Cell::in_words)
+    record
+        .metadata
+        .get(specimen)
+        .filter(|cell| **cell != crate::fleet::FleetCell::Empty)
+        .map(crate::fleet::FleetCell::in_words)
 }
 
 fn observations(types: &ByType, shown: Shown, specimen: &str) -> Vec<Observation> {

@@ -1,7 +1,7 @@
 //! Half width c of each snap-through against its speed: EMS uses one value for all (section IV-B).
 
 use super::{Drawn, MM, in_words, p_in_words};
-use crate::identify::{Identification, Traverse};
+use crate::identify::{FullReversal, Identification};
 use crate::report::document::{Axis, Figure, Panel, Role, Series};
 use crate::segment::Direction;
 
@@ -13,11 +13,11 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
         )
     })?;
     let points = |name: &str, category, direction| {
-        let own: Vec<&Traverse> = deformation.traverses.iter().filter(|t| t.direction == direction).collect();
+        let own: Vec<&FullReversal> = deformation.full_reversals.iter().filter(|t| t.direction == direction).collect();
         let x = own.iter().map(|t| MM * t.speed).collect();
         Series::points(name, Role::Category(category), x, own.iter().map(|t| MM * t.half_travel).collect())
     };
-    let speeds = || deformation.traverses.iter().map(|t| MM * t.speed);
+    let speeds = || deformation.full_reversals.iter().map(|t| MM * t.speed);
     let ends = vec![speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max)];
     let estimate = &deformation.half_width;
     let model = if super::has_stages(found) { "model, first element" } else { "model" };
@@ -40,7 +40,7 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
         "Half the travel of each snap-through of the seal, from where the force leaves one sliding limit to where it reaches the \
          other, EMS (12). Mean of {} snap-throughs: {}; standard deviation {:.3} mm, which is the error of the deflection rebuilt by \
          EMS (24). {trend}",
-        deformation.traverses.len(),
+        deformation.full_reversals.len(),
         in_words(estimate),
         MM * deformation.deflection_error
     )))

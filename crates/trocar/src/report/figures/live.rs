@@ -10,9 +10,9 @@ use super::tables::name_of;
 use crate::identify::{Estimate, Identification};
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
-use crate::report::document::{Knob, LiveModel, Stretch};
+use crate::report::document::{Excerpt, Knob, LiveModel};
 use crate::report::number::significant;
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// Lengths of the shown part of a recording, s: the first length in which the model forgets its
 /// initial state in some part.
@@ -40,13 +40,13 @@ pub(in super::super) fn live_model(found: &Identification, scored: &Scored) -> R
     if row.len() > LONGEST_ROW {
         return Err("The model has too many knots over the position to run in a page.".to_owned());
     }
-    let stretch = stretch(found, scored);
-    let way = stretch.as_ref().map_or(WAY, |stretch| {
-        let (low, high) = limits(&stretch.position);
+    let excerpt = excerpt(found, scored);
+    let way = excerpt.as_ref().map_or(WAY, |excerpt| {
+        let (low, high) = limits(&excerpt.position);
         let margin = 0.5 * found.model.half_width;
         [low - margin, high + margin]
     });
-    Ok(LiveModel { row, knobs: knobs(trocar.seal(), found), way, stretch })
+    Ok(LiveModel { row, knobs: knobs(trocar.seal(), found), way, excerpt })
 }
 
 fn limits(values: &[f64]) -> (f64, f64) {
@@ -129,8 +129,8 @@ fn interval(tunable: &Tunable, found: &Identification) -> Option<[f64; 2]> {
     estimate.ci95.iter().all(|end| end.is_finite()).then_some(estimate.ci95)
 }
 
-/// A contiguous part of a recording.
-struct Part<'a> {
+/// A contiguous part of a recording that may become the excerpt of the live model.
+struct ExcerptCandidate<'a> {
     recording: &'a Recording,
     from: f64,
     to: f64,
@@ -141,18 +141,21 @@ struct Part<'a> {
 
 /// The most informative part: with many strokes, and such that the model soon forgets its initial
 /// state.
-fn stretch(found: &Identification, scored: &Scored) -> Option<Stretch> {
+fn excerpt(found: &Identification, scored: &Scored) -> Option<Excerpt> {
     LENGTHS.into_iter().find_map(|length| {
-        let mut all: Vec<Part> =
-            scored.recordings.iter().flat_map(|recording| parts(recording, length, found.model.half_width)).collect();
+        let mut all: Vec<ExcerptCandidate> = scored
+            .recordings
+            .iter()
+            .flat_map(|recording| candidates(recording, length, found.model.half_width))
+            .collect();
         all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        all.into_iter().find_map(|part| part.stretch(found, scored.held_out))
+        all.into_iter().find_map(|candidate| candidate.excerpt(found, scored.held_out))
     })
 }
 
-fn parts(recording: &Recording, length: f64, half_width: f64) -> Vec<Part<'_>> {
+fn candidates(recording: &Recording, length: f64, half_width: f64) -> Vec<ExcerptCandidate<'_>> {
     let (x, t) = (&recording.position, &recording.time);
-    let passes = passes(recording, reversal_threshold(recording));
+    let strokes = strokes(recording, reversal_threshold(recording));
     let mut all = Vec::new();
     for range in recording.unbroken().filter(|range| range.len() > 1) {
         let (begin, end) = (t[range.start], t[range.end - 1]);
@@ -161,18 +164,18 @@ fn parts(recording: &Recording, length: f64, half_width: f64) -> Vec<Part<'_>> {
             let to = (from + length).min(end);
             let sample = |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);
             let samples = sample(from)..sample(to) + 1;
-            let within = passes.iter().filter(|pass| samples.contains(&pass.start));
-            let travel = within.map(|pass| (x[pass.end.min(samples.end - 1)] - x[pass.start]).abs());
+            let within = strokes.iter().filter(|stroke| samples.contains(&stroke.start));
+            let travel = within.map(|stroke| (x[stroke.end.min(samples.end - 1)] - x[stroke.start]).abs());
             let worth = travel.map(|travel| travel.min(TELLING * half_width)).sum();
-            all.push(Part { recording, from, to, samples, worth });
+            all.push(ExcerptCandidate { recording, from, to, samples, worth });
         }
     }
     all
 }
 
-impl Part<'_> {
+impl ExcerptCandidate<'_> {
     /// The part resampled at equal time intervals; `None` if the initial state matters too long.
-    fn stretch(&self, found: &Identification, held_out: bool) -> Option<Stretch> {
+    fn excerpt(&self, found: &Identification, held_out: bool) -> Option<Excerpt> {
         let Recording { name, quality, .. } = self.recording;
         let interval = quality.median_interval.max((self.to - self.from) / MOST_SAMPLES);
         let count = ((self.to - self.from) / interval) as usize + 1;
@@ -190,7 +193,7 @@ impl Part<'_> {
             significant(self.from, 3),
             significant(1e3 * interval, 3)
         );
-        (known_from as f64 <= LATEST * count as f64).then_some(Stretch { name, interval, position, force, known_from })
+        (known_from as f64 <= LATEST * count as f64).then_some(Excerpt { name, interval, position, force, known_from })
     }
 
     /// Values at `times`, linearly interpolated between the samples.

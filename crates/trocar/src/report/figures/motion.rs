@@ -11,7 +11,7 @@ use crate::recording::Recording;
 use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::report::number::significant;
-use crate::segment::{passes, reversal_threshold};
+use crate::segment::{reversal_threshold, strokes};
 
 /// Length of the shown part of a recording, s.
 const SHOWN: f64 = 5.0;
@@ -42,7 +42,7 @@ pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Ve
             significant(free.held_s, 3)
         ),
         format!(
-            "The root mean square error, friction scales taken out, is {} N for the paper's element and {} N for the model.{rest}{stages}",
+            "The root mean square error, friction scales removed, is {} N for the paper's element and {} N for the model.{rest}{stages}",
             significant(fit.paper_rms_n, 3),
             significant(fit.rms_n, 3)
         ),
@@ -98,8 +98,8 @@ pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Rec
     Ok(Figure::new("friction-scale", 0, "How friction changed").panel(panel.aspect(0.35)).caption(&caption))
 }
 
-/// A part of a recording.
-struct Stretch<'a> {
+/// A part of a recording that the figure may show.
+struct MotionWindow<'a> {
     recording: &'a Recording,
     samples: Range<usize>,
     /// Number of partial reversals in it.
@@ -109,7 +109,7 @@ struct Stretch<'a> {
     seen: bool,
 }
 
-impl Stretch<'_> {
+impl MotionWindow<'_> {
     fn density(&self) -> f64 {
         self.partial as f64 + self.held
     }
@@ -167,7 +167,7 @@ fn paper_run(found: &Identification, recording: &Recording) -> Option<Vec<f64>> 
     Some(force)
 }
 
-fn caption(shown: &Stretch, model: f64, paper: Option<f64>) -> String {
+fn caption(shown: &MotionWindow, model: f64, paper: Option<f64>) -> String {
     let seen = if shown.seen { "which the model was fitted to" } else { "which the identification has not seen" };
     let model = significant(model, 2);
     let errors = match paper {
@@ -211,17 +211,17 @@ fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
 
 /// The part with the most partial reversals and rests among samples with known state; `None` if no
 /// part contains both.
-fn densest<'a>(found: &Identification, recordings: &'a [Recording], seen: bool) -> Option<Stretch<'a>> {
-    let stretches = recordings.iter().flat_map(|recording| stretches(found, recording, seen));
-    stretches.filter(|s| s.partial > 0 && s.held > 0.0).max_by(|a, b| a.density().total_cmp(&b.density()))
+fn densest<'a>(found: &Identification, recordings: &'a [Recording], seen: bool) -> Option<MotionWindow<'a>> {
+    let windows = recordings.iter().flat_map(|recording| windows(found, recording, seen));
+    windows.filter(|s| s.partial > 0 && s.held > 0.0).max_by(|a, b| a.density().total_cmp(&b.density()))
 }
 
-fn stretches<'a>(found: &Identification, recording: &'a Recording, seen: bool) -> Vec<Stretch<'a>> {
+fn windows<'a>(found: &Identification, recording: &'a Recording, seen: bool) -> Vec<MotionWindow<'a>> {
     let widest = 2.0 * found.model.half_width;
     let x = &recording.position;
-    let passes = passes(recording, reversal_threshold(recording));
+    let strokes = strokes(recording, reversal_threshold(recording));
     let partial: Vec<usize> =
-        passes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
+        strokes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
     let resting = resting(recording, RESTING * found.model.half_width);
     let known = replay(&Trocar::of_seal(found.stages), recording, found.model.offset).known;
     let mut all = Vec::new();
@@ -233,7 +233,7 @@ fn stretches<'a>(found: &Identification, recording: &'a Recording, seen: bool) -
             let samples = sample(from)..sample(from + SHOWN);
             let held = samples.clone().filter(|i| resting[*i]).count() as f64 * recording.quality.median_interval;
             let partial = partial.iter().filter(|i| samples.contains(i)).count();
-            all.push(Stretch { recording, samples, partial, held, seen });
+            all.push(MotionWindow { recording, samples, partial, held, seen });
         }
     }
     all

@@ -5,7 +5,7 @@ use std::ops::Range;
 use trocar_model::Branch;
 
 use super::{Drawn, MM, seal_force, spaced, thinned};
-use crate::identify::{DeformationFit, Identification, Traverse};
+use crate::identify::{DeformationFit, FullReversal, Identification};
 use crate::recording::{Recording, local_velocity};
 use crate::replay::replay;
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
@@ -21,10 +21,10 @@ const OUTERMOST: f64 = 0.9;
 pub(in super::super) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(
-            "There is no figure of the force upon a velocity reversal (EMS figure 3), because no reversal turns the seal over: {why}."
+            "There is no figure of the force upon a velocity reversal (EMS figure 3), because the recordings hold no full reversal: {why}."
         )
     })?;
-    let shown = clearest(deformation).ok_or("No traverse was found that could show a velocity reversal.")?;
+    let shown = clearest(deformation).ok_or("No full reversal was found that could show a velocity reversal.")?;
     let recording = &training[shown.recording];
     let window = window(recording, shown);
     let origin = recording.time[turning_point(recording, shown, &window)];
@@ -51,7 +51,7 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         .caption(caption(found, &recording.name, shown, &transients)))
 }
 
-fn caption(found: &Identification, name: &str, shown: &Traverse, transients: &Transients) -> String {
+fn caption(found: &Identification, name: &str, shown: &FullReversal, transients: &Transients) -> String {
     let stages =
         if super::has_stages(found) { " The branch is that of the first of the model's elements." } else { "" };
     let motion = match shown.direction {
@@ -60,7 +60,7 @@ fn caption(found: &Identification, name: &str, shown: &Traverse, transients: &Tr
     };
     format!(
         "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {}{stages} Sensor offset \
-         and inertia of any mass between sensor and seal are taken out of the measured force; the model's force is the seal's alone.",
+         and inertia of any mass between sensor and seal are subtracted from the measured force; the model's force is the seal's alone.",
         MM * shown.speed,
         transients.in_words()
     )
@@ -76,12 +76,12 @@ fn branch(found: &Identification, direction: Direction) -> &Branch {
 
 /// Of the deformations in the middle half of the speeds, the one with the smallest deviation from
 /// its direction's mean curve at the most constant velocity.
-fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
-    let mut by_speed: Vec<&Traverse> = deformation.traverses.iter().collect();
+fn clearest(deformation: &DeformationFit) -> Option<&FullReversal> {
+    let mut by_speed: Vec<&FullReversal> = deformation.full_reversals.iter().collect();
     by_speed.sort_by(|a, b| a.speed.total_cmp(&b.speed));
     let quarter = by_speed.len() / 4;
     let middle = &by_speed[quarter..by_speed.len() - quarter];
-    let unsteadiness = |t: &Traverse| {
+    let unsteadiness = |t: &FullReversal| {
         let mean = match t.direction {
             Direction::Insertion => &deformation.insertion_branch.mean_curve,
             Direction::Withdrawal => &deformation.withdrawal_branch.mean_curve,
@@ -95,7 +95,7 @@ fn clearest(deformation: &DeformationFit) -> Option<&Traverse> {
 }
 
 /// Samples around the deformation within the same contiguous part of the recording.
-fn window(recording: &Recording, shown: &Traverse) -> Range<usize> {
+fn window(recording: &Recording, shown: &FullReversal) -> Range<usize> {
     let part = recording.unbroken().find(|part| part.contains(&shown.from)).unwrap_or(0..recording.len());
     let [from, to] = [recording.time[shown.from], recording.time[shown.to]];
     let [before, after] = MARGINS.map(|margin| margin * (to - from));
@@ -105,7 +105,7 @@ fn window(recording: &Recording, shown: &Traverse) -> Range<usize> {
 }
 
 /// The sample of the extreme position, at which the velocity changes sign.
-fn turning_point(recording: &Recording, shown: &Traverse, window: &Range<usize>) -> usize {
+fn turning_point(recording: &Recording, shown: &FullReversal, window: &Range<usize>) -> usize {
     let s = shown.direction.sign();
     let before = window.start..=shown.from;
     before.min_by(|a, b| (s * recording.position[*a]).total_cmp(&(s * recording.position[*b]))).unwrap_or(shown.from)
@@ -138,7 +138,7 @@ impl Transients {
         if marked { Self::Flattening { at: *at } } else { Self::Single }
     }
 
-    fn marks(&self, recording: &Recording, shown: &Traverse, origin: f64) -> Vec<Mark> {
+    fn marks(&self, recording: &Recording, shown: &FullReversal, origin: f64) -> Vec<Mark> {
         let [start, end] = [shown.from, shown.to].map(|i| recording.time[i] - origin);
         let (first, second) = match *self {
             Self::Softening { from, to } => (from, to),
@@ -176,7 +176,7 @@ impl Transients {
 }
 
 /// Time at which the deformation reaches z = `u`·c, s.
-fn time_at(recording: &Recording, shown: &Traverse, u: f64) -> f64 {
+fn time_at(recording: &Recording, shown: &FullReversal, u: f64) -> f64 {
     let s = shown.direction.sign();
     let start = recording.position[shown.from];
     let wanted = (u * s + 1.0) * shown.half_travel;

@@ -4,7 +4,7 @@
 use trocar_model::ElementParams;
 
 use super::{Drawn, MM, in_words, p_in_words, spaced};
-use crate::identify::{DirectionLine, Identification, PassMean, SteadyFit};
+use crate::identify::{DirectionLine, Identification, SteadyFit, StrokeMean};
 use crate::report::document::{Axis, Figure, Kind, Panel, Role, Series};
 use crate::report::number::fixed;
 
@@ -49,13 +49,13 @@ impl Curves<'_> {
     fn means(&self) -> Series {
         let means = &self.steady.means;
         let every = means.len().div_ceil(MOST_MEANS);
-        let shown: Vec<&PassMean> = means.iter().step_by(every).collect();
+        let shown: Vec<&StrokeMean> = means.iter().step_by(every).collect();
         let x: Vec<f64> = shown.iter().map(|m| MM * m.velocity_m_s).collect();
         let y: Vec<f64> = shown.iter().map(|m| m.force_n - self.offset).collect();
         if shown.len() > MOST_BARS {
             return Series::points("mean", Role::Measured, x, y);
         }
-        let bar = |m: &PassMean| NORMAL_95 * m.standard_error_n.hypot(self.steady.pass_scatter_n);
+        let bar = |m: &StrokeMean| NORMAL_95 * m.standard_error_n.hypot(self.steady.stroke_scatter_n);
         let end = |sign: f64| shown.iter().map(|m| m.force_n - self.offset + sign * bar(m)).collect();
         let (low, high) = (end(-1.0), end(1.0));
         Series::error_bars("mean, ± 95 %", Role::Measured, x, y, low, high)
@@ -158,13 +158,13 @@ fn caption(found: &Identification) -> String {
     let [slowest, fastest] = steady.speed_range_m_s.map(|v| MM * v);
     let mut text = format!(
         "(a) Force in steady sliding against velocity, as in figure 6 of EMS, the sensor offset of {} N removed: {} means, one \
-         per pass and constant speed, or one per 0.1 s of motion where the deformation is negligible and inertia was taken out. (b) The \
+         per stroke and constant speed, or one per 0.1 s of motion where the deformation is negligible and inertia was subtracted. (b) The \
          same less the fit. ",
         fixed(found.model.offset, 3),
         steady.means.len()
     );
     if steady.means.len() <= MOST_BARS {
-        text.push_str("Bars hold 95 % of what such a mean scatters, by the scatter within it and between passes. ");
+        text.push_str("Bars hold 95 % of what such a mean scatters, by the scatter within it and between strokes. ");
     }
     if steady.coulomb_force_n.determined && steady.viscous_damping_n_s_m.determined {
         text.push_str(&format!(

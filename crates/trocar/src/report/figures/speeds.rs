@@ -21,20 +21,20 @@ fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {
 pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
     let groups = by_speed(&scored.validation);
     if groups.len() < 2 {
-        return Err("The error is not drawn against speed: all passes have about one speed.".to_owned());
+        return Err("The error is not drawn against speed: all strokes have about one speed.".to_owned());
     }
     let x: Vec<f64> = groups.keys().map(|speed| *speed as f64).collect();
     let y: Vec<f64> = groups.values().map(|(n, squares)| (squares / n).sqrt()).collect();
     let noise = scored.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     let ends = vec![x[0], x[x.len() - 1]];
-    let mut panel = Panel::new(Axis::new("speed of the pass", "mm/s"), Axis::new("rms error", "N").with_zero())
+    let mut panel = Panel::new(Axis::new("speed of the stroke", "mm/s"), Axis::new("rms error", "N").with_zero())
         .series(Series::line("rms error", Role::Model, x.clone(), y.clone()))
         .series(Series::points("rms error", Role::Model, x, y));
     if noise > 0.0 {
         panel = panel.series(Series::line("noise of the sensor", Role::Neutral, ends, vec![noise; 2]));
     }
     Ok(Figure::new("error-by-speed", 0, "Error by speed").panel(panel.aspect(0.4)).caption(format!(
-        "Root mean square of measured minus computed force over the passes of each speed (to the next 5 mm/s), on {}. No model can go \
+        "Root mean square of measured minus computed force over the strokes of each speed (to the next 5 mm/s), on {}. No model can go \
          below the noise of the sensor.",
         scored.kind()
     )))

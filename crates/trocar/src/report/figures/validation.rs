@@ -12,7 +12,7 @@ use crate::recording::Recording;
 use crate::replay::{Replay, replay};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::{fixed, significant};
-use crate::segment::{SegmentOptions, passes, reversal_threshold, stretches, travel};
+use crate::segment::{SegmentOptions, reversal_threshold, steady_segments, strokes, travel};
 use crate::validate::{Validation, validate};
 
 /// Most recordings for which the residual is drawn.
@@ -105,16 +105,16 @@ pub(super) struct Cycle {
 pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Range<usize>>) -> Vec<Cycle> {
     let mut found = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
-        let passes = passes(recording, reversal_threshold(recording));
-        let stretches = stretches(recording, &passes, &SegmentOptions::default());
-        let longest = passes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
+        let strokes = strokes(recording, reversal_threshold(recording));
+        let steady_segments = steady_segments(recording, &strokes, &SegmentOptions::default());
+        let longest = strokes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
         let known = known(index);
-        for (number, pair) in passes.windows(2).enumerate() {
+        for (number, pair) in strokes.windows(2).enumerate() {
             let [first, second] = pair else { continue };
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
             let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
             if inside && full && first.end == second.start {
-                let own = stretches.iter().filter(|s| s.pass == number).max_by_key(|s| s.end - s.start);
+                let own = steady_segments.iter().filter(|s| s.stroke == number).max_by_key(|s| s.end - s.start);
                 let duration = recording.time[first.end] - recording.time[first.start];
                 let mean = travel(recording, first, first.end) / duration;
                 let speed = own.map_or(mean, |s| s.velocity.abs());
@@ -185,7 +185,7 @@ pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Dra
     let stages = if scored.stages { " (of the first of the model's elements)" } else { "" };
     Ok(figure.caption(format!(
         "Measured force, computed force (upper row) and computed deflection{stages} (lower row{rows}), as in figure 9 of EMS, on {}. {speeds} The \
-         sensor offset of {} N is taken out of the measured force; the model's force is the seal's alone, from measured positions \
+         sensor offset of {} N is subtracted from the measured force; the model's force is the seal's alone, from measured positions \
          only. Over all samples whose state is known the root mean square error is {:.3} N.",
         scored.kind(),
         fixed(scored.offset, 3),

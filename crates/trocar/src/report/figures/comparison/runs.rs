@@ -160,7 +160,7 @@ impl Shown<'_> {
 
     fn offset_in_words(&self) -> String {
         format!(
-            "The sensor offset of the EMS element, {:.3} N, is taken out of everything drawn; each model is drawn with its own \
+            "The sensor offset of the EMS element, {:.3} N, is subtracted from everything drawn; each model is drawn with its own \
              offset as a difference from it.",
             self.offset
         )

@@ -5,7 +5,7 @@ use crate::compare::{Comparison, Entry};
 use crate::identify::Warning;
 use crate::report::document::{Cell, Table};
 use crate::report::figures::tables::{cells_of, name_of, subject_in_words};
-use crate::validate::Part;
+use crate::validate::PhaseError;
 use trocar_model::{ParameterId, Unit};
 
 /// The parameters of banks with more elements than this are only in the JSON.
@@ -56,7 +56,7 @@ pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<T
 /// Every model: errors over the whole validation and by phase.
 pub(in super::super::super) fn errors_by_phase(comparison: &Comparison) -> Table {
     let columns = ["Model", "Parameters", "Training", "Validation", "Fit (%)", "Deformation", "Sliding", "Hold"];
-    let phase = |part: &Part| number(if part.samples > 0 { part.rms_n } else { f64::NAN }, 3);
+    let phase = |part: &PhaseError| number(if part.samples > 0 { part.rms_n } else { f64::NAN }, 3);
     let row = |entry: &Entry| {
         let s = &entry.scores;
         let over_all = [s.train_rms_n, s.validate_rms_n, s.fit_percent].map(|value| number(value, 3));
