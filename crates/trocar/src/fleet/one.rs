@@ -369,7 +369,7 @@ fn quality_of_fit(row: &mut FleetRow, found: &Identification) {
     row.set("free_parameters", FleetCell::count(found.free_parameters));
     row.set("position_delay_s", FleetCell::from(found.position_delay.map(|lag| lag.delay_s)));
     row.set("steady_strokes", FleetCell::count(found.steady.means.len()));
-    row.set("stroke_scatter_n", FleetCell::number(found.steady.stroke_scatter_n));
+    row.set("stroke_mean_scatter_n", FleetCell::number(found.steady.stroke_mean_scatter_n));
     if !found.steady.means.is_empty() {
         let [slowest, fastest] = found.steady.speed_range_m_s;
         row.set("slowest_steady_m_s", FleetCell::number(slowest));

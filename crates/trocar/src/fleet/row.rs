@@ -112,7 +112,7 @@ const TRAILING: [(&str, Kind); 36] = [
     ("force_rms_n", Kind::Number),
     ("free_parameters", Kind::Integer),
     ("deformation_missing", Kind::Text),
-    ("stroke_scatter_n", Kind::Number),
+    ("stroke_mean_scatter_n", Kind::Number),
     ("friction_scatter", Kind::Number),
     ("friction_drift", Kind::Number),
     ("friction_jump_ratio", Kind::Number),

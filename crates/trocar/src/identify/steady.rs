@@ -106,8 +106,8 @@ pub struct SteadyFit {
     pub stribeck: Option<StribeckFit>,
     /// Lack-of-fit test, when enough speeds were measured.
     pub lack_of_fit: Option<LackOfFit>,
-    /// Scatter between strokes, N.
-    pub stroke_scatter_n: f64,
+    /// Scatter of the mean sliding force between strokes, N.
+    pub stroke_mean_scatter_n: f64,
     /// Slowest and fastest speed measured, m/s.
     pub speed_range_m_s: [f64; 2],
     /// The data: one mean per stroke and speed.
@@ -364,7 +364,7 @@ fn blank(coulomb: Estimate, viscous: Estimate, offset: Estimate) -> SteadyFit {
         symmetry_p_value: None,
         stribeck: None,
         lack_of_fit: None,
-        stroke_scatter_n: 0.0,
+        stroke_mean_scatter_n: 0.0,
         speed_range_m_s: [0.0, 0.0],
         means: Vec::new(),
     }
@@ -402,14 +402,14 @@ fn common_line(means: &[StrokeMean]) -> SteadyFit {
             let (fit, scatter) = weighted(means, &[|_| 1.0, sign, |v| v]);
             let Some(fit) = fit else { return common_line(&[]) };
             let line = blank(fit.estimate(1, "N"), fit.estimate(2, "N s/m"), fit.estimate(0, "N"));
-            SteadyFit { stroke_scatter_n: scatter, ..line }
+            SteadyFit { stroke_mean_scatter_n: scatter, ..line }
         }
         (true, false) => {
             let (fit, scatter) = weighted(means, &[|_| 1.0, sign]);
             let Some(fit) = fit else { return common_line(&[]) };
             let coulomb = Estimate::undetermined(fit.coefficients[1], "N", one_speed);
             let line = blank(coulomb, Estimate::undetermined(0.0, "N s/m", one_speed), fit.estimate(0, "N"));
-            SteadyFit { stroke_scatter_n: scatter, ..line }
+            SteadyFit { stroke_mean_scatter_n: scatter, ..line }
         }
         (false, _) => {
             let columns: &[fn(f64) -> f64] = if slope { &[sign, |v| v] } else { &[sign] };
@@ -421,7 +421,7 @@ fn common_line(means: &[StrokeMean]) -> SteadyFit {
             };
             let coulomb = Estimate::undetermined(fit.coefficients[0], "N", one_way);
             let line = blank(coulomb, viscous, Estimate::undetermined(0.0, "N", one_way));
-            SteadyFit { stroke_scatter_n: scatter, ..line }
+            SteadyFit { stroke_mean_scatter_n: scatter, ..line }
         }
     }
 }

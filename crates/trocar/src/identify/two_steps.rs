@@ -216,7 +216,7 @@ fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
     let margin =
-        if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.stroke_scatter_n) };
+        if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.stroke_mean_scatter_n) };
     Limits { offset, insertion: insertion.static_force, withdrawal: withdrawal.static_force, margin }
 }
 

@@ -55,7 +55,7 @@ impl Curves<'_> {
         if shown.len() > MOST_BARS {
             return Series::points("mean", Role::Measured, x, y);
         }
-        let bar = |m: &StrokeMean| NORMAL_95 * m.standard_error_n.hypot(self.steady.stroke_scatter_n);
+        let bar = |m: &StrokeMean| NORMAL_95 * m.standard_error_n.hypot(self.steady.stroke_mean_scatter_n);
         let end = |sign: f64| shown.iter().map(|m| m.force_n - self.offset + sign * bar(m)).collect();
         let (low, high) = (end(-1.0), end(1.0));
         Series::error_bars("mean, ± 95 %", Role::Measured, x, y, low, high)
