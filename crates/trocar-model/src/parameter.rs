@@ -185,32 +185,6 @@ quantities! {
 const POWERS: usize = 8;
 
 const fn coefficient(piece: u8, power: u8) -> Declaration {
-    const KEYS: [[&str; POWERS]; 2] = [
-        [
-            "theta1_0_n",
-            "theta1_1_n_m1",
-            "theta1_2_n_m2",
-            "theta1_3_n_m3",
-            "theta1_4_n_m4",
-            "theta1_5_n_m5",
-            "theta1_6_n_m6",
-            "theta1_7_n_m7",
-        ],
-        [
-            "theta2_0_n",
-            "theta2_1_n_m1",
-            "theta2_2_n_m2",
-            "theta2_3_n_m3",
-            "theta2_4_n_m4",
-            "theta2_5_n_m5",
-            "theta2_6_n_m6",
-            "theta2_7_n_m7",
-        ],
-    ];
-    const SYMBOLS: [[&str; POWERS]; 2] = [
-        ["θ1_0", "θ1_1", "θ1_2", "θ1_3", "θ1_4", "θ1_5", "θ1_6", "θ1_7"],
-        ["θ2_0", "θ2_1", "θ2_2", "θ2_3", "θ2_4", "θ2_5", "θ2_6", "θ2_7"],
-    ];
     const UNITS: [Unit; POWERS] = [
         Unit::NEWTON,
         Unit::new("N/m", "n_m1", "N/m", 1.0),
@@ -221,10 +195,9 @@ const fn coefficient(piece: u8, power: u8) -> Declaration {
         Unit::new("N/m^6", "n_m6", "N/m⁶", 1.0),
         Unit::new("N/m^7", "n_m7", "N/m⁷", 1.0),
     ];
-    let (left, k) = (piece < 2, if (power as usize) < POWERS { power as usize } else { POWERS - 1 });
-    let words = if left { "coefficient left of the join" } else { "coefficient right of the join" };
-    let row = if left { 0 } else { 1 };
-    Declaration { key: KEYS[row][k], symbol: SYMBOLS[row][k], words, unit: UNITS[k], range: Any }
+    let unit = UNITS[if (power as usize) < POWERS { power as usize } else { POWERS - 1 }];
+    let words = if piece < 2 { "coefficient left of the join" } else { "coefficient right of the join" };
+    Declaration { key: "theta", symbol: "θ", words, unit, range: Any }
 }
 
 impl Quantity {
@@ -245,10 +218,22 @@ impl Quantity {
         ParameterId { element: None, direction: Some(direction), quantity: self }
     }
 
+    /// `theta1_3_n_m3`: power 3 left of the join.
+    fn coefficient_named(key: &str) -> Option<Self> {
+        let (piece, rest) = key.strip_prefix("theta")?.split_once('_')?;
+        let (power, unit) = rest.split_once('_')?;
+        let is_it = |quantity: &Self| match *quantity {
+            Self::Coefficient { piece: own, power: at } => piece.parse() == Ok(own) && power.parse() == Ok(at),
+            _ => false,
+        };
+        let found = Self::coefficients([POWERS - 1; 2]).find(is_it)?;
+        (found.declaration().unit.ending == unit).then_some(found)
+    }
+
     /// The quantity with that key.
     fn with_key(key: &str) -> Option<Self> {
         let plain = Self::ALL.iter().copied().find(|quantity| quantity.declaration().key == key);
-        plain.or_else(|| Self::coefficients([POWERS - 1; 2]).find(|quantity| quantity.declaration().key == key))
+        plain.or_else(|| Self::coefficient_named(key))
     }
 }
 
@@ -302,8 +287,13 @@ impl fmt::Display for ParameterId {
         if let Some(element) = self.element {
             write!(f, "element_{element}_")?;
         }
+        let Declaration { key, unit, .. } = self.declaration();
         f.write_str(self.direction.map_or("", Direction::prefix))?;
-        f.write_str(self.declaration().key)
+        f.write_str(key)?;
+        match self.quantity {
+            Quantity::Coefficient { piece, power } => write!(f, "{piece}_{power}_{}", unit.ending),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -376,6 +366,7 @@ impl fmt::Display for Symbol {
             (Quantity::JoinForce, Some(_)) => write!(f, "F(a{raised})")?,
             (Quantity::CoulombForceWithOffset, Some(Direction::Withdrawal)) => write!(f, "{symbol}{raised} − F_0")?,
             (Quantity::CoulombForceWithOffset, _) => write!(f, "{symbol}{raised} + F_0")?,
+            (Quantity::Coefficient { piece, power }, _) => write!(f, "{symbol}{piece}_{power}{raised}")?,
             _ => write!(f, "{symbol}{raised}")?,
         }
         let Some(element) = element else { return Ok(()) };
@@ -500,8 +491,8 @@ mod tests {
     #[test]
     fn every_key_ends_with_its_unit() {
         for id in every() {
-            let Declaration { key, unit, .. } = id.declaration();
-            assert!(key.ends_with(unit.ending), "{key}");
+            let (name, unit) = (id.to_string(), id.unit());
+            assert!(name.ends_with(unit.ending), "{name}");
         }
     }
 

@@ -49,7 +49,7 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
     let mut made: Vec<(&str, Seal)> = vec![
         ("ems", (Element::new(plausible)?).into()),
         ("ems_stribeck", (stribeck(plausible, [12.0, 0.0, 0.0])?).into()),
-        ("ems_velocity_weakening", (velocity_weakening(plausible)?).into()),
+        ("ems_weakening", (velocity_weakening(plausible)?).into()),
         ("ems_slow", (slow(plausible)?).into()),
         ("ems_stages", both.into()),
     ];
