@@ -196,7 +196,7 @@ const fn coefficient(piece: u8, power: u8) -> Declaration {
         Unit::new("N/m^7", "n_m7", "N/m⁷", 1.0),
     ];
     let unit = UNITS[if (power as usize) < POWERS { power as usize } else { POWERS - 1 }];
-    let words = if piece < 2 { "coefficient left of the join" } else { "coefficient right of the join" };
+    let words = if piece < 2 { "left of the join" } else { "right of the join" };
     Declaration { key: "theta", symbol: "θ", words, unit, range: Any }
 }
 
@@ -338,10 +338,10 @@ pub struct Words(ParameterId);
 impl fmt::Display for Words {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ParameterId { element, direction, quantity } = self.0;
-        f.write_str(quantity.declaration().words)?;
         if let Quantity::Coefficient { power, .. } = quantity {
-            write!(f, " of z^{power}")?;
+            write!(f, "coefficient of z^{power} ")?;
         }
+        f.write_str(quantity.declaration().words)?;
         if let Some(direction) = direction {
             write!(f, ", {}", direction.name())?;
         }

@@ -5,8 +5,8 @@
 //! seal deforms. The profile is kept if it improves the prediction of held-out cycles. The element
 //! is then refitted to the readings with the profile removed.
 
-use super::Segments;
 use super::element::{self, ElementFit, Input};
+use super::segments::Segments;
 use trocar_model::Trocar;
 
 use crate::profile::{self, ProfileFit, ProfileSample};

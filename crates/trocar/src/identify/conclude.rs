@@ -8,11 +8,15 @@ use super::candidate::Candidate;
 use super::element::{self, ElementFit, Input};
 use super::unexplained::PositionDelay;
 
+use super::estimate::Estimate;
+use super::findings::{IdentifyError, Parameter, Warning};
+use super::free_motion::FreeMotion;
+use super::numbers;
+use super::result::{FitSummary, Identification};
 use super::scale::{FrictionScale, TOO_FAR};
 use super::terms::Term;
 use super::training::acceleration_is_resolved;
 use super::two_steps;
-use super::{Estimate, FitSummary, FreeMotion, Identification, IdentifyError, Parameter, Warning, numbers};
 
 /// Largest remaining undamped step of a converged fit, in standard errors (root mean square over
 /// the parameters). The intervals cover it.

@@ -7,9 +7,11 @@
 //! seal.
 
 use super::element::{self, Begun, ElementFit, Input};
+use super::findings::{IdentifyError, Progress};
+use super::options::IdentifyOptions;
+use super::segments::{Segments, segment};
 use super::two_steps::{self, TwoSteps};
 use super::unexplained::PositionDelay;
-use super::{IdentifyError, IdentifyOptions, Progress, Segments, segment};
 use crate::recording::Recording;
 
 /// Recordings with the position delay compensated, the delay, and the estimate made from them.

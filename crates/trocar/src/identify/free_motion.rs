@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::Segments;
+use super::segments::Segments;
 use crate::recording::Recording;
 use crate::segment::Stroke;
 

@@ -15,22 +15,21 @@
 //! parameter that the data do not determine is reported with an infinite interval, the reason, and
 //! a warning.
 
-use serde::Serialize;
-use trocar_model::{Element, ParameterId, Quantity, Stages, Trocar};
-
-use crate::profile::ProfileFit;
-use crate::recording::{Recording, RecordingError, range};
-use crate::segment::{SegmentOptions, SteadySegment, Stroke, reversal_threshold, steady_segments, strokes};
+use crate::recording::{Recording, range};
+use crate::segment::{reversal_threshold, strokes};
 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, FullReversal, Limits, bin_centres, legendre};
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
+pub use findings::{IdentifyError, Parameter, Progress, Warning};
 pub use free_motion::FreeMotion;
 pub use numbers::reported;
+pub use options::IdentifyOptions;
 pub use refit::EmsRefit;
 pub(crate) use refit::refit;
+pub use result::{FitSummary, Identification};
 pub use scale::{FrictionScale, Jump, StrokeFriction};
 pub use shape::{BranchShape, EndForces};
 pub use stage::SecondStage;
@@ -49,14 +48,18 @@ mod delay;
 mod divide;
 mod element;
 mod estimate;
+mod findings;
 mod free_motion;
 mod likelihood;
 mod nnls;
 mod numbers;
+mod options;
 mod random;
 mod refit;
 mod replicates;
+mod result;
 mod scale;
+mod segments;
 mod shape;
 mod spread;
 mod stage;
@@ -67,271 +70,6 @@ mod terms;
 mod training;
 mod two_steps;
 mod unexplained;
-
-/// Options of the identification.
-#[derive(Debug, Clone)]
-pub struct IdentifyOptions {
-    /// Resamples of the bootstrap over cycles; with 0 all intervals come from the jackknife.
-    pub bootstrap: usize,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Degrees of the two joined polynomials, 2 to 7 (EMS (25): 4 and 4).
-    pub degrees: [usize; 2],
-    /// Whether to try the terms that only rests and partial reversals reveal: creep, relaxation,
-    /// minor loops, a second stage.
-    pub free_motion: bool,
-    /// Optional terms that are not tried.
-    pub without: Vec<Term>,
-    /// Whether to fit the position-dependent force where strokes repeat.
-    pub along: bool,
-    /// Whether to estimate a mass between sensor and seal that was not declared.
-    pub estimate_unmodelled_mass: bool,
-    /// Whether the inertia of the moving mass was removed from the readings. Transients then count
-    /// as sliding too, where the deformation is less than a hundredth of the stroke.
-    pub inertia_removed: bool,
-    /// Sensor reading without load, N, where it is known (a tare); `None` estimates it.
-    pub offset: Option<f64>,
-    /// Whether to use only the procedure of the paper.
-    pub paper: bool,
-    /// Tolerances of the segmentation.
-    pub segment: SegmentOptions,
-}
-
-impl Default for IdentifyOptions {
-    fn default() -> Self {
-        Self {
-            bootstrap: 200,
-            seed: 1,
-            degrees: [4, 4],
-            free_motion: true,
-            without: Vec::new(),
-            along: true,
-            estimate_unmodelled_mass: true,
-            inertia_removed: false,
-            offset: None,
-            paper: false,
-            segment: SegmentOptions::default(),
-        }
-    }
-}
-
-/// Why the identification failed.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum IdentifyError {
-    /// No recording was given.
-    #[error("no recording to identify from")]
-    NoRecording,
-    /// No steady sliding anywhere.
-    #[error(
-        "no steady sliding found: {strokes} strokes, {steady_segments} constant-velocity segments, none of them \
-         after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
-         at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
-         several speeds, or half a minute of motion with many reversals"
-    )]
-    NoSteadySliding {
-        /// Strokes found.
-        strokes: usize,
-        /// Constant-velocity segments found.
-        steady_segments: usize,
-    },
-    /// The force opposes the motion.
-    #[error(
-        "the sliding force opposes the motion: F_c = {coulomb_force:.3} N, expected above 0 N\n\nhint: the force is what the device \
-         exerts on the seal; if the sensor is mounted the other way round, use --flip-force"
-    )]
-    ForceSign {
-        /// Coulomb force found, N.
-        coulomb_force: f64,
-    },
-    /// The force is constant, or exceeds the range of any sensor.
-    #[error(
-        "{name}: the force {what}, from which no friction can be identified\n\nhint: is the sensor connected, and is force_n the right \
-         column, in newtons?"
-    )]
-    NoForce {
-        /// Name of the recording.
-        name: String,
-        /// Description of the force.
-        what: String,
-    },
-    /// The same recording was given twice.
-    #[error("{first} and {second} hold the same bytes: counted twice, they would make every interval too narrow")]
-    SameRecording {
-        /// Name of the first.
-        first: String,
-        /// Name of the second.
-        second: String,
-    },
-    /// The identified parameters do not form a valid model.
-    #[error("the identified numbers do not make a model: {0}")]
-    NotAModel(#[from] trocar_model::ParamError),
-    /// Polynomial degree outside 2 to 7.
-    #[error("polynomial degree must be between 2 and 7, got {0}")]
-    Degree(usize),
-}
-
-/// A warning about the result.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Warning {
-    /// What it concerns (`viscous_damping_n_s_m`, `steady.csv`).
-    pub subject: String,
-    /// The problem and its remedy.
-    pub message: String,
-    /// Whether the result is doubtful or incomplete because of it (exit code 3).
-    pub doubtful: bool,
-}
-
-impl Warning {
-    /// Start of the message about an undetermined parameter.
-    const UNDETERMINED: &str = "not determined: ";
-
-    /// Warning that the data do not determine `parameter`.
-    pub(crate) fn undetermined(parameter: &Parameter, doubtful: bool) -> Self {
-        let why = parameter.estimate.note.as_deref().unwrap_or("not identifiable from these data");
-        Self { subject: parameter.id.to_string(), message: format!("{}{why}", Self::UNDETERMINED), doubtful }
-    }
-
-    /// Whether it reports that the data do not determine a parameter.
-    pub fn is_undetermined(&self) -> bool {
-        self.message.starts_with(Self::UNDETERMINED)
-    }
-}
-
-/// Outcome of the likelihood fit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct FitSummary {
-    /// Trials of the optional terms.
-    pub terms: Vec<TermTrial>,
-    /// Root mean square error, N, of the paper's element fitted to all motion, with the friction
-    /// scale of each stroke removed.
-    pub paper_rms_n: f64,
-    /// The same for the model.
-    pub rms_n: f64,
-    /// Iterations of the last fit.
-    pub iterations: usize,
-    /// Whether it converged.
-    pub converged: bool,
-}
-
-/// An estimated parameter.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    /// Which; its name in `summary.json` is that of the id.
-    pub id: ParameterId,
-    /// Value and interval.
-    pub estimate: Estimate,
-}
-
-impl Parameter {
-    /// A parameter with its estimate.
-    pub(super) fn new(id: impl Into<ParameterId>, estimate: Estimate) -> Self {
-        Self { id: id.into(), estimate }
-    }
-
-    /// Whether it is a coefficient of a branch (EMS (25)): determined together with the others only.
-    pub fn is_coefficient(&self) -> bool {
-        matches!(self.id.quantity, Quantity::Coefficient { .. })
-    }
-}
-
-/// Result of an identification.
-#[derive(Debug, Clone)]
-pub struct Identification {
-    /// The model's parameters.
-    pub model: Candidate,
-    /// The model, ready to run.
-    pub stages: Stages,
-    /// The two-step result.
-    pub two_step: Candidate,
-    /// All parameters with intervals.
-    pub parameters: Vec<Parameter>,
-    /// The same parameters by the paper's two steps alone.
-    pub two_step_parameters: Vec<Parameter>,
-    /// Steady-state step.
-    pub steady: SteadyFit,
-    /// Dynamic step, or why there is none.
-    pub deformation: Result<DeformationFit, String>,
-    /// The likelihood fit, which then defines the model; `None` when it was not requested or not
-    /// possible.
-    pub fit: Option<FitSummary>,
-    /// Change of friction from stroke to stroke.
-    pub friction_scale: FrictionScale,
-    /// Content of the recordings beyond full strokes.
-    pub free_motion: FreeMotion,
-    /// Error of the model by phase of the motion.
-    pub phases: Vec<Phase>,
-    /// Self-excited oscillation of the force; `None` without any.
-    pub stick_slip: Option<StickSlip>,
-    /// The position delay that was found and compensated; `None` if none is detectable.
-    pub position_delay: Option<PositionDelay>,
-    /// Position dependence of the force in addition to the element; `None` where it does not
-    /// improve the prediction of held-out cycles.
-    pub position_profile: Option<ProfileFit>,
-    /// Why repeated strokes gave no position profile.
-    pub no_position_profile: Option<String>,
-    /// Number of model parameters estimated from the recordings, without the sensor offset and an
-    /// unmodelled mass.
-    pub free_parameters: usize,
-    /// Root mean square error, N, of the model over the recordings it was identified from.
-    pub residual_rms: f64,
-    /// Warnings about the result.
-    pub warnings: Vec<Warning>,
-}
-
-impl Identification {
-    /// The element, or the first of several stages.
-    pub fn element(&self) -> &Element {
-        self.stages.first()
-    }
-
-    /// The estimate of a parameter.
-    pub fn estimate(&self, id: impl Into<ParameterId>) -> Option<&Estimate> {
-        let id = id.into();
-        self.parameters.iter().find(|p| p.id == id).map(|p| &p.estimate)
-    }
-
-    /// The estimate of the parameter of this name, such as `half_width_m`.
-    pub fn parameter(&self, name: &str) -> Option<&Estimate> {
-        self.estimate(name.parse::<ParameterId>().ok()?)
-    }
-
-    /// The model, with its position profile.
-    pub fn trocar(&self) -> Trocar<&[f64]> {
-        let profile = self.position_profile.as_ref().map(|fit| fit.profile.stored_as(|knots| knots));
-        Trocar::new(self.stages, profile)
-    }
-
-    /// The recordings for comparison with the model: with the position delay compensated.
-    ///
-    /// # Errors
-    /// As for [`Recording::with_position_delay`].
-    pub fn without_delay(&self, recordings: Vec<Recording>) -> Result<Vec<Recording>, RecordingError> {
-        let Some(PositionDelay { delay_s, .. }) = self.position_delay else { return Ok(recordings) };
-        recordings.iter().map(|recording| recording.with_position_delay(delay_s)).collect()
-    }
-
-    /// A remark for the model file if the deformation was not identified.
-    pub(crate) fn deformation_note(&self) -> Option<String> {
-        let fitted = self.fit.is_some();
-        let assumed = self.deformation.as_ref().err().filter(|_| !fitted);
-        assumed.map(|why| format!("deformation assumed, not identified: {why}"))
-    }
-
-    /// Whether data were lost or parameters are not determined (exit code 3).
-    pub fn is_doubtful(&self) -> bool {
-        self.warnings.iter().any(|w| w.doubtful)
-    }
-}
-
-/// Callback for a progress display: name of the stage and fraction done, 0 to 1.
-pub type Progress<'a> = &'a (dyn Fn(&str, f64) + Sync);
-
-/// Strokes and constant-velocity segments of one recording.
-struct Segments {
-    strokes: Vec<Stroke>,
-    steady_segments: Vec<SteadySegment>,
-}
 
 /// Identifies an EMS element from recordings of any motion.
 ///
@@ -401,10 +139,4 @@ fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
         ));
     }
     Ok(())
-}
-
-fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
-    let strokes = strokes(recording, reversal_threshold(recording));
-    let steady_segments = steady_segments(recording, &strokes, options);
-    Segments { strokes, steady_segments }
 }

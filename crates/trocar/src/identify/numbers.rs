@@ -3,9 +3,10 @@
 use trocar_model::{Direction, ParameterId, Quantity, Unit};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
+use super::estimate::Estimate;
+use super::findings::Parameter;
 use super::likelihood::{Fitted, Trial};
 use super::spread::{Reported, Spread};
-use super::{Estimate, Parameter};
 
 /// Joins, forces there, and the paper's θ (25), of both branches.
 pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {

@@ -10,10 +10,11 @@ use trocar_model::{Direction, Quantity, Stages};
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ClassicalData, LONG, SHORT, doubts};
 use super::element::straight;
+use super::findings::{Parameter, Warning};
 use super::likelihood::{self, Fitted};
 use super::numbers::{OnLogarithm, parameter_or_held};
+use super::result::Identification;
 use super::spread::Spread;
-use super::{Identification, Parameter, Warning};
 
 /// Half widths to start from where no deformation was resolved, in units of the one assumed for the
 /// scales.

@@ -19,8 +19,8 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::IdentifyError;
 use super::estimate::{Estimate, LinearFit, t_p_value};
+use super::findings::IdentifyError;
 use crate::recording::{Recording, local_velocity};
 use crate::segment::{Direction, SteadySegment, Stroke, after_start};
 

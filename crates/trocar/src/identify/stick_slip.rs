@@ -9,7 +9,7 @@
 
 use serde::Serialize;
 
-use super::Segments;
+use super::segments::Segments;
 use crate::recording::{Recording, median, range};
 use crate::segment::SteadySegment;
 

@@ -3,9 +3,11 @@
 
 use trocar_model::Stages;
 
+use crate::identify::options::IdentifyOptions;
+use crate::identify::result::Identification;
+use crate::identify::segments::{Segments, segment};
 use crate::identify::training::{Segmented, Training};
 use crate::identify::two_steps::settled_segments;
-use crate::identify::{Identification, IdentifyOptions, Segments, segment};
 use crate::recording::Recording;
 use crate::segment::SteadySegment;
 

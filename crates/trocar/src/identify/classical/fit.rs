@@ -5,9 +5,9 @@ use std::sync::Arc;
 use trocar_model::{Passivity, SlipRate};
 
 use crate::identify::estimate::Estimate;
+use crate::identify::findings::{Parameter, Warning};
 use crate::identify::likelihood::{self, Column, Fitted, Free, Stop, Trial};
 use crate::identify::spread::{Reported, Spread};
-use crate::identify::{Parameter, Warning};
 use trocar_model::Classical;
 
 use super::data::ClassicalData;

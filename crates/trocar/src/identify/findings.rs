@@ -1,0 +1,113 @@
+//! What the stages report: errors, warnings, parameters, progress.
+
+use serde::Serialize;
+use trocar_model::{ParameterId, Quantity};
+
+use super::estimate::Estimate;
+
+/// Why the identification failed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IdentifyError {
+    /// No recording was given.
+    #[error("no recording to identify from")]
+    NoRecording,
+    /// No steady sliding anywhere.
+    #[error(
+        "no steady sliding found: {strokes} strokes, {steady_segments} constant-velocity segments, none of them \
+         after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
+         at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
+         several speeds, or half a minute of motion with many reversals"
+    )]
+    NoSteadySliding {
+        /// Strokes found.
+        strokes: usize,
+        /// Constant-velocity segments found.
+        steady_segments: usize,
+    },
+    /// The force opposes the motion.
+    #[error(
+        "the sliding force opposes the motion: F_c = {coulomb_force:.3} N, expected above 0 N\n\nhint: the force is what the device \
+         exerts on the seal; if the sensor is mounted the other way round, use --flip-force"
+    )]
+    ForceSign {
+        /// Coulomb force found, N.
+        coulomb_force: f64,
+    },
+    /// The force is constant, or exceeds the range of any sensor.
+    #[error(
+        "{name}: the force {what}, from which no friction can be identified\n\nhint: is the sensor connected, and is force_n the right \
+         column, in newtons?"
+    )]
+    NoForce {
+        /// Name of the recording.
+        name: String,
+        /// Description of the force.
+        what: String,
+    },
+    /// The same recording was given twice.
+    #[error("{first} and {second} hold the same bytes: counted twice, they would make every interval too narrow")]
+    SameRecording {
+        /// Name of the first.
+        first: String,
+        /// Name of the second.
+        second: String,
+    },
+    /// The identified parameters do not form a valid model.
+    #[error("the identified numbers do not make a model: {0}")]
+    NotAModel(#[from] trocar_model::ParamError),
+    /// Polynomial degree outside 2 to 7.
+    #[error("polynomial degree must be between 2 and 7, got {0}")]
+    Degree(usize),
+}
+
+/// A warning about the result.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Warning {
+    /// What it concerns (`viscous_damping_n_s_m`, `steady.csv`).
+    pub subject: String,
+    /// The problem and its remedy.
+    pub message: String,
+    /// Whether the result is doubtful or incomplete because of it (exit code 3).
+    pub doubtful: bool,
+}
+
+impl Warning {
+    /// Start of the message about an undetermined parameter.
+    const UNDETERMINED: &str = "not determined: ";
+
+    /// Warning that the data do not determine `parameter`.
+    pub(crate) fn undetermined(parameter: &Parameter, doubtful: bool) -> Self {
+        let why = parameter.estimate.note.as_deref().unwrap_or("not identifiable from these data");
+        Self { subject: parameter.id.to_string(), message: format!("{}{why}", Self::UNDETERMINED), doubtful }
+    }
+
+    /// Whether it reports that the data do not determine a parameter.
+    pub fn is_undetermined(&self) -> bool {
+        self.message.starts_with(Self::UNDETERMINED)
+    }
+}
+
+/// An estimated parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Which; its name in `summary.json` is that of the id.
+    pub id: ParameterId,
+    /// Value and interval.
+    pub estimate: Estimate,
+}
+
+impl Parameter {
+    /// A parameter with its estimate.
+    pub(crate) fn new(id: impl Into<ParameterId>, estimate: Estimate) -> Self {
+        Self { id: id.into(), estimate }
+    }
+
+    /// Whether it is a coefficient of a branch (EMS (25)): determined together with the others only.
+    pub fn is_coefficient(&self) -> bool {
+        matches!(self.id.quantity, Quantity::Coefficient { .. })
+    }
+}
+
+/// Callback for a progress display: name of the stage and fraction done, 0 to 1.
+pub type Progress<'a> = &'a (dyn Fn(&str, f64) + Sync);
