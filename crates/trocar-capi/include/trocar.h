@@ -34,7 +34,7 @@
  * Version of this interface: of its functions, their meaning, and the layout of a state and of all structs. Programs
  * compiled for one version must not run with a library of another; compare with trocar_abi_version().
  */
-#define TROCAR_ABI_VERSION 1
+#define TROCAR_ABI_VERSION 2
 
 /**
  * Bytes of a state.

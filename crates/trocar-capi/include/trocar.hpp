@@ -337,7 +337,7 @@ inline const char *fault_message(Fault fault) noexcept { return trocar_fault_mes
 /** Where friction and viscosity stand, over those of the model. */
 using Drift = trocar_drift;
 
-/** How a compensator is set up; nothing stands for the value in the model file. */
+/** How a compensator is set up; an empty optional means: as in the model file. */
 struct CompensatorOptions {
     /** Reading without any force, N. */
     std::optional<double> offset_n;

@@ -149,7 +149,7 @@ fn parameters(seal: &Seal) -> impl Iterator<Item = Variable> {
             unit: unit.si,
             description: format!("{}: {}{above}", id.symbol(), id.words()),
             start: Some(value),
-            least: Some((range.least(), range.excludes_least())),
+            least: range.least().is_finite().then(|| (range.least(), range.excludes_least())),
         }
     })
 }

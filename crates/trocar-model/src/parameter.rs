@@ -159,10 +159,10 @@ quantities! {
         "seal damping, quadratic part";
     CreepVelocity: "creep_velocity_m_s", "v_c", METRE_PER_SECOND, FROM_ZERO, "creep velocity of the contact";
     FrictionLag: "friction_lag_s", "T", MILLISECOND, FROM_ZERO, "lag of the Stribeck curve";
-    RelaxationStiffness: "relaxation_stiffness_n_m", "E", NEWTON_PER_METRE, FROM_ZERO, "stiffness of the relaxation";
+    RelaxationStiffness: "relaxation_stiffness_n_m", "E", NEWTON_PER_METRE, FROM_ZERO, "stiffness of the relaxing spring";
     RelaxationTime: "relaxation_time_s", "τ", SECOND, AboveZero, "relaxation time";
     SecondRelaxationStiffness: "second_relaxation_stiffness_n_m", "E_2", NEWTON_PER_METRE, FROM_ZERO,
-        "stiffness of the second relaxation";
+        "stiffness of the second relaxing spring";
     SecondRelaxationTime: "second_relaxation_time_s", "τ_2", SECOND, AboveZero, "second relaxation time";
     // Sensor, in identifications.
     Offset: "offset_n", "F_0", NEWTON, Any, "sensor offset";
@@ -222,8 +222,9 @@ impl Quantity {
     fn coefficient_named(key: &str) -> Option<Self> {
         let (piece, rest) = key.strip_prefix("theta")?.split_once('_')?;
         let (power, unit) = rest.split_once('_')?;
+        let digit = |text: &str| (text.len() == 1).then(|| text.parse::<u8>().ok()).flatten();
         let is_it = |quantity: &Self| match *quantity {
-            Self::Coefficient { piece: own, power: at } => piece.parse() == Ok(own) && power.parse() == Ok(at),
+            Self::Coefficient { piece: own, power: at } => digit(piece) == Some(own) && digit(power) == Some(at),
             _ => false,
         };
         let found = Self::coefficients([POWERS - 1; 2]).find(is_it)?;
@@ -317,8 +318,9 @@ impl FromStr for ParameterId {
             None => (None, name),
             Some(numbered) => {
                 let (number, rest) = numbered.split_once('_').ok_or(NoParameter)?;
-                let number: u8 = number.parse().map_err(|_| NoParameter)?;
-                (if number > 0 { Some(number) } else { return Err(NoParameter) }, rest)
+                let digits = number.bytes().all(|byte| byte.is_ascii_digit()) && !number.starts_with('0');
+                let number: u8 = number.parse().ok().filter(|_| digits).ok_or(NoParameter)?;
+                (Some(number), rest)
             }
         };
         let toward = |direction: &Direction| rest.strip_prefix(direction.prefix()).map(|key| (*direction, key));
@@ -482,8 +484,18 @@ mod tests {
             assert_eq!(name.parse(), Ok(id), "{name}");
             assert!(seen.insert(name), "{id} twice");
         }
-        for text in ["", "coulomb_force", "element_0_", "element_2", "insertion_", "element_x_share", "element_0_share"]
-        {
+        for text in [
+            "",
+            "coulomb_force",
+            "element_0_",
+            "element_2",
+            "insertion_",
+            "element_x_share",
+            "element_0_share",
+            "element_02_share",
+            "element_+2_share",
+            "theta1_+3_n_m3",
+        ] {
             assert_eq!(text.parse::<ParameterId>(), Err(NoParameter), "{text}");
         }
     }

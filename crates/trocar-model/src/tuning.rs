@@ -1,13 +1,13 @@
 //! Parameters by number, for programs that change them one by one: sliders, tunable variables of a co-simulation.
 //!
-//! The parameters of an element hang together: both branches end at ±F_s. So the numbers here are chosen such that each
+//! The parameters of an element depend on each other: both branches end at ±F_s. So the numbers here are chosen such that each
 //! can be changed by itself. A new force F_s stretches the branches between the new ends (an affine map of their forces,
 //! which keeps them joined and at their end points, and takes the yield stiffness and the second relaxing arm along; the first has numbers of its
 //! own); a new half width stretches them along the deflection.
 //!
 //! - **Rest**: where the two directions are changed apart, the deflection without force moves away from 0; an undeformed seal then
 //!   pushes with M(0). [`crate::Trocar::rest_at_force`] starts it without force.
-//! - **What does not go alone**: a lag needs creep; the bank of a Leuven model must bear the static force; the shares of a GMS
+//! - **Dependencies**: a lag needs creep; the bank of a Leuven model must bear the static force; the shares of a GMS
 //!   model are scaled so that they add up to 1.
 
 use crate::classical::Classical;
@@ -60,10 +60,9 @@ impl SlidingFriction {
 }
 
 impl ElementParams {
-    /// The value of a parameter, SI; of both directions the mean. `None` for what an element does not have, such as a join of
-    /// both branches. The number of the element is ignored.
-    pub fn value(&self, id: ParameterId) -> Option<f64> {
-        let ParameterId { direction, quantity, .. } = id;
+    /// The value of `quantity`, SI; without a direction the mean of both. `None` for what an element does not have, such as a
+    /// join of both branches, the time of a relaxing arm that is off, or anything of the sensor.
+    pub fn value(&self, direction: Option<Direction>, quantity: Quantity) -> Option<f64> {
         if let Some(value) = self.number(quantity).or_else(|| self.damping.number(quantity)) {
             return Some(value);
         }
@@ -82,7 +81,7 @@ impl ElementParams {
                 piece.monomial().get(usize::from(power)).copied()
             }
             Quantity::SecondRelaxationStiffness => Some(second.stiffness),
-            Quantity::SecondRelaxationTime => Some(second.time),
+            Quantity::SecondRelaxationTime => Some(second.time).filter(|_| second.stiffness > 0.0),
             _ => first.number(quantity).or_else(|| match direction {
                 Some(direction) => self.sliding(direction).value(quantity),
                 None => Some(0.5 * (self.insertion.value(quantity)? + self.withdrawal.value(quantity)?)),
@@ -186,7 +185,7 @@ impl Seal {
                 for (index, element) in stages.elements().iter().enumerate() {
                     for id in tunables_of_element() {
                         let named = if several { id.of_element(index) } else { id };
-                        list.put(named, element.params().value(id).unwrap_or(f64::NAN));
+                        list.put(named, element.params().value(id.direction, id.quantity).unwrap_or(f64::NAN));
                     }
                 }
             }
@@ -225,7 +224,7 @@ fn tuned_element(old: &ElementParams, new: &mut New) -> Result<ElementParams, Pa
             (Quantity::StaticRatio, Some(direction)) => {
                 new.static_force(old.sliding(direction), params.sliding_mut(direction));
             }
-            _ => params.set(id, new.take(old.value(id).unwrap_or(f64::NAN))),
+            _ => params.set(id, new.take(old.value(id.direction, id.quantity).unwrap_or(f64::NAN))),
         }
     }
     params.insertion.check()?;
@@ -361,9 +360,9 @@ fn tuned_classical(model: &Classical, new: &mut New) -> Result<Classical, ParamE
 fn tuned_gms(model: &Gms, new: &mut New) -> Result<Gms, ParamError> {
     let sliding = new.sliding(model.sliding());
     let mut elements = new.bank(model.elements(), [GmsElement::NONE; MAX_ELEMENTS]);
-    let is_turned = elements.iter().zip(model.elements()).any(|(new, old)| new.share != old.share);
+    let is_changed = elements.iter().zip(model.elements()).any(|(new, old)| new.share != old.share);
     let total: f64 = elements.iter().map(|element| element.share).sum();
-    if is_turned && total > 0.0 {
+    if is_changed && total > 0.0 {
         elements.iter_mut().for_each(|element| element.share /= total);
     }
     Gms::new(&elements[..model.elements().len()], sliding, model.slip_rate())

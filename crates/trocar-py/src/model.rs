@@ -116,7 +116,7 @@ impl Model {
         py.detach(write).map_err(Raise::raise)
     }
 
-    /// Kind of the model: "ems", "static", "dahl", "lugre", "leuven", "maxwell_slip" or "gms".
+    /// Kind of the model: "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms".
     #[getter]
     fn kind(&self) -> &'static str {
         self.trocar().seal().kind()

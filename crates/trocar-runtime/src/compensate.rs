@@ -27,7 +27,7 @@
 //! the parameters. spread is half the range of the forces of extreme initial states until the seal
 //! has slid. minor is half the difference between the softest and the stiffest law between the
 //! branches, as long as no recording contains partial reversals. doubt is the amount by which the
-//! last strokes there and back contradict the present λ ([`bank`]). After a change of the friction,
+//! last two strokes, one each way, contradict the present λ ([`bank`]). After a change of the friction,
 //! std does not cover it until a position is crossed in the direction opposite to its last
 //! crossing.
 //!

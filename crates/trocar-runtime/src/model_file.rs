@@ -525,15 +525,18 @@ impl<F: FrictionText> Document<F> {
     }
 }
 
-/// The present name of a parameter; before version 8, branches and stages had names of their own.
+/// The present name of a parameter; before version 8, directions, branches and elements were named otherwise.
 fn present_name(name: String) -> String {
-    let starts = [("rising_", "insertion_"), ("falling_", "withdrawal_"), ("second_", "element_2_")];
-    let renamed = starts.iter().find_map(|(old, new)| {
-        let renamed = format!("{new}{}", name.strip_prefix(old)?);
-        renamed.parse::<ParameterId>().is_ok().then_some(renamed)
-    });
+    const STARTS: [(&str, &str); 4] =
+        [("rising_", "insertion_"), ("falling_", "withdrawal_"), ("second_", "element_2_"), ("hidden_", "unmodelled_")];
+    const ENDS: [(&str, &str); 2] = [("_positive", "insertion_"), ("_negative", "withdrawal_")];
+    let by_start = STARTS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_prefix(old)?)));
+    let by_end = ENDS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_suffix(old)?)));
+    let by_number = name.rsplit_once('_').map(|(key, number)| format!("element_{number}_{key}"));
+    let mut renamed = by_start.chain(by_end).chain(by_number);
     // The second relaxation keeps its name.
-    renamed.filter(|_| name.parse::<ParameterId>().is_err()).unwrap_or(name)
+    let is_known = |name: &String| name.parse::<ParameterId>().is_ok();
+    if is_known(&name) { name } else { renamed.find(is_known).unwrap_or(name) }
 }
 
 fn read_elements(elements: &[ElementText]) -> Result<Stages, ModelFileError> {

@@ -176,7 +176,7 @@ fn every_kind_is_among_the_classical_models_tried() {
     assert!(models.iter().all(|model| Classical::KINDS.contains(&model.kind())));
 }
 
-/// Versions 1 to 6 differ from the present one in the names of three keys.
+/// Versions 1 to 7 differ from the present one in the names of some keys.
 #[test]
 fn files_of_older_versions_are_read() {
     for version in 1..=7 {
@@ -190,6 +190,29 @@ fn files_of_older_versions_are_read() {
             assert_eq!(ModelFile::from_json(&text).unwrap(), file);
         }
     }
+}
+
+#[test]
+fn intervals_of_older_versions_get_the_present_names() {
+    let names = [
+        ("rising_join_m", "insertion_join_m"),
+        ("falling_theta1_2_n_m2", "withdrawal_theta1_2_n_m2"),
+        ("second_half_width_m", "element_2_half_width_m"),
+        ("second_relaxation_time_s", "second_relaxation_time_s"),
+        ("viscous_damping_n_s_m_negative", "withdrawal_viscous_damping_n_s_m"),
+        ("hidden_mass_kg", "unmodelled_mass_kg"),
+        ("limit_force_n_3", "element_3_limit_force_n"),
+        ("coulomb_force_n", "coulomb_force_n"),
+        ("my_own_number", "my_own_number"),
+    ];
+    let mut document = value(&complete().to_json());
+    let interval = json!({"value": 1.0, "ci95": [0.5, 2.0]});
+    document["version"] = json!(7);
+    document["intervals"] = names.iter().map(|(old, _)| ((*old).to_owned(), interval.clone())).collect();
+    let file = ModelFile::from_json(&document.to_string()).unwrap();
+    let mut expected: Vec<&str> = names.iter().map(|(_, new)| *new).collect();
+    expected.sort_unstable();
+    assert_eq!(file.intervals.keys().collect::<Vec<_>>(), expected);
 }
 
 #[test]

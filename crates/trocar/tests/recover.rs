@@ -155,7 +155,7 @@ fn true_value(id: ParameterId, truth: &ElementParams, offset: f64) -> Option<f64
         (Quantity::CoulombForceWithOffset, Some(direction)) => {
             Some(truth.sliding(direction).coulomb_force + direction.sign() * offset)
         }
-        _ => truth.value(id),
+        _ => truth.value(id.direction, id.quantity),
     }
 }
 

@@ -466,7 +466,7 @@ fn a_report_of_the_two_steps_alone_claims_no_fit() {
     let (identification, _) = of_all_motion();
     let fitted = document_of_strokes(&identification);
     let words = section(&fitted, "Parameters").paragraphs.join(" ");
-    assert!(words.contains("fit to all motion") && words.contains("two steps stand beside it"), "{words}");
+    assert!(words.contains("fit to all motion") && words.contains("two steps are shown for comparison"), "{words}");
     let plain = document_of_strokes(&BENCH.identification);
     let words = section(&plain, "Parameters").paragraphs.join(" ");
     assert!(words.contains("paper's two steps") && !words.contains("fit to all motion"), "{words}");

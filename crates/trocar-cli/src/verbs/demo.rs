@@ -101,7 +101,7 @@ fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> St
 /// The true value of the recordings, SI.
 fn true_value(id: ParameterId, truth: &ElementParams, config: &BenchConfig) -> Option<f64> {
     if id.quantity != Quantity::Offset {
-        return truth.value(id);
+        return truth.value(id.direction, id.quantity).filter(|_| id.element.is_none());
     }
     // Reading at rest without the seal: gas, weight of the rod, tare.
     let rod = &config.rod;

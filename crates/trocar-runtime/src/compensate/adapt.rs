@@ -1,7 +1,7 @@
 //! Online estimation of the friction scale and the viscosity.
 //!
 //! A force sensor outside the body cannot separate friction from tissue force in a single sample.
-//! It can do so over a stroke there and back: at the same position x the friction reverses with the
+//! It can do so over a cycle (one stroke each way): at the same position x the friction reverses with the
 //! motion, whereas an elastic tissue force, a constant load or a weight does not. The track is
 //! therefore divided into cells of 1 mm. Whenever a cell is crossed in the direction opposite to
 //! its last crossing, both times while sliding, the pair gives

@@ -22,5 +22,5 @@ mod parts;
 #[path = "no_parts.rs"]
 mod parts;
 mod row;
-mod run;
+pub(crate) mod run;
 pub mod summary;

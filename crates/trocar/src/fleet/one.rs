@@ -65,6 +65,8 @@ impl Config {
         let Self { reading, depth, seed, bootstrap, moving_mass } = self;
         let text = serde_json::json!({
             "program": PROGRAM,
+            // The journal holds cells by their place.
+            "table": super::row::columns().into_iter().map(|field| field.name).collect::<Vec<String>>(),
             "columns": reading.choice.columns,
             "topics": reading.choice.topics,
             "from_s": reading.choice.from,

@@ -79,7 +79,7 @@ impl Candidate {
         use Quantity as Q;
         let ParameterId { element, direction, quantity } = id;
         let all_stages = |sliding: &SlidingFriction| match quantity {
-            Q::StribeckVelocity | Q::StribeckExponent => sliding.value(quantity),
+            Q::StribeckVelocity | Q::StribeckExponent | Q::StaticRatio => sliding.value(quantity),
             _ => sliding.value(quantity).map(|value| self.stage_factor() * value),
         };
         let [first, second] = &self.relaxation.arms;
@@ -108,7 +108,7 @@ impl Candidate {
             (None, None, Q::FrictionLag) => Some(self.friction_lag),
             (None, None, Q::SecondRelaxationStiffness) => Some(second.stiffness),
             (None, None, Q::SecondRelaxationTime) => Some(second.time),
-            (None, None, Q::StribeckVelocity | Q::StribeckExponent) => self.insertion.value(quantity),
+            (None, None, Q::StribeckVelocity | Q::StribeckExponent | Q::StaticRatio) => self.insertion.value(quantity),
             (None, None, _) => first.number(quantity).or_else(|| {
                 let both = self.insertion.value(quantity)? + self.withdrawal.value(quantity)?;
                 Some(0.5 * self.stage_factor() * both)

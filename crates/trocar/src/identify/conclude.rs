@@ -259,8 +259,8 @@ fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, 
     let is_coarse = !acceleration_is_resolved(recordings) && !options.inertia_removed;
     if let Some(mass) = fit.left.mass.filter(|_| is_coarse) {
         let message = format!(
-            "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to take \
-             it out: declare it with --moving-mass-kg, or record at 200 Hz or faster"
+            "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to subtract \
+             it: declare it with --moving-mass-kg, or record at 200 Hz or faster"
         );
         say("unmodelled_mass_kg", message, true);
     }

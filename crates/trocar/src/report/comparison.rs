@@ -96,7 +96,7 @@ fn sections(outcome: &Outcome) -> Vec<Section> {
     let shown = figures::shown(comparison);
     let mut errors = Section::new("Errors")
         .paragraph(
-            "The phases are told by the EMS element: the seal deforms, the instrument slides, or the instrument is held (slower \
+            "The phases are those of the EMS element: the seal deforms, the instrument slides, or the instrument is held (slower \
              than 1 mm/s).",
         )
         .table(figures::errors_by_phase(comparison));

@@ -291,9 +291,9 @@ fn parameters(input: &IdentificationReport) -> Section {
 /// Origin of values and intervals when the element was fitted to all motion.
 fn of_all_motion(found: &Identification) -> (String, String) {
     let beside = if found.steady.means.is_empty() {
-        "Nothing slides steadily here, so the paper's two steps give nothing to put beside it."
+        "Nothing slides steadily here, so the paper's two steps give nothing to compare it with."
     } else {
-        "The paper's two steps stand beside it."
+        "The paper's two steps are shown for comparison."
     };
     let values = format!(
         "The value is that of the fit to all motion (section “{FIT}”), in which F_0, F_c and β are free as well. {beside}"

@@ -375,3 +375,16 @@ pub(in super::super) fn median_in_words(fleet: &Fleet, shown: Shown) -> Option<[
     values.sort_by(f64::total_cmp);
     (!values.is_empty()).then(|| [0.5, 0.25, 0.75].map(|part| significant(quantile(&values, part), 3)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fleet::run::KEPT;
+
+    #[test]
+    fn what_is_shown_is_kept_in_memory() {
+        for shown in SHOWN.iter().chain(&FOLLOWED) {
+            assert!(KEPT.contains(&shown.column()), "{}", shown.column());
+        }
+    }
+}

@@ -178,7 +178,7 @@ fn caption(shown: &MotionWindow, model: f64, paper: Option<f64>) -> String {
         ),
         None => format!(
             "The model runs freely from measured positions; the paper's two steps resolve no deformation here, so there is no other \
-             to draw beside it. Root mean square error here: {model} N."
+             to compare it with. Root mean square error here: {model} N."
         ),
     };
     format!(

@@ -99,15 +99,15 @@ pub(super) fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
 
 /// The value used by the bench, SI; `None` if parallel elements or the rig have no such number.
 fn true_value(id: ParameterId, elements: &[Element]) -> Option<f64> {
-    match id.quantity {
-        Quantity::CoulombForce | Quantity::StaticForce | Quantity::ViscousDamping if id.element.is_none() => {
-            elements.iter().map(|element| element.params().value(id)).sum()
+    let ParameterId { element, direction, quantity } = id;
+    let of = |element: &Element| element.params().value(direction, quantity);
+    match (quantity, element, elements) {
+        (_, Some(number), _) => elements.get(usize::from(number) - 1).and_then(of),
+        (Quantity::CoulombForce | Quantity::StaticForce | Quantity::ViscousDamping, None, _) => {
+            elements.iter().map(of).sum()
         }
-        Quantity::Offset | Quantity::UnmodelledMass => None,
-        _ => match elements {
-            [element] => element.params().value(id),
-            _ => None,
-        },
+        (_, None, [only]) => of(only),
+        _ => None,
     }
 }
 
