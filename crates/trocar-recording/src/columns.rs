@@ -18,6 +18,15 @@ pub enum Quantity {
 /// A unit as written in a name, and its number per SI unit.
 type Unit = (&'static str, f64);
 
+/// N; the weight of a kilogram under standard gravity, exact by definition.
+const KILOGRAM_FORCE: f64 = 9.80665;
+/// N; exact: the international pound is 0.45359237 kg.
+const POUND_FORCE: f64 = 4.448_221_615_260_5;
+/// Inches per metre; an inch is exactly 25.4 mm.
+const PER_INCH: f64 = 1.0 / 25.4e-3;
+/// Minutes per second.
+const PER_MINUTE: f64 = 1.0 / 60.0;
+
 impl Quantity {
     /// All quantities; the index of each is its number.
     pub const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
@@ -34,20 +43,55 @@ impl Quantity {
 
     fn words(self) -> &'static [&'static str] {
         match self {
-            Self::Time => &["time", "t", "timestamp", "elapsed"],
+            Self::Time => &["time", "t", "timestamp", "elapsed", "stamp"],
             Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
             Self::Force => &["force", "f", "load", "friction"],
             Self::Velocity => &["velocity", "vel", "v"],
         }
     }
 
-    /// The SI unit comes first.
+    /// The SI unit comes first; of several names of one unit, the one for messages.
     fn units(self) -> &'static [Unit] {
         match self {
-            Self::Time => &[("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("sec", 1.0), ("seconds", 1.0)],
-            Self::Position => &[("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("um", 1e6)],
-            Self::Force => &[("n", 1.0), ("mn", 1e3), ("kn", 1e-3)],
-            Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6)],
+            Self::Time => &[
+                ("s", 1.0),
+                ("ms", 1e3),
+                ("us", 1e6),
+                ("ns", 1e9),
+                ("min", PER_MINUTE),
+                ("sec", 1.0),
+                ("second", 1.0),
+                ("seconds", 1.0),
+                ("msec", 1e3),
+                ("usec", 1e6),
+                ("nsec", 1e9),
+                ("minutes", PER_MINUTE),
+            ],
+            Self::Position => &[
+                ("m", 1.0),
+                ("mm", 1e3),
+                ("cm", 1e2),
+                ("um", 1e6),
+                ("in", PER_INCH),
+                ("inch", PER_INCH),
+                ("inches", PER_INCH),
+            ],
+            Self::Force => &[
+                ("n", 1.0),
+                ("mn", 1e3),
+                ("kn", 1e-3),
+                ("gf", 1e3 / KILOGRAM_FORCE),
+                ("kgf", 1.0 / KILOGRAM_FORCE),
+                ("lbf", 1.0 / POUND_FORCE),
+                ("ozf", 16.0 / POUND_FORCE),
+                ("g", 1e3 / KILOGRAM_FORCE),
+                ("kg", 1.0 / KILOGRAM_FORCE),
+                ("lb", 1.0 / POUND_FORCE),
+                ("lbs", 1.0 / POUND_FORCE),
+                ("newton", 1.0),
+                ("newtons", 1.0),
+            ],
+            Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6), ("in_s", PER_INCH)],
         }
     }
 
@@ -98,7 +142,8 @@ fn recognise(name: &str) -> Option<Reading> {
     }
     let quantity = quantity_of(&words)?;
     let per_si = take_unit(&mut words, quantity);
-    let exact = words.len() == 1;
+    // A stamp is a time, but a column that is called time comes first.
+    let exact = words.len() == 1 && words[0] != "stamp";
     Some(Reading { quantity, exact, per_si })
 }
 
@@ -114,7 +159,7 @@ fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Readi
         Some(per_si) => {
             let word = own.map_or("", |own| own.quantity.words()[0]);
             let other = recognise(&format!("{word} {unit}")).and_then(|declared| declared.per_si);
-            if other.is_some_and(|other| other != per_si) {
+            if other != Some(per_si) {
                 notes.push(format!("column '{name}' is declared in {unit}: the unit in its name is taken"));
             }
             own
@@ -462,8 +507,11 @@ pub(crate) fn listed(names: &[String]) -> String {
     if names.len() > SHOWN { format!("{shown}, ... ({} in all)", names.len()) } else { shown }
 }
 
+/// All units of a quantity, each by one of its names.
 fn unit_list(quantity: Quantity) -> String {
-    let names: Vec<&str> = quantity.units().iter().map(|(name, _)| *name).collect();
+    let units = quantity.units();
+    let first = |k: &usize| units[..*k].iter().all(|(_, per_si)| *per_si != units[*k].1);
+    let names: Vec<&str> = (0..units.len()).filter(first).map(|k| units[k].0).collect();
     names.join(", ")
 }
 
@@ -572,6 +620,7 @@ pub fn unit_in(name: &str) -> Option<&'static str> {
         "mm_s" => "mm/s",
         "cm_s" => "cm/s",
         "um_s" => "um/s",
+        "in_s" => "in/s",
         other => other,
     })
 }
@@ -620,6 +669,15 @@ mod tests {
             ("Timestamp/ns", Quantity::Time, 1e9),
             ("velocity_m_s", Quantity::Velocity, 1.0),
             ("Velocity [mm/s]", Quantity::Velocity, 1e3),
+            ("force_gf", Quantity::Force, 1e3 / 9.80665),
+            ("load (g)", Quantity::Force, 1e3 / 9.80665),
+            ("Load [kg]", Quantity::Force, 1.0 / 9.80665),
+            ("force (lbf)", Quantity::Force, 1.0 / 4.4482216152605),
+            ("f_ozf", Quantity::Force, 16.0 / 4.4482216152605),
+            ("Position (inches)", Quantity::Position, 1.0 / 0.0254),
+            ("x_in", Quantity::Position, 1.0 / 0.0254),
+            ("t_µs", Quantity::Time, 1e6),
+            ("elapsed (min)", Quantity::Time, 1.0 / 60.0),
             ("v (m·s^-1)", Quantity::Velocity, 1.0),
         ] {
             assert_eq!(reading(name), Some((quantity, true, Some(per_si))), "{name}");
@@ -631,6 +689,12 @@ mod tests {
         assert_eq!(reading("position_setpoint_mm"), None);
         assert_eq!(reading("status"), None);
         assert_eq!(reading("s"), None);
+        // Units that are not known are no units, in particular not those of SI.
+        assert_eq!(reading("force_dyn"), Some((Quantity::Force, false, None)));
+        assert_eq!(reading("position (ft)"), Some((Quantity::Position, false, None)));
+        assert_eq!(reading("position_kg"), Some((Quantity::Position, false, None)));
+        assert_eq!(reading("stamp_ticks"), Some((Quantity::Time, false, None)));
+        assert_eq!(reading("stamp_ns"), Some((Quantity::Time, false, Some(1e9))));
         assert_eq!(reading("force"), Some((Quantity::Force, true, None)));
         assert_eq!(reading("motor_position_mm"), Some((Quantity::Position, false, Some(1e3))));
     }

@@ -160,7 +160,7 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
         ("force_n=force_n,force_mn=force_n", &["force more than once"]),
         ("position_m=position_m,force_n=position_m", &["'position_m'", "two quantities"]),
         ("force=time_s", &["force without a unit", "n, mn, kn"]),
-        ("position_in=position_m", &["'position_in=position_m'", "not understood", "m, mm, cm, um"]),
+        ("position_ft=position_m", &["'position_ft=position_m'", "not understood", "m, mm, cm, um, in"]),
     ] {
         assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
     }
@@ -212,6 +212,43 @@ fn doubtful_headers_are_explained() {
         &message(text("time_s,position_m,force_n,force_mn", &rows)),
         &["line 1", "could be 'force_n' or 'force_mn'", "--columns"],
     );
+}
+
+#[test]
+fn every_unit_gives_the_same_recording() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let (lbf, gf, inch) = (4.4482216152605, 9.80665e-3, 25.4e-3);
+    for (header, [per_time, per_position, per_force]) in [
+        ("t_ms,position_in,force_lbf", [1e-3, inch, lbf]),
+        ("stamp_ns,x (inch),F [lb]", [1e-9, inch, lbf]),
+        ("time_us,depth (inches),load_kg", [1e-6, inch, 1e3 * gf]),
+        ("time [µs],depth (mm),load (g)", [1e-6, 1e-3, gf]),
+        ("time (min),depth (cm),load [kgf]", [60.0, 1e-2, 1e3 * gf]),
+        ("elapsed_s,x_um,force_gf", [1.0, 1e-6, gf]),
+        ("elapsed_s,x_m,force_ozf", [1.0, 1.0, lbf / 16.0]),
+    ] {
+        let row = |k: usize| {
+            format!("{},{},{}", plain.time[k] / per_time, plain.position[k] / per_position, plain.force[k] / per_force)
+        };
+        let found = read_text(text(header, &(0..300).map(row).collect::<Vec<_>>()));
+        for (of, expected) in
+            [(&found.time, &plain.time), (&found.position, &plain.position), (&found.force, &plain.force)]
+        {
+            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()), "{header}");
+        }
+    }
+}
+
+#[test]
+fn a_unit_that_is_not_known_is_never_taken_for_one_of_si() {
+    for (header, essentials) in [
+        ("time_s,position_m,force_dyn", &["'force_dyn'", "n, mn, kn, gf, kgf, lbf, ozf"][..]),
+        ("time_s,position (ft),force_n", &["'position (ft)'", "m, mm, cm, um, in"]),
+        ("stamp_ticks,position_m,force_n", &["'stamp_ticks'", "s, ms, us, ns, min"]),
+        ("time,position,force\ns,ft,n", &["'position'", "m, mm, cm, um, in"]),
+    ] {
+        assert_says(&message(text(header, &rows(20))), essentials);
+    }
 }
 
 #[test]
