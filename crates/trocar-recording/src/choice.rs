@@ -2,7 +2,11 @@
 
 use super::columns::{Given, Layout, Quantity};
 use super::container::{Container, Table};
+use super::header::Header;
 use super::{RecordingError, columns};
+
+/// Most columns of a table that are read to guess a unit.
+const MOST_GUESSED: usize = 64;
 
 /// What to read from a file. The default finds time, position and force by their names, from the
 /// first row to the last.
@@ -48,7 +52,7 @@ pub(super) fn pick(
     let mut found = Vec::new();
     let mut refused = None;
     for table in allowed {
-        match layout_of(file, &tables[table], choice, needed) {
+        match layout_of(file, container, table, choice, needed) {
             Ok(layout) => found.push((table, layout)),
             // The table with the most numeric columns gives the most informative error.
             Err(error) => {
@@ -58,6 +62,10 @@ pub(super) fn pick(
                 }
             }
         }
+    }
+    // A name says more than a unit.
+    if found.iter().any(|(_, layout)| !layout.by_unit) {
+        found.retain(|(_, layout)| !layout.by_unit);
     }
     // Columns of the file itself take precedence over those of its groups.
     if let Some(own) = found.iter().position(|(table, _)| tables[*table].name.is_empty()).filter(|_| found.len() > 1) {
@@ -116,7 +124,30 @@ pub fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
     allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
 }
 
-fn layout_of(file: &str, table: &Table, choice: &Choice, needed: &[Quantity]) -> Result<Layout, RecordingError> {
+/// Numbers of the first rows of a table, by column.
+fn first_rows(container: &dyn Container, table: usize) -> Vec<Vec<f64>> {
+    let columns = &container.tables()[table].columns;
+    let numeric: Vec<usize> = (0..columns.len()).filter(|k| columns[*k].is_numeric).take(MOST_GUESSED).collect();
+    let mut rows = vec![Vec::new(); numeric.len()];
+    let read = container.open(table, &numeric).and_then(|mut batches| batches.next(&mut rows));
+    let mut all = vec![Vec::new(); columns.len()];
+    if read.is_ok() {
+        for (k, mut numbers) in numeric.into_iter().zip(rows) {
+            numbers.retain(|number| number.is_finite());
+            all[k] = numbers;
+        }
+    }
+    all
+}
+
+fn layout_of(
+    file: &str,
+    container: &dyn Container,
+    table: usize,
+    choice: &Choice,
+    needed: &[Quantity],
+) -> Result<Layout, RecordingError> {
+    let (table, first_rows) = (&container.tables()[table], || first_rows(container, table));
     let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
     let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };
     let layout = match choice.columns.as_deref() {
@@ -131,7 +162,8 @@ fn layout_of(file: &str, table: &Table, choice: &Choice, needed: &[Quantity]) ->
         mapping => {
             let units: Vec<String> = table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
             let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-            Layout::from_header(file, &place, names, &units, &given, needed)?
+            let header = Header { file, place: &place, names: &names, units: &units, first_rows: &first_rows };
+            header.layout(&given, needed)?
         }
     };
     let read = table.columns.iter().zip(&layout.slots).find(|(column, slot)| slot.is_some() && !column.is_numeric);

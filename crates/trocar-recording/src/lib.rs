@@ -43,6 +43,7 @@ mod decompress;
 mod error;
 mod format;
 pub mod formats;
+mod header;
 mod join;
 pub mod line;
 mod log;

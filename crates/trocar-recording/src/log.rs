@@ -233,7 +233,7 @@ impl Topics<'_> {
             );
         }
         notes.extend(joined.notes);
-        let layout = Layout { names, slots, source: "--columns", notes };
+        let layout = Layout { names, slots, source: "--columns", notes, by_unit: false };
         Ok(Chosen { layout, batches: joined.batches, warnings: joined.warnings })
     }
 }

@@ -12,10 +12,11 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::block::Block;
-use super::columns::{Given, Layout, Quantity, Slot, example_mapping, is_unit_row};
+use super::columns::{Given, Layout, Quantity, Slot, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
 use super::decompress::TextInput;
 use super::format::{Format, Separator, whitespace_cells};
+use super::header::{Header, in_order};
 use super::{RecordingError, columns};
 
 /// Bytes read at a time from a file, and from a real-time stream; the second is also the longest
@@ -28,6 +29,9 @@ const PIECE: usize = 128 * 1024;
 
 /// Lines examined to detect the format.
 const SNIFFED_LINES: usize = 16;
+
+/// Most rows read to guess a unit.
+const GUESSED_ROWS: usize = 20_000;
 
 /// Characters of a file quoted in a message.
 const QUOTED: usize = 60;
@@ -84,7 +88,7 @@ impl<R: Read> TextReader<R> {
             line: 1,
             hash: hash.then(Sha256::new),
             format: Format { separator: Separator::Byte(b','), decimal_comma: false },
-            layout: Layout { names: Vec::new(), slots: Vec::new(), source: "", notes: Vec::new() },
+            layout: Layout { names: Vec::new(), slots: Vec::new(), source: "", notes: Vec::new(), by_unit: false },
             bytes_per_line: 1.0,
         };
         reader.refill()?;
@@ -277,7 +281,7 @@ impl<R: Read> TextReader<R> {
             file: self.file.clone(),
             line: self.line,
             found: quoted(&first),
-            example: example_mapping(names.len()),
+            example: in_order(&self.first_rows(names.len())),
         })
     }
 
@@ -318,7 +322,9 @@ impl<R: Read> TextReader<R> {
         match wanted {
             Wanted::Quantities(mapping, needed) => {
                 let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                Layout::from_header(&self.file, &format!(" line {line}"), names, units, &given, needed)
+                let (file, place) = (&self.file, &format!(" line {line}"));
+                let first_rows = || self.first_rows(names.len());
+                Header { file, place, names: &names, units, first_rows: &first_rows }.layout(&given, needed)
             }
             Wanted::All => {
                 let mut layout = Layout::all(names);
@@ -332,6 +338,27 @@ impl<R: Read> TextReader<R> {
                 Ok(layout)
             }
         }
+    }
+
+    /// Numbers of the rows in the buffer, by column; none for a column with text.
+    fn first_rows(&self, columns: usize) -> Vec<Vec<f64>> {
+        let mut rows = vec![Vec::new(); columns];
+        let mut is_text = vec![false; columns];
+        let mut splitter = Splitter::new(self.format.separator);
+        for line in self.buffer[self.start..self.complete].split(|&b| b == b'\n').take(GUESSED_ROWS) {
+            if splitter.split(line) != columns || line.trim_ascii().first() == Some(&b'#') {
+                continue;
+            }
+            for k in 0..columns {
+                match self.format.number(splitter.cell(k)) {
+                    Some(number) if number.is_finite() => rows[k].push(number),
+                    Some(_) => {}
+                    None => is_text[k] = true,
+                }
+            }
+        }
+        rows.iter_mut().zip(is_text).filter(|(_, is_text)| *is_text).for_each(|(column, _)| column.clear());
+        rows
     }
 
     /// Skips blank and comment lines; returns the last comment with its line.

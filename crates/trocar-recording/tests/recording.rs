@@ -135,7 +135,15 @@ fn columns_can_be_named_and_skipped() {
     let recording = read(&scratch.file(&headerless), &columns("-,time_s,position_m,force_n")).unwrap();
     assert_eq!(recording.len(), 100);
     let with_names = text("a,b,c,d", &rows);
-    assert_says(&message(&with_names), &["rec.csv line 1", "no time column", "a, b, c, d", "--columns"]);
+    assert_says(
+        &message(&with_names),
+        &[
+            "rec.csv line 1",
+            "no time, position or force column",
+            "a, b, c, d",
+            "--columns 'time_s=b,position_m=c,force_n=d'",
+        ],
+    );
     let named = read(&scratch.file(&with_names), &columns("skip,time_s,position_m,force_n")).unwrap();
     assert_eq!(named.force, recording.force);
 }
@@ -249,6 +257,82 @@ fn a_unit_that_is_not_known_is_never_taken_for_one_of_si() {
     ] {
         assert_says(&message(text(header, &rows(20))), essentials);
     }
+}
+
+/// The value of `--columns` that a message proposes, as a shell passes it on.
+fn proposed(message: &str) -> String {
+    let quoted = message.split_once("--columns '").unwrap_or_else(|| panic!("no option in: {message}")).1;
+    let value = quoted.replace(r"'\''", "\u{1}").split('\'').next().unwrap().replace('\u{1}', "'");
+    println!("{message}\n");
+    value
+}
+
+fn scaled(time: f64, position: f64) -> Vec<String> {
+    (0..300).map(cycle).map(|(t, x, f)| format!("{},{},{f:.4}", t * time, x * position)).collect()
+}
+
+#[test]
+fn an_option_proposed_for_unclear_columns_works_as_it_is() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    for (header, rows, option) in [
+        ("time,pos,Fz", scaled(1.0, 1.0), "time_s=time,position_m=pos,force_n=Fz"),
+        ("time,pos,Fz", scaled(1e3, 1e3), "time_ms=time,position_mm=pos,force_n=Fz"),
+        ("ts,enc,cell", scaled(1e6, 1e6), "time_us=ts,position_um=enc,force_n=cell"),
+        ("ticks,way,it's", scaled(1e9, 1e3), "time_ns=ticks,position_mm=way,force_n=it's"),
+        ("time_s,position,force_n", scaled(1.0, 1e3), "position_mm=position"),
+        ("a;b;\"c, raw\"", scaled(1.0, 1e3), "time_s=a,position_mm=b,force_n=\"c, raw\""),
+    ] {
+        let rows: Vec<String> =
+            if header.contains(';') { rows.iter().map(|row| row.replace(',', ";")).collect() } else { rows };
+        let contents = text(header, &rows);
+        let message = message(&contents);
+        assert_eq!(proposed(&message), option, "{message}");
+        assert_says(&message, &["(guessed from the first rows: check the units)"]);
+        let found = read(&Scratch::new().file(&contents), &columns(option)).unwrap_or_else(|e| panic!("{e}"));
+        for (of, expected) in
+            [(&found.time, &plain.time), (&found.position, &plain.position), (&found.force, &plain.force)]
+        {
+            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{header}");
+        }
+    }
+    // A file without names gets the other form.
+    let contents = scaled(1e3, 1e3).join("\n");
+    assert_says(&message(&contents), &["--columns time_ms,position_mm,force_n (guessed from the first rows"]);
+}
+
+#[test]
+fn all_that_is_unclear_is_said_at_once() {
+    let message = message(text("when,pos,Fz,Fy", &rows(50).iter().map(|row| format!("{row},1")).collect::<Vec<_>>()));
+    assert_says(
+        &message,
+        &[
+            "line 1: no time or force column among 'when, pos, Fz, Fy', expected names such as time_s, force_n",
+            "; column 'pos' has no unit that is understood for position, expected one of m, mm, cm, um, in",
+            "hint: say which column is which, for example --columns 'time_s=when,position_m=pos,force_n=Fz'",
+        ],
+    );
+}
+
+#[test]
+fn a_header_in_another_language_is_understood_by_its_units() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let millimetres: Vec<String> =
+        (0..300).map(|k| format!("{};{};{}", plain.time[k], 1e3 * plain.position[k], plain.force[k])).collect();
+    for header in ["Zeit [s];Weg [mm];Kraft [N]", "Zeit/s;s/mm;Fz_n", "Temps;Course;Effort\ns;mm;N"] {
+        let found = read_text(text(header, &millimetres));
+        assert_eq!(found.time, plain.time);
+        assert_eq!(found.force, plain.force);
+        assert!(found.position.iter().zip(&plain.position).all(|(a, b)| (a - b).abs() < 1e-15));
+        assert_eq!(found.quality.notes.len(), 3, "{:?}", found.quality.notes);
+        assert_says(&found.quality.notes.join("; "), &["taken as time, by its unit", "taken as position, by its unit"]);
+    }
+    // Two of a kind are never decided.
+    let two: Vec<String> = rows(300).iter().map(|row| format!("{row},0.5")).collect();
+    let contents = text("t_s,x_m,Fz_n,Fx_n", &two);
+    let message = message(&contents);
+    assert_says(&message, &["force could be 'Fz_n' or 'Fx_n', expected one", "--columns 'force_n=Fz_n'"]);
+    let found = read(&Scratch::new().file(&contents), &columns(&proposed(&message))).unwrap();
+    assert_eq!(found.force, plain.force);
 }
 
 #[test]

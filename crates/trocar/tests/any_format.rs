@@ -136,7 +136,7 @@ fn what_cannot_be_chosen_is_explained() {
         (
             "formats/pyarrow_delta.parquet",
             choice("", &[]),
-            &["pyarrow_delta.parquet: no time column among 'count'"][..],
+            &["pyarrow_delta.parquet: no time, position or force column among 'count'"][..],
         ),
         ("formats/pyarrow_none.parquet", choice("force_n=note", &[]), &["'note'", "without numbers"]),
         (
