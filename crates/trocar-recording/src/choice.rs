@@ -24,12 +24,39 @@ pub struct Choice {
     pub to: Option<f64>,
     /// Reverse the sign of the force, for a sensor mounted in the opposite direction.
     pub flip_force: bool,
+    /// Lines to skip at the beginning of a text, before its header.
+    pub skip_rows: u64,
+    /// Rows per second of a file without a column of times.
+    pub rate_hz: Option<f64>,
 }
 
 impl Choice {
     /// These columns, and defaults for the rest.
     pub fn columns(names: &str) -> Self {
         Self { columns: Some(names.to_owned()), ..Self::default() }
+    }
+
+    /// Rejects a rate that is none, or one beside a column of times.
+    pub(super) fn check_rate(&self, file: &str) -> Result<(), RecordingError> {
+        let Some(rate) = self.rate_hz else { return Ok(()) };
+        let bad = |problem: String| RecordingError::BadOption { file: file.to_owned(), option: "--rate-hz", problem };
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(bad(format!("is {rate}, expected a number above 0")));
+        }
+        let named = match self.columns.as_deref() {
+            Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &[])?.has(Quantity::Time),
+            mapping => mapping.map_or(Ok(Vec::new()), Given::parse)?.iter().any(|own| own.quantity == Quantity::Time),
+        };
+        if named {
+            Err(bad("is given although --columns names the time, expected one of them".to_owned()))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Of the quantities `needed`, those that columns must have.
+    pub(super) fn needed_columns(&self, needed: &[Quantity]) -> Vec<Quantity> {
+        needed.iter().copied().filter(|quantity| *quantity != Quantity::Time || self.rate_hz.is_none()).collect()
     }
 }
 
@@ -147,6 +174,7 @@ fn layout_of(
     choice: &Choice,
     needed: &[Quantity],
 ) -> Result<Layout, RecordingError> {
+    let needed = &choice.needed_columns(needed)[..];
     let (table, first_rows) = (&container.tables()[table], || first_rows(container, table));
     let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
     let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };
@@ -162,10 +190,12 @@ fn layout_of(
         mapping => {
             let units: Vec<String> = table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
             let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-            let header = Header { file, place: &place, names: &names, units: &units, first_rows: &first_rows };
+            let (names, units) = (&names, &units);
+            let header = Header { file, place: &place, names, units, timestamps: &[], first_rows: &first_rows };
             header.layout(&given, needed)?
         }
     };
+    let layout = layout.at_rate(choice.rate_hz);
     let read = table.columns.iter().zip(&layout.slots).find(|(column, slot)| slot.is_some() && !column.is_numeric);
     if let Some((column, _)) = read {
         let problem = "a column without numbers".to_owned();

@@ -286,7 +286,7 @@ impl Slot {
 const ALL_COLUMNS: &str = "the first line";
 
 /// The columns of one file.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Layout {
     pub(crate) names: Vec<String>,
     pub(crate) slots: Vec<Option<Slot>>,
@@ -296,17 +296,22 @@ pub(crate) struct Layout {
     pub(crate) notes: Vec<String>,
     /// Whether a quantity is taken by its unit alone.
     pub(crate) by_unit: bool,
+    /// Rows per second, if times are not in the file.
+    pub(crate) rate_hz: Option<f64>,
+    /// The first time in ns since 1970, if times are timestamps in text.
+    pub(crate) origin: Option<i64>,
 }
 
 impl Layout {
     pub(crate) fn has(&self, quantity: Quantity) -> bool {
-        self.slots.iter().flatten().any(|slot| slot.is(quantity))
+        (quantity == Quantity::Time && self.rate_hz.is_some())
+            || self.slots.iter().flatten().any(|slot| slot.is(quantity))
     }
 
     /// All columns unchanged.
     pub(crate) fn all(names: Vec<String>) -> Self {
         let slots = (0..names.len()).map(|output| Some(Slot { output, per_si: 1.0 })).collect();
-        Self { names, slots, source: ALL_COLUMNS, notes: Vec::new(), by_unit: false }
+        Self { names, slots, source: ALL_COLUMNS, ..Self::default() }
     }
 
     /// Whether a non-numeric cell counts as missing: if all columns are read, most of them are
@@ -325,6 +330,19 @@ impl Layout {
         Quantity::ALL.into_iter().filter_map(of).collect()
     }
 
+    /// Takes times from the rate, not from a column.
+    pub(crate) fn at_rate(mut self, rate_hz: Option<f64>) -> Self {
+        let Some(rate) = rate_hz else { return self };
+        for (slot, name) in self.slots.iter_mut().zip(&self.names) {
+            if slot.take_if(|slot| slot.is(Quantity::Time)).is_some() {
+                self.notes.push(format!("column '{name}' not used: times follow from the rate"));
+            }
+        }
+        self.notes.push(format!("times from 0 at {rate} rows per second"));
+        self.rate_hz = rate_hz;
+        self
+    }
+
     /// Reverses the sign of the force.
     pub(crate) fn flip_force(&mut self) {
         let slots = self.slots.iter_mut().flatten();
@@ -336,7 +354,7 @@ impl Layout {
     pub(crate) fn from_mapping(mapping: &str, needed: &[Quantity]) -> Result<Self, RecordingError> {
         let names: Vec<String> = mapping.split(',').map(|name| name.trim().to_owned()).collect();
         let slots = names.iter().map(|name| mapped_slot(name)).collect::<Result<Vec<_>, _>>()?;
-        let layout = Self { names, slots, source: "--columns", notes: Vec::new(), by_unit: false };
+        let layout = Self { names, slots, source: "--columns", ..Self::default() };
         for quantity in Quantity::ALL {
             let mut taken = layout.slots.iter().flatten().filter(|slot| slot.is(quantity));
             let count = taken.by_ref().count();
@@ -404,7 +422,7 @@ impl TableColumns {
             Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
             mapping => {
                 let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                let header = Header { file: table, place: "", names, units, first_rows: &Vec::new };
+                let header = Header { file: table, place: "", names, units, timestamps: &[], first_rows: &Vec::new };
                 header.layout(&given, &needed)?
             }
         };

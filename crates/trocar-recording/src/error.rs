@@ -83,7 +83,7 @@ pub enum RecordingError {
     },
     /// The first line contains numbers, so the columns have no names.
     #[error(
-        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: name the columns in order, with units and '-' for those to skip, for example --columns {example} (guessed from the first rows: check the units)"
+        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: name the columns in order, with units and '-' for those to skip, for example --columns {example} (guessed from the first rows: check the units); without a column of times, give the rows per second with --rate-hz"
     )]
     NoHeader {
         /// File name as given by the caller.
@@ -156,6 +156,16 @@ pub enum RecordingError {
     BadColumns {
         /// The entry concerned.
         entry: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// An option that does not fit the file.
+    #[error("{file}: {option} {problem}")]
+    BadOption {
+        /// File name as given by the caller.
+        file: String,
+        /// The option, as on the command line.
+        option: &'static str,
         /// What is wrong with it.
         problem: String,
     },

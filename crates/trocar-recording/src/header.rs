@@ -13,6 +13,8 @@ pub(crate) struct Header<'a> {
     pub(crate) names: &'a [String],
     /// The declared units, one each, or none at all.
     pub(crate) units: &'a [String],
+    /// Columns of dates with times of day.
+    pub(crate) timestamps: &'a [usize],
     /// Numbers of the first rows by column, for a guess of the units; a column without numbers is
     /// empty, and all are if the rows are not known.
     pub(crate) first_rows: &'a dyn Fn() -> Vec<Vec<f64>>,
@@ -75,13 +77,19 @@ impl Header<'_> {
         let unit = |k: usize| self.units.get(k).map_or("", String::as_str);
         let mut readings: Vec<Option<Reading>> =
             names.iter().enumerate().map(|(k, name)| reading_with(name, unit(k), &mut notes)).collect();
+        for k in self.timestamps {
+            // The unit of a date is known.
+            let own = readings[*k].as_mut().filter(|own| own.quantity == Quantity::Time);
+            own.into_iter().for_each(|own| own.per_si = Some(1.0));
+        }
         for named in given {
             let index = named.find(names)?;
             if slots[index].is_some() {
                 let problem = "a column named for two quantities, expected one".to_owned();
                 return Err(RecordingError::BadColumns { entry: names[index].clone(), problem });
             }
-            slots[index] = Some(named.slot(readings[index])?);
+            let is_time = named.quantity == Quantity::Time && self.timestamps.contains(&index);
+            slots[index] = Some(if is_time { Slot::of(Quantity::Time, 1.0) } else { named.slot(readings[index])? });
             readings[index] = None;
         }
         let mut doubts = Vec::new();
@@ -97,7 +105,8 @@ impl Header<'_> {
                 }
                 Err(Doubt::Missing) if needed => match self.by_unit(quantity, &readings, &slots)[..] {
                     [(index, per_si)] => {
-                        notes.push(format!("column '{}' taken as {}, by its unit", names[index], quantity.name()));
+                        let why = if self.timestamps.contains(&index) { "timestamps" } else { "unit" };
+                        notes.push(format!("column '{}' taken as {}, by its {why}", names[index], quantity.name()));
                         slots[index] = Some(Slot::of(quantity, per_si));
                         by_unit = true;
                     }
@@ -115,7 +124,7 @@ impl Header<'_> {
         if !doubts.is_empty() {
             return Err(self.unclear(&doubts, &readings, &slots));
         }
-        Ok(Layout { names: names.to_vec(), slots, source: "the header", notes, by_unit })
+        Ok(Layout { names: names.to_vec(), slots, source: "the header", notes, by_unit, ..Layout::default() })
     }
 
     fn not_used(&self, index: usize, quantity: Quantity) -> String {
@@ -147,7 +156,10 @@ impl Header<'_> {
     fn by_unit(&self, quantity: Quantity, readings: &[Option<Reading>], slots: &[Option<Slot>]) -> Vec<(usize, f64)> {
         let free = (0..self.names.len()).filter(|k| readings[*k].is_none() && slots[*k].is_none());
         let unit = |k: usize| self.units.get(k).map_or("", String::as_str);
-        let own = |k: usize| unit_alone(&self.names[k], unit(k)).filter(|(of, _)| *of == quantity);
+        let own = |k: usize| match self.timestamps.contains(&k) {
+            true => Some((Quantity::Time, 1.0)).filter(|_| quantity == Quantity::Time),
+            false => unit_alone(&self.names[k], unit(k)).filter(|(of, _)| *of == quantity),
+        };
         free.filter_map(|k| own(k).map(|(_, per_si)| (k, per_si))).collect()
     }
 
@@ -201,23 +213,21 @@ impl Header<'_> {
             .iter()
             .filter_map(|(quantity, index, per_si)| entry(*quantity, *per_si, &self.names[*index]))
             .collect();
+        let has_no_column = |of: &Quantity| proposed.columns.iter().all(|(quantity, ..)| quantity != of);
+        let left_out: Vec<Quantity> = doubts.iter().map(|(quantity, _)| *quantity).filter(has_no_column).collect();
         let mut sentences = Vec::new();
-        if !entries.is_empty() {
+        // An option that leaves something unclear would fail again; times may follow from a rate.
+        if !entries.is_empty() && left_out.iter().all(|quantity| *quantity == Quantity::Time) {
             let option = in_shell(&entries.join(","));
-            sentences.push(format!(
-                "say which column is which, for example --columns {option}{}",
-                caution(&proposed, &rows)
-            ));
+            let caution = caution(&proposed, &rows);
+            sentences.push(format!("say which column is which, for example --columns {option}{caution}"));
         }
-        let has_no_column = |of: Quantity| proposed.columns.iter().all(|(quantity, ..)| *quantity != of);
-        let left_out: Vec<String> = doubts
-            .iter()
-            .map(|(quantity, _)| *quantity)
-            .filter(|quantity| has_no_column(*quantity))
-            .map(|quantity| quantity.name().to_owned())
-            .collect();
         if !left_out.is_empty() {
-            sentences.push(format!("no column is left that could be {}", either(&left_out)));
+            let names: Vec<String> = left_out.iter().map(|quantity| quantity.name().to_owned()).collect();
+            sentences.push(format!("no column is left that could be {}", either(&names)));
+        }
+        if doubts.iter().any(|(quantity, doubt)| *quantity == Quantity::Time && matches!(doubt, Doubt::Missing)) {
+            sentences.push("without a column of times, give the rows per second with --rate-hz".to_owned());
         }
         sentences.join("; ")
     }

@@ -56,6 +56,8 @@ pub mod rows;
 mod screen;
 mod tables;
 mod text;
+mod timestamp;
+mod utf16;
 
 /// Fewest samples of a recording.
 pub const MIN_SAMPLES: usize = 8;
@@ -68,7 +70,7 @@ pub const LONGEST_STROKE: f64 = 2.0;
 pub struct Recording {
     /// File name without its folder.
     pub name: String,
-    /// SHA-256 of the file's bytes (of its text if it is compressed by gzip or zstd), or of the
+    /// SHA-256 of the file's bytes (of its text in UTF-8 if it is compressed by gzip or zstd, or in UTF-16), or of the
     /// columns when there is no file; lower-case hexadecimal.
     pub sha256: String,
     /// Time in s.

@@ -342,12 +342,137 @@ fn files_without_a_recording_are_explained() {
     assert_says(&message(format!("{HEADER}\n")), &["rec.csv line 1", "header without any row"]);
     assert_says(&message(text(HEADER, &rows(1))), &["rec.csv", "found 1 usable samples", "at least"]);
     assert_says(&message([0_u8, 1, 2, 3]), &["binary data", "CSV"]);
-    assert_says(&message([0xff_u8, 0xfe, b't', 0]), &["UTF-16", "hint"]);
+    assert_says(
+        &message([0xff_u8, 0xfe, b't', 0]),
+        &["rec.csv line 1", "no position or force column", "hint: no column is left that could be position or force"],
+    );
     let missing = read(Path::new("no/such.csv"), &ReadOptions::default()).unwrap_err().to_string();
     assert_says(&missing, &["no/such.csv", "cannot open"]);
     let folder = read(&std::env::temp_dir(), &ReadOptions::default()).unwrap_err().to_string();
     assert_says(&folder, &["cannot open", "directory"]);
     assert_says(&message("1".repeat(1 << 20)), &["line 1", "longer than"]);
+}
+
+/// The same numbers as [`rows`], with this separator.
+fn same_as(plain: &Recording, contents: impl AsRef<[u8]>, options: &ReadOptions) -> Recording {
+    let path = Scratch::new();
+    let path = path.file(contents);
+    let found = read(&path, options).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(found.time, plain.time);
+    assert_eq!(found.position, plain.position);
+    assert_eq!(found.force, plain.force);
+    found
+}
+
+#[test]
+fn lines_before_the_header_are_skipped() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let tabs: Vec<String> = rows(300).iter().map(|row| row.replace(',', "\t")).collect();
+    let lvm = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDate\t2026/11/22\n***End_of_Header***\t\n\t\n\
+        Channels\t2\t\t\nSamples\t10\t10\t\nX0\t0.0\t0.0\t\n***End_of_Header***\t\t\t\n";
+    let kept = |text: &str| text.to_owned();
+    for (contents, lines) in [
+        (kept(lvm) + &text("time_s\tposition_m\tforce_n", &tabs), 10),
+        (kept(lvm) + &text("time_s\tposition_m\tforce_n\tComment", &tabs), 10),
+        (kept("Operator: A. B.\nDate, 2026-11-22\n\n") + &text(HEADER, &rows(300)), 3),
+        (kept("Rig;3\nSensor;ATI\n") + &text("Zeit;Weg;Kraft\ns;m;N", &tabs).replace('\t', ";"), 2),
+        (kept("bench 4\n") + &text(HEADER, &rows(300)), 1),
+    ] {
+        let found = same_as(&plain, &contents, &ReadOptions::default());
+        let plural = if lines == 1 { "line" } else { "lines" };
+        assert_says(&found.quality.notes.join("; "), &[&format!("{lines} {plural} before the header skipped")]);
+    }
+    // Columns in order need no header.
+    let headerless = kept("Rig;3\nSensor;ATI\n") + &tabs.join("\n").replace('\t', ";");
+    assert_says(&message(&headerless), &["line 3: no header", "--columns time_s,position_m,force_n (guessed"]);
+    same_as(&plain, &headerless, &columns("time_s,position_m,force_n"));
+    // What looks like rows is skipped only if the caller says so.
+    let odd = kept("1,2,3\n4,5,6\n") + &text(HEADER, &rows(300));
+    assert_says(&message(&odd), &["line 1: no header"]);
+    let skipping = |skip_rows| {
+        let choice = Choice { skip_rows, ..Choice::default() };
+        ReadOptions { choice, ..ReadOptions::default() }
+    };
+    same_as(&plain, &odd, &skipping(2));
+    assert_says(&message_with(&odd, &skipping(500)), &["--skip-rows 500 leaves no line of 303"]);
+}
+
+#[test]
+fn a_header_that_is_repeated_is_skipped_and_counted() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    for (header, at) in [(HEADER, [102, 203]), ("time,position,force\ns,m,N", [103, 205])] {
+        let mut lines = rows(300);
+        lines.insert(200, header.to_owned());
+        lines.insert(100, header.to_owned());
+        let found = same_as(&plain, text(header, &lines), &ReadOptions::default());
+        assert_eq!(kinds(&found), [WarningKind::Source]);
+        let count = 2 * header.lines().count();
+        let message = &found.quality.warnings[0].message;
+        assert_says(message, &[&format!("{count} lines that repeat the header left out: lines {}", at[0])]);
+        assert_says(message, &[&at[1].to_string()]);
+    }
+}
+
+#[test]
+fn text_in_utf_16_is_read() {
+    let contents = text("Zeit [s],Weg [m],Kraft [N]", &rows(300));
+    let plain = read_text(&contents);
+    let units: Vec<u16> = std::iter::once(0xfeff).chain(contents.encode_utf16()).collect();
+    let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+    let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+    let found = same_as(&plain, &little, &ReadOptions::default());
+    assert_eq!(found.sha256, plain.sha256, "the hash is that of the text");
+    same_as(&plain, &big, &ReadOptions::default());
+}
+
+#[test]
+fn timestamps_are_seconds_from_the_first() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let stamped = |date: &str, zone: &str, separator: &str| {
+        let row = |(k, row): (usize, &String)| {
+            let (second, millisecond) = (59 + k / 1000, k % 1000);
+            let rest = row.split_once(',').unwrap().1.replace(',', separator);
+            format!("{date}10:14:{second:02}.{millisecond:03}{zone}{separator}{rest}")
+        };
+        rows(300).iter().enumerate().map(row).collect::<Vec<_>>()
+    };
+    for (header, date, zone, separator) in [
+        ("timestamp,position_m,force_n", "2026-11-22T", "", ","),
+        ("time_ms,position_m,force_n", "2026-11-22T", "Z", ","),
+        ("Datum;Weg [m];Kraft [N]", "2026-11-22 ", "+01:00", ";"),
+        ("timestamp  position_m  force_n", "2026-11-22 ", "", "  "),
+    ] {
+        same_as(&plain, text(header, &stamped(date, zone, separator)), &ReadOptions::default());
+    }
+    let rows = stamped("2026-11-22T", "", ",");
+    same_as(&plain, rows.join("\n"), &columns("time_s,position_m,force_n"));
+    same_as(&plain, text("a,b,c", &rows), &columns("time_s=a,position_m=b,force_n=c"));
+    let mut damaged = rows;
+    damaged[50] = damaged[50].replacen("2026", "20x6", 1);
+    assert_says(&message(text("timestamp,position_m,force_n", &damaged)), &["line 52", "found '20x6-11-22T"]);
+}
+
+#[test]
+fn a_file_without_times_is_read_at_its_rate() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let untimed: Vec<String> = rows(300).iter().map(|row| row.split_once(',').unwrap().1.to_owned()).collect();
+    let at = |rate_hz: f64, columns: Option<&str>| {
+        let choice = Choice { rate_hz: Some(rate_hz), columns: columns.map(str::to_owned), ..Choice::default() };
+        ReadOptions { choice, ..ReadOptions::default() }
+    };
+    let contents = text("position_m,force_n", &untimed);
+    let message_without = message(&contents);
+    println!("{message_without}");
+    assert_says(&message_without, &["no time column", "give the rows per second with --rate-hz"]);
+    let found = same_as(&plain, &contents, &at(1000.0, None));
+    assert_eq!(found.quality.notes, ["times from 0 at 1000 rows per second"]);
+    same_as(&plain, untimed.join("\n"), &at(1000.0, Some("position_m,force_n")));
+    // A column of times is then not used, unless it is named as well.
+    let found = same_as(&plain, text(HEADER, &rows(300)), &at(1000.0, None));
+    assert_says(&found.quality.notes[0], &["column 'time_s' not used"]);
+    let both = message_with(text(HEADER, &rows(300)), &at(1000.0, Some("time_s,position_m,force_n")));
+    assert_says(&both, &["--rate-hz is given although --columns names the time"]);
+    assert_says(&message_with(&contents, &at(0.0, None)), &["--rate-hz is 0, expected a number above 0"]);
 }
 
 #[test]
