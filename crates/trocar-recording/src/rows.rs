@@ -37,7 +37,7 @@ pub struct Rows<'a> {
 
 enum Source<'a> {
     Text(Box<TextReader<Box<dyn Read + Send + 'a>>>),
-    Table(TableRows),
+    Table(Box<TableRows>),
 }
 
 impl Rows<'static> {
@@ -57,7 +57,7 @@ impl Rows<'static> {
             }
             let mut table = TableRows::open(&file, container.as_ref(), choice, needed)?;
             table.hash = hash.then(|| hash_of(path));
-            return Ok(Self::new(Source::Table(table), None, choice));
+            return Ok(Self::new(Source::Table(Box::new(table)), None, choice));
         }
         let input = TextInput::open(path)?;
         let mut rows = Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;

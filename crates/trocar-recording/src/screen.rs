@@ -25,6 +25,9 @@ const JUMP_FACTOR: f64 = 10.0;
 /// ... and larger by this factor than noise and resolution explain.
 const JUMP_OVER_NOISE: f64 = 20.0;
 
+/// ... and larger than this, in m: less is rounding, whatever the noise.
+const LEAST_JUMP: f64 = 1e-9;
+
 /// Samples on each side with which a jump is compared.
 const JUMP_NEIGHBOURS: usize = 4;
 
@@ -360,7 +363,7 @@ fn gcd(mut a: u64, mut b: u64) -> u64 {
 fn find_jumps(columns: &Columns, quality: &mut Quality) {
     let path = Path { time: &columns.time, position: &columns.position };
     let noise = quality.position_noise.max(quality.position_resolution);
-    let least = JUMP_OVER_NOISE * noise + 1e-9 * quality.stroke;
+    let least = (JUMP_OVER_NOISE * noise + 1e-9 * quality.stroke).max(LEAST_JUMP);
     for k in 1..path.time.len() {
         let jump = path.position[k] - path.position[k - 1];
         if jump.abs() <= least {

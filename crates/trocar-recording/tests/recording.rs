@@ -561,6 +561,22 @@ fn a_start_from_rest_is_no_reset() {
 }
 
 #[test]
+fn rounding_of_a_position_at_rest_is_no_jump() {
+    let rows: Vec<String> = (0..500)
+        .map(|k| (k as f64 * 0.01, if k % 100 == 57 { 0.1 + 1.4e-17 } else { 0.1 }, if k == 300 { 1e-17 } else { 0.0 }))
+        .map(|(t, x, more)| format!("{t},{:e},{}", if more > 0.0 { 0.1 + 2.8e-17 } else { x }, (t * 91.0).sin()))
+        .collect();
+    let recording = read_text(text(HEADER, &rows));
+    assert_eq!(recording.quality.resets, []);
+    let near_zero: Vec<String> = (0..500)
+        .map(|k| (k as f64 * 0.01, if (250..260).contains(&k) { 1e-17 } else { 0.0 }))
+        .map(|(t, x)| format!("{t},{x:e},{}", (t * 91.0).sin()))
+        .collect();
+    let recording = read_text(text(HEADER, &near_zero));
+    assert_eq!((recording.quality.resets, recording.quality.held_rows.count), (vec![], 0));
+}
+
+#[test]
 fn a_saturated_sensor_is_found() {
     let clipped: Vec<String> =
         (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{:.4}", f.min(1.5))).collect();
