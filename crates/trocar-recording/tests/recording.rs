@@ -623,6 +623,28 @@ fn a_stroke_in_the_wrong_unit_is_noticed() {
 }
 
 #[test]
+fn sizes_that_make_a_unit_doubtful_are_questioned() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    for (header, [per_time, per_force], essentials) in [
+        ("time_s,position_m,force_n", [1e9, 1.0], ["apart", "1.0e6 s", "nanoseconds, name the column time_ns"]),
+        ("time_ms,position_m,force_n", [2e10, 1.0], ["apart", "2.0e4 s", "microseconds, name the column time_us"]),
+        ("time_ns,position_m,force_n", [1.0, 1.0], ["apart", "1.0e-12 s", "seconds, name the column time_s"]),
+        ("time_s,position_m,force_n", [1.0, 1e3], ["the force reaches", "20", "millinewtons or grams"]),
+    ] {
+        let row =
+            |k: usize| format!("{},{},{}", plain.time[k] * per_time, plain.position[k], plain.force[k] * per_force);
+        let found = read_text(text(header, &(0..300).map(row).collect::<Vec<_>>()));
+        assert_eq!(kinds(&found), [WarningKind::Units], "{:?}", found.quality.warnings);
+        println!("{}\n", found.quality.warnings[0]);
+        assert_says(&found.quality.warnings[0].to_string(), &essentials);
+    }
+    let heavy = plain.clone().without_moving_mass(40.0, 0.0).unwrap();
+    assert_eq!(kinds(&heavy), [WarningKind::Units]);
+    assert_says(&heavy.quality.warnings[0].to_string(), &["a moving mass of 40 kg", "in grams it would be 0.04 kg"]);
+    assert_eq!(plain.without_moving_mass(0.5, 0.0).unwrap().quality.warnings, []);
+}
+
+#[test]
 fn a_recording_too_large_for_the_memory_says_what_it_needs() {
     let options = ReadOptions { memory_limit: Some(10_000), ..ReadOptions::default() };
     assert_says(&message_with(text(HEADER, &rows(2000)), &options), &["rows need", "MB", "hint"]);
@@ -723,6 +745,17 @@ fn a_moving_mass_leaves_the_friction_behind() {
     // The force noise alone has 0.01 N; the remainder is at the ends of the recording.
     assert!(rms < 0.03, "{rms}");
     assert!(moving(uneven(100), |t| t - 1000.0).without_moving_mass(-1.0, 0.0).is_err());
+}
+
+#[test]
+fn a_force_that_never_changes_feels_no_mass() {
+    let time: Vec<f64> = (0..1000).map(|k| f64::from(k) * 1e-3).collect();
+    let position: Vec<f64> = time.iter().map(|t| 0.01 * (20.0 * t).sin()).collect();
+    let force: Vec<f64> = (0..1000).map(|k| if k % 7 == 0 { 0.1 + 0.2 } else { 0.3 }).collect();
+    let recording = Recording::from_columns("made", time, position, force.clone()).unwrap();
+    let corrected = recording.without_moving_mass(0.5, 0.0).unwrap();
+    assert_eq!(corrected.force, force);
+    assert_says(&corrected.quality.notes.join("; "), &["the force is constant: inertia of 0.5 kg not taken out"]);
 }
 
 #[test]
