@@ -52,7 +52,7 @@ def test_columns_are_named_in_order_where_names_say_nothing() -> None:
     table = dict(zip("abcd", [*list(columns().values())[:2], np.zeros(3000), columns()["force_mN"]]))
     recording = trocar.Recording.from_frame(pd.DataFrame(table), columns="time_ms,position_um,-,force_mn")
     assert same(recording, made())
-    with pytest.raises(trocar.RecordingError, match="no time column among 'a, b, c, d'"):
+    with pytest.raises(trocar.RecordingError, match="no time, position or force column among 'a, b, c, d'"):
         trocar.Recording.from_frame(table)
     with pytest.raises(trocar.RecordingError, match="for 3 columns, but frame has 4"):
         trocar.Recording.from_frame(table, columns="time_ms,position_um,force_mn")

@@ -271,6 +271,8 @@ def read(
     to_s: float | None = None,
     flip_force: bool = False,
     sensor_limit_n: float | None = None,
+    skip_rows: int = 0,
+    rate_hz: float | None = None,
 ) -> Recording: ...
 def simulate(
     model: Model,

@@ -31,6 +31,12 @@ pub(crate) struct Choosing {
     /// Reverse the sign of the force, for a sensor mounted the other way round
     #[arg(long)]
     flip_force: bool,
+    /// Lines to skip at the beginning of a text, before its header, if they are not recognised
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    skip_rows: u64,
+    /// Rows per second of a file without a column of times
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    rate_hz: Option<f64>,
 }
 
 impl Choosing {
@@ -41,6 +47,8 @@ impl Choosing {
             from: self.from_s,
             to: self.to_s,
             flip_force: self.flip_force,
+            skip_rows: self.skip_rows,
+            rate_hz: self.rate_hz,
         }
     }
 }

@@ -50,7 +50,7 @@ impl FleetConfig {
         })?;
         check_limit(sensor_limit_n)?;
         let reading = ReadOptions {
-            choice: Choice { columns, topics, from: from_s, to: to_s, flip_force },
+            choice: Choice { columns, topics, from: from_s, to: to_s, flip_force, ..Choice::default() },
             sensor_limit: sensor_limit_n,
             most_samples,
             memory_limit: memory_limit_bytes,

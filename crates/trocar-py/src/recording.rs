@@ -294,11 +294,12 @@ fn quality_json(quality: &Quality) -> PyResult<String> {
 /// Columns are found by their names, units included; `columns` names them in order instead, `-` skips one:
 /// `"time_s,position_mm,-,force_n"`, or by name: `"position_mm=x,force_n=-fz"`. `topics` are the tables or topics to look in.
 /// Rows before `from_s` and from `to_s` on (s after the first row) are left out. `flip_force` reverses the sign of the force;
-/// readings at `sensor_limit_n` count as saturated.
+/// readings at `sensor_limit_n` count as saturated. `skip_rows` lines at the beginning of a text are skipped, and `rate_hz` is
+/// the number of rows per second of a file without a column of times.
 #[pyfunction]
 #[pyo3(signature = (path, *, columns=None, topics=Vec::new(), from_s=None, to_s=None, flip_force=false,
-    sensor_limit_n=None), text_signature = "(path, *, columns=None, topics=[], from_s=None, to_s=None, flip_force=False, \
-    sensor_limit_n=None)")]
+    sensor_limit_n=None, skip_rows=0, rate_hz=None), text_signature = "(path, *, columns=None, topics=[], from_s=None, to_s=None, \
+    flip_force=False, sensor_limit_n=None, skip_rows=0, rate_hz=None)")]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(crate) fn read(
     py: Python<'_>,
@@ -309,9 +310,11 @@ pub(crate) fn read(
     to_s: Option<f64>,
     flip_force: bool,
     sensor_limit_n: Option<f64>,
+    skip_rows: u64,
+    rate_hz: Option<f64>,
 ) -> PyResult<Recording> {
     check_limit(sensor_limit_n)?;
-    let choice = Choice { columns, topics, from: from_s, to: to_s, flip_force };
+    let choice = Choice { columns, topics, from: from_s, to: to_s, flip_force, skip_rows, rate_hz };
     let options = ReadOptions { choice, sensor_limit: sensor_limit_n, ..ReadOptions::default() };
     let record = run(py, How::default(), move |_| recording::read(&path, &options))?;
     Ok(Recording::new(record.map_err(Raise::raise)?))

@@ -2,7 +2,11 @@
 
 use super::columns::{Given, Layout, Quantity};
 use super::container::{Container, Table};
+use super::header::Header;
 use super::{RecordingError, columns};
+
+/// Most columns of a table that are read to guess a unit.
+const MOST_GUESSED: usize = 64;
 
 /// What to read from a file. The default finds time, position and force by their names, from the
 /// first row to the last.
@@ -20,12 +24,39 @@ pub struct Choice {
     pub to: Option<f64>,
     /// Reverse the sign of the force, for a sensor mounted in the opposite direction.
     pub flip_force: bool,
+    /// Lines to skip at the beginning of a text, before its header.
+    pub skip_rows: u64,
+    /// Rows per second of a file without a column of times.
+    pub rate_hz: Option<f64>,
 }
 
 impl Choice {
     /// These columns, and defaults for the rest.
     pub fn columns(names: &str) -> Self {
         Self { columns: Some(names.to_owned()), ..Self::default() }
+    }
+
+    /// Rejects a rate that is none, or one beside a column of times.
+    pub(super) fn check_rate(&self, file: &str) -> Result<(), RecordingError> {
+        let Some(rate) = self.rate_hz else { return Ok(()) };
+        let bad = |problem: String| RecordingError::BadOption { file: file.to_owned(), option: "--rate-hz", problem };
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(bad(format!("is {rate}, expected a number above 0")));
+        }
+        let named = match self.columns.as_deref() {
+            Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &[])?.has(Quantity::Time),
+            mapping => mapping.map_or(Ok(Vec::new()), Given::parse)?.iter().any(|own| own.quantity == Quantity::Time),
+        };
+        if named {
+            Err(bad("is given although --columns names the time, expected one of them".to_owned()))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Of the quantities `needed`, those that columns must have.
+    pub(super) fn needed_columns(&self, needed: &[Quantity]) -> Vec<Quantity> {
+        needed.iter().copied().filter(|quantity| *quantity != Quantity::Time || self.rate_hz.is_none()).collect()
     }
 }
 
@@ -48,7 +79,7 @@ pub(super) fn pick(
     let mut found = Vec::new();
     let mut refused = None;
     for table in allowed {
-        match layout_of(file, &tables[table], choice, needed) {
+        match layout_of(file, container, table, choice, needed) {
             Ok(layout) => found.push((table, layout)),
             // The table with the most numeric columns gives the most informative error.
             Err(error) => {
@@ -58,6 +89,10 @@ pub(super) fn pick(
                 }
             }
         }
+    }
+    // A name says more than a unit.
+    if found.iter().any(|(_, layout)| !layout.by_unit) {
+        found.retain(|(_, layout)| !layout.by_unit);
     }
     // Columns of the file itself take precedence over those of its groups.
     if let Some(own) = found.iter().position(|(table, _)| tables[*table].name.is_empty()).filter(|_| found.len() > 1) {
@@ -116,7 +151,31 @@ pub fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
     allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
 }
 
-fn layout_of(file: &str, table: &Table, choice: &Choice, needed: &[Quantity]) -> Result<Layout, RecordingError> {
+/// Numbers of the first rows of a table, by column.
+fn first_rows(container: &dyn Container, table: usize) -> Vec<Vec<f64>> {
+    let columns = &container.tables()[table].columns;
+    let numeric: Vec<usize> = (0..columns.len()).filter(|k| columns[*k].is_numeric).take(MOST_GUESSED).collect();
+    let mut rows = vec![Vec::new(); numeric.len()];
+    let read = container.open(table, &numeric).and_then(|mut batches| batches.next(&mut rows));
+    let mut all = vec![Vec::new(); columns.len()];
+    if read.is_ok() {
+        for (k, mut numbers) in numeric.into_iter().zip(rows) {
+            numbers.retain(|number| number.is_finite());
+            all[k] = numbers;
+        }
+    }
+    all
+}
+
+fn layout_of(
+    file: &str,
+    container: &dyn Container,
+    table: usize,
+    choice: &Choice,
+    needed: &[Quantity],
+) -> Result<Layout, RecordingError> {
+    let needed = &choice.needed_columns(needed)[..];
+    let (table, first_rows) = (&container.tables()[table], || first_rows(container, table));
     let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
     let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };
     let layout = match choice.columns.as_deref() {
@@ -131,9 +190,12 @@ fn layout_of(file: &str, table: &Table, choice: &Choice, needed: &[Quantity]) ->
         mapping => {
             let units: Vec<String> = table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
             let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-            Layout::from_header(file, &place, names, &units, &given, needed)?
+            let (names, units) = (&names, &units);
+            let header = Header { file, place: &place, names, units, timestamps: &[], first_rows: &first_rows };
+            header.layout(&given, needed)?
         }
     };
+    let layout = layout.at_rate(choice.rate_hz);
     let read = table.columns.iter().zip(&layout.slots).find(|(column, slot)| slot.is_some() && !column.is_numeric);
     if let Some((column, _)) = read {
         let problem = "a column without numbers".to_owned();

@@ -1,6 +1,7 @@
 //! Column names and units: which column of a file holds which quantity.
 
 use super::RecordingError;
+use super::header::Header;
 
 /// Quantities that a column can hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,6 +19,15 @@ pub enum Quantity {
 /// A unit as written in a name, and its number per SI unit.
 type Unit = (&'static str, f64);
 
+/// N; the weight of a kilogram under standard gravity, exact by definition.
+const KILOGRAM_FORCE: f64 = 9.80665;
+/// N; exact: the international pound is 0.45359237 kg.
+const POUND_FORCE: f64 = 4.448_221_615_260_5;
+/// Inches per metre; an inch is exactly 25.4 mm.
+const PER_INCH: f64 = 1.0 / 25.4e-3;
+/// Minutes per second.
+const PER_MINUTE: f64 = 1.0 / 60.0;
+
 impl Quantity {
     /// All quantities; the index of each is its number.
     pub const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
@@ -34,21 +44,69 @@ impl Quantity {
 
     fn words(self) -> &'static [&'static str] {
         match self {
-            Self::Time => &["time", "t", "timestamp", "elapsed"],
+            Self::Time => &["time", "t", "timestamp", "elapsed", "stamp"],
             Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
             Self::Force => &["force", "f", "load", "friction"],
             Self::Velocity => &["velocity", "vel", "v"],
         }
     }
 
-    /// The SI unit comes first.
+    /// The SI unit comes first; of several names of one unit, the one for messages.
     fn units(self) -> &'static [Unit] {
         match self {
-            Self::Time => &[("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("sec", 1.0), ("seconds", 1.0)],
-            Self::Position => &[("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("um", 1e6)],
-            Self::Force => &[("n", 1.0), ("mn", 1e3), ("kn", 1e-3)],
-            Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6)],
+            Self::Time => &[
+                ("s", 1.0),
+                ("ms", 1e3),
+                ("us", 1e6),
+                ("ns", 1e9),
+                ("min", PER_MINUTE),
+                ("sec", 1.0),
+                ("second", 1.0),
+                ("seconds", 1.0),
+                ("msec", 1e3),
+                ("usec", 1e6),
+                ("nsec", 1e9),
+                ("minutes", PER_MINUTE),
+            ],
+            Self::Position => &[
+                ("m", 1.0),
+                ("mm", 1e3),
+                ("cm", 1e2),
+                ("um", 1e6),
+                ("in", PER_INCH),
+                ("inch", PER_INCH),
+                ("inches", PER_INCH),
+            ],
+            Self::Force => &[
+                ("n", 1.0),
+                ("mn", 1e3),
+                ("kn", 1e-3),
+                ("gf", 1e3 / KILOGRAM_FORCE),
+                ("kgf", 1.0 / KILOGRAM_FORCE),
+                ("lbf", 1.0 / POUND_FORCE),
+                ("ozf", 16.0 / POUND_FORCE),
+                ("g", 1e3 / KILOGRAM_FORCE),
+                ("kg", 1.0 / KILOGRAM_FORCE),
+                ("lb", 1.0 / POUND_FORCE),
+                ("lbs", 1.0 / POUND_FORCE),
+                ("newton", 1.0),
+                ("newtons", 1.0),
+            ],
+            Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6), ("in_s", PER_INCH)],
         }
+    }
+
+    /// All units, each by one of its names.
+    pub(crate) fn unit_list(self) -> String {
+        let units = self.units();
+        let first = |k: &usize| units[..*k].iter().all(|(_, per_si)| *per_si != units[*k].1);
+        let names: Vec<&str> = (0..units.len()).filter(first).map(|k| units[k].0).collect();
+        names.join(", ")
+    }
+
+    /// Name of the unit with this number per SI unit.
+    pub(crate) fn unit_of(self, per_si: f64) -> Option<&'static str> {
+        self.units().iter().find(|(_, own)| *own == per_si).map(|(name, _)| *name)
     }
 
     /// A recognised name, for messages.
@@ -64,16 +122,16 @@ impl Quantity {
 
 /// Interpretation of a single name.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Reading {
-    quantity: Quantity,
+pub(crate) struct Reading {
+    pub(crate) quantity: Quantity,
     /// The name is exactly the quantity's word.
-    exact: bool,
+    pub(crate) exact: bool,
     /// Number of the column's units per SI unit.
-    per_si: Option<f64>,
+    pub(crate) per_si: Option<f64>,
 }
 
 /// Words in names of columns that are related to a quantity but not its measurement.
-const NOT_MEASURED: [&str; 12] = [
+const NOT_MEASURED: [&str; 14] = [
     "command",
     "commanded",
     "cmd",
@@ -86,24 +144,84 @@ const NOT_MEASURED: [&str; 12] = [
     "demand",
     "error",
     "std",
+    "soll",
+    "sollwert",
 ];
+
+/// Words of a name, in lower case.
+fn words_of(lower: &str) -> Vec<&str> {
+    lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty() && *word != "per").collect()
+}
+
+/// A name in lower case, with one sign for micro.
+fn lower(name: &str) -> String {
+    name.to_lowercase().replace(['µ', 'μ'], "u")
+}
+
+/// Whether a name denotes a quantity that is not measured, such as a setpoint.
+pub(crate) fn is_related(name: &str) -> bool {
+    words_of(&lower(name)).iter().any(|word| NOT_MEASURED.contains(word))
+}
+
+/// Units that are also something else: a mass, a minimum, an inlet.
+const WEAK_UNITS: [&str; 6] = ["g", "kg", "lb", "lbs", "min", "in"];
+
+/// The quantity that a name without any of its words denotes by its unit alone, as `Weg [mm]` or
+/// `Fz_n`, and the number of units per SI unit. Never a velocity.
+pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> {
+    let lower = lower(name);
+    let words = words_of(&lower);
+    let named = |word: &&str| Quantity::ALL.iter().any(|quantity| quantity.words().contains(word));
+    if is_related(name) || words.iter().any(named) {
+        return None;
+    }
+    let bracket = lower.trim_end().strip_suffix([']', ')']).and_then(|front| front.rsplit_once(['[', '(']));
+    let unit = match bracket {
+        Some((_, unit)) => words_of(unit).join("_"),
+        None if !declared.is_empty() => words_of(&self::lower(declared)).join("_"),
+        None => {
+            let [front @ .., before, last] = &words[..] else { return None };
+            // `n_mm` is a stiffness, `mm_s` a velocity; `s_mm` is the usual letter for a path, and
+            // `in` a preposition.
+            let is_unit = units_named(before).next().is_some() || before.bytes().all(|b| b.is_ascii_digit());
+            let harmless = *before == "in" || (*before == "s" && front.is_empty());
+            let front = lower.trim_end().strip_suffix(last).unwrap_or_default();
+            if (is_unit && !harmless) || WEAK_UNITS.contains(last) || !front.ends_with(['_', ' ', '/', ',']) {
+                return None;
+            }
+            (*last).to_owned()
+        }
+    };
+    let mut found = units_named(&unit).filter(|_| !matches!(unit.as_str(), "g" | "kg" | "lb" | "lbs"));
+    found.next().filter(|(quantity, _)| *quantity != Quantity::Velocity)
+}
+
+/// All quantities that have a unit of this name, with the number of units per SI unit.
+fn units_named(unit: &str) -> impl Iterator<Item = (Quantity, f64)> {
+    let of = move |quantity: Quantity| {
+        let own = quantity.units().iter().find(|(name, _)| *name == unit);
+        own.map(|(_, per_si)| (quantity, *per_si))
+    };
+    Quantity::ALL.into_iter().filter_map(of)
+}
 
 /// Recognises `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
 fn recognise(name: &str) -> Option<Reading> {
-    let lower = name.to_lowercase().replace(['µ', 'μ'], "u");
-    let mut words: Vec<&str> =
-        lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty() && *word != "per").collect();
-    if words.iter().any(|word| NOT_MEASURED.contains(word)) {
+    let lower = lower(name);
+    let mut words = words_of(&lower);
+    // `X_Value` is the time in LabVIEW's files.
+    if words.iter().any(|word| NOT_MEASURED.contains(word)) || words[..] == ["x", "value"] {
         return None;
     }
     let quantity = quantity_of(&words)?;
     let per_si = take_unit(&mut words, quantity);
-    let exact = words.len() == 1;
+    // A stamp is a time, but a column that is called time comes first.
+    let exact = words.len() == 1 && words[0] != "stamp";
     Some(Reading { quantity, exact, per_si })
 }
 
 /// Interpretation of a name together with its declared unit; the unit in the name takes precedence.
-fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
+pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
     let own = recognise(name);
     if unit.is_empty() || own.is_none() {
         return own;
@@ -114,7 +232,7 @@ fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Readi
         Some(per_si) => {
             let word = own.map_or("", |own| own.quantity.words()[0]);
             let other = recognise(&format!("{word} {unit}")).and_then(|declared| declared.per_si);
-            if other.is_some_and(|other| other != per_si) {
+            if other != Some(per_si) {
                 notes.push(format!("column '{name}' is declared in {unit}: the unit in its name is taken"));
             }
             own
@@ -155,7 +273,7 @@ pub(crate) struct Slot {
 }
 
 impl Slot {
-    fn of(quantity: Quantity, per_si: f64) -> Self {
+    pub(crate) fn of(quantity: Quantity, per_si: f64) -> Self {
         Self { output: quantity as usize, per_si }
     }
 
@@ -168,7 +286,7 @@ impl Slot {
 const ALL_COLUMNS: &str = "the first line";
 
 /// The columns of one file.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Layout {
     pub(crate) names: Vec<String>,
     pub(crate) slots: Vec<Option<Slot>>,
@@ -176,17 +294,24 @@ pub(crate) struct Layout {
     pub(crate) source: &'static str,
     /// Assumptions about them.
     pub(crate) notes: Vec<String>,
+    /// Whether a quantity is taken by its unit alone.
+    pub(crate) by_unit: bool,
+    /// Rows per second, if times are not in the file.
+    pub(crate) rate_hz: Option<f64>,
+    /// The first time in ns since 1970, if times are timestamps in text.
+    pub(crate) origin: Option<i64>,
 }
 
 impl Layout {
     pub(crate) fn has(&self, quantity: Quantity) -> bool {
-        self.slots.iter().flatten().any(|slot| slot.is(quantity))
+        (quantity == Quantity::Time && self.rate_hz.is_some())
+            || self.slots.iter().flatten().any(|slot| slot.is(quantity))
     }
 
     /// All columns unchanged.
     pub(crate) fn all(names: Vec<String>) -> Self {
         let slots = (0..names.len()).map(|output| Some(Slot { output, per_si: 1.0 })).collect();
-        Self { names, slots, source: ALL_COLUMNS, notes: Vec::new() }
+        Self { names, slots, source: ALL_COLUMNS, ..Self::default() }
     }
 
     /// Whether a non-numeric cell counts as missing: if all columns are read, most of them are
@@ -200,12 +325,22 @@ impl Layout {
         let of = |quantity: Quantity| {
             let mut own = self.slots.iter().zip(&self.names);
             let (slot, name) = own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
-            let unit = quantity.units().iter().find(|(_, per_si)| *per_si == slot.per_si.abs())?.0;
-            let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
-            let name = if plain { name.clone() } else { format!("\"{name}\"") };
-            Some(format!("{}_{unit}={}{name}", quantity.name(), if slot.per_si < 0.0 { "-" } else { "" }))
+            entry(quantity, slot.per_si, name)
         };
         Quantity::ALL.into_iter().filter_map(of).collect()
+    }
+
+    /// Takes times from the rate, not from a column.
+    pub(crate) fn at_rate(mut self, rate_hz: Option<f64>) -> Self {
+        let Some(rate) = rate_hz else { return self };
+        for (slot, name) in self.slots.iter_mut().zip(&self.names) {
+            if slot.take_if(|slot| slot.is(Quantity::Time)).is_some() {
+                self.notes.push(format!("column '{name}' not used: times follow from the rate"));
+            }
+        }
+        self.notes.push(format!("times from 0 at {rate} rows per second"));
+        self.rate_hz = rate_hz;
+        self
     }
 
     /// Reverses the sign of the force.
@@ -219,7 +354,7 @@ impl Layout {
     pub(crate) fn from_mapping(mapping: &str, needed: &[Quantity]) -> Result<Self, RecordingError> {
         let names: Vec<String> = mapping.split(',').map(|name| name.trim().to_owned()).collect();
         let slots = names.iter().map(|name| mapped_slot(name)).collect::<Result<Vec<_>, _>>()?;
-        let layout = Self { names, slots, source: "--columns", notes: Vec::new() };
+        let layout = Self { names, slots, source: "--columns", ..Self::default() };
         for quantity in Quantity::ALL {
             let mut taken = layout.slots.iter().flatten().filter(|slot| slot.is(quantity));
             let count = taken.by_ref().count();
@@ -230,46 +365,15 @@ impl Layout {
         }
         Ok(layout)
     }
+}
 
-    /// Layout from the names in a header line or of a table, with their declared units `units` (one
-    /// each, or none at all); `given` are the columns named explicitly.
-    pub(crate) fn from_header(
-        file: &str,
-        place: &str,
-        names: Vec<String>,
-        units: &[String],
-        given: &[Given],
-        needed: &[Quantity],
-    ) -> Result<Self, RecordingError> {
-        let mut slots = vec![None; names.len()];
-        let mut notes = Vec::new();
-        let unit = |k: usize| units.get(k).map_or("", String::as_str);
-        let mut readings: Vec<Option<Reading>> =
-            names.iter().enumerate().map(|(k, name)| reading_with(name, unit(k), &mut notes)).collect();
-        for named in given {
-            let index = named.find(&names)?;
-            if slots[index].is_some() {
-                let problem = "a column named for two quantities, expected one".to_owned();
-                return Err(RecordingError::BadColumns { entry: names[index].clone(), problem });
-            }
-            slots[index] = Some(named.slot(readings[index])?);
-            readings[index] = None;
-        }
-        for quantity in Quantity::ALL.into_iter().filter(|q| given.iter().all(|given| given.quantity != *q)) {
-            let header = Header { file, place, names: &names, readings: &readings };
-            match header.choose(quantity, needed.contains(&quantity))? {
-                Choice::Column(index, slot) => {
-                    if readings[index].is_some_and(|reading| !reading.exact) {
-                        notes.push(format!("column '{}' taken as {}", names[index], quantity.name()));
-                    }
-                    slots[index] = Some(slot);
-                }
-                Choice::Ignored(note) => notes.push(note),
-                Choice::None => {}
-            }
-        }
-        Ok(Self { names, slots, source: "the header", notes })
-    }
+/// An entry of `--columns`, such as `force_mn=-load`; a negative `per_si` reverses the sign. `None`
+/// if there is no such unit.
+pub(crate) fn entry(quantity: Quantity, per_si: f64, name: &str) -> Option<String> {
+    let unit = quantity.unit_of(per_si.abs())?;
+    let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
+    let name = if plain { name.to_owned() } else { format!("\"{name}\"") };
+    Some(format!("{}_{unit}={}{name}", quantity.name(), if per_si < 0.0 { "-" } else { "" }))
 }
 
 /// A column of a table that is not a file: its index, from 0, and the number of its units per SI
@@ -318,7 +422,8 @@ impl TableColumns {
             Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
             mapping => {
                 let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                Layout::from_header(table, "", names.to_vec(), units, &given, &needed)?
+                let header = Header { file: table, place: "", names, units, timestamps: &[], first_rows: &Vec::new };
+                header.layout(&given, &needed)?
             }
         };
         if layout.slots.len() != names.len() {
@@ -344,7 +449,7 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
         recognise(name).ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
     let per_si = reading
         .per_si
-        .ok_or_else(|| bad(format!("without a unit, expected one of {}", unit_list(reading.quantity))))?;
+        .ok_or_else(|| bad(format!("without a unit, expected one of {}", reading.quantity.unit_list())))?;
     Ok(Some(Slot::of(reading.quantity, per_si)))
 }
 
@@ -407,7 +512,7 @@ impl Given {
         let reading = recognise(what)
             .ok_or_else(|| bad("not understood, expected time, position, force or velocity in front of '='"))?;
         if reading.per_si.is_none() && !reading.exact {
-            let units = unit_list(reading.quantity);
+            let units = reading.quantity.unit_list();
             return Err(bad(&format!("in a unit that is not understood, expected one of {units}")));
         }
         let column = column.trim();
@@ -422,7 +527,7 @@ impl Given {
     }
 
     /// Index of the column among `names`: the same name, or the only one that differs only in case.
-    fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
+    pub(crate) fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
         if let Some(index) = names.iter().position(|name| *name == self.column) {
             return Ok(index);
         }
@@ -441,10 +546,10 @@ impl Given {
         self.slot(recognise(name))
     }
 
-    fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
+    pub(crate) fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
         let declared = own.filter(|own| own.quantity == self.quantity).and_then(|own| own.per_si);
         let per_si = self.per_si.or(declared).ok_or_else(|| {
-            let units = unit_list(self.quantity);
+            let units = self.quantity.unit_list();
             let problem = format!(
                 "{} without a unit, and the column's name has none either, expected one of {units}",
                 self.quantity.name()
@@ -462,97 +567,6 @@ pub(crate) fn listed(names: &[String]) -> String {
     if names.len() > SHOWN { format!("{shown}, ... ({} in all)", names.len()) } else { shown }
 }
 
-fn unit_list(quantity: Quantity) -> String {
-    let names: Vec<&str> = quantity.units().iter().map(|(name, _)| *name).collect();
-    names.join(", ")
-}
-
-/// A `--columns` value for a file with this many columns, keeping what the names already give.
-pub(crate) fn example_mapping(count: usize) -> String {
-    let mut names = vec!["-"; count.max(3)];
-    names[..3].copy_from_slice(&["time_s", "position_mm", "force_n"]);
-    names.join(",")
-}
-
-/// Column of one quantity according to a header.
-enum Choice {
-    Column(usize, Slot),
-    /// An optional quantity that cannot be used, and the reason.
-    Ignored(String),
-    None,
-}
-
-struct Header<'a> {
-    file: &'a str,
-    place: &'a str,
-    names: &'a [String],
-    readings: &'a [Option<Reading>],
-}
-
-impl Header<'_> {
-    fn choose(&self, quantity: Quantity, needed: bool) -> Result<Choice, RecordingError> {
-        let of = |exact: bool| {
-            let readings = self.readings.iter().enumerate();
-            let matching = readings.filter(move |(_, reading)| {
-                reading.is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
-            });
-            matching.map(|(index, _)| index).collect::<Vec<_>>()
-        };
-        let candidates = Some(of(true)).filter(|exact| !exact.is_empty()).unwrap_or_else(|| of(false));
-        let outcome = match candidates[..] {
-            [] => Err(self.missing(quantity)),
-            [index] => self.slot(index, quantity),
-            [first, second, ..] => Err(self.ambiguous(quantity, first, second)),
-        };
-        match outcome {
-            Ok((index, slot)) => Ok(Choice::Column(index, slot)),
-            Err(error) if needed => Err(error),
-            Err(_) if candidates.is_empty() => Ok(Choice::None),
-            Err(_) => Ok(Choice::Ignored(format!(
-                "column '{}' not used: unclear whether it is {} and in which unit",
-                self.names[candidates[0]],
-                quantity.name()
-            ))),
-        }
-    }
-
-    fn slot(&self, index: usize, quantity: Quantity) -> Result<(usize, Slot), RecordingError> {
-        let per_si = self.readings[index].and_then(|reading| reading.per_si);
-        let per_si = per_si.ok_or_else(|| RecordingError::MissingUnit {
-            file: self.file.to_owned(),
-            place: self.place.into(),
-            column: self.names[index].as_str().into(),
-            quantity: quantity.name(),
-            expected: unit_list(quantity).into(),
-            unit: quantity.units()[0].0,
-            example: example_mapping(self.names.len()).into(),
-        })?;
-        Ok((index, Slot::of(quantity, per_si)))
-    }
-
-    fn missing(&self, quantity: Quantity) -> RecordingError {
-        RecordingError::MissingColumn {
-            file: self.file.to_owned(),
-            place: self.place.into(),
-            quantity: quantity.name(),
-            found: listed(self.names),
-            expected: quantity.example(),
-            example: example_mapping(self.names.len()).into(),
-        }
-    }
-
-    fn ambiguous(&self, quantity: Quantity, first: usize, second: usize) -> RecordingError {
-        RecordingError::AmbiguousColumn {
-            file: self.file.to_owned(),
-            place: self.place.into(),
-            quantity: quantity.name(),
-            first: self.names[first].as_str().into(),
-            second: self.names[second].as_str().into(),
-            example: example_mapping(self.names.len()).into(),
-        }
-    }
-}
-
 /// The quantity denoted by a name with an SI unit, and the unit.
 pub(crate) fn si_quantity(name: &str) -> Option<(Quantity, &'static str)> {
     let reading = recognise(name).filter(|reading| reading.per_si == Some(1.0))?;
@@ -563,7 +577,7 @@ pub(crate) fn si_quantity(name: &str) -> Option<(Quantity, &'static str)> {
 pub fn unit_in(name: &str) -> Option<&'static str> {
     let reading = recognise(name)?;
     let per_si = reading.per_si?;
-    let unit = reading.quantity.units().iter().find(|(_, own)| *own == per_si)?.0;
+    let unit = reading.quantity.unit_of(per_si)?;
     Some(match unit {
         "n" => "N",
         "mn" => "mN",
@@ -572,6 +586,7 @@ pub fn unit_in(name: &str) -> Option<&'static str> {
         "mm_s" => "mm/s",
         "cm_s" => "cm/s",
         "um_s" => "um/s",
+        "in_s" => "in/s",
         other => other,
     })
 }
@@ -589,18 +604,40 @@ pub(crate) fn is_recognised(name: &str) -> bool {
 
 /// Whether every cell is only a unit, as in the second header line of some loggers.
 pub(crate) fn is_unit_row(cells: &[String]) -> bool {
-    let bare = |cell: &String| {
-        let lower = cell.to_lowercase().replace(['µ', 'μ'], "u");
-        lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
-    };
-    let known =
-        |unit: &str| Quantity::ALL.iter().any(|quantity| quantity.units().iter().any(|(name, _)| *name == unit));
-    cells.iter().filter(|cell| known(&bare(cell))).count() >= 2
+    let is_unit = |cell: &&String| units_named(&words_of(&lower(cell)).join("_")).next().is_some();
+    cells.iter().filter(is_unit).count() >= 2
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_unit_alone_denotes_a_quantity_unless_it_is_a_part_of_another() {
+        for (name, declared, quantity) in [
+            ("Zeit [s]", "", Some((Quantity::Time, 1.0))),
+            ("Weg (mm)", "", Some((Quantity::Position, 1e3))),
+            ("Weg/mm", "", Some((Quantity::Position, 1e3))),
+            ("s [mm]", "", Some((Quantity::Position, 1e3))),
+            ("Kraft in N", "", Some((Quantity::Force, 1.0))),
+            ("Kraft", "N", Some((Quantity::Force, 1.0))),
+            ("Fz_n", "", Some((Quantity::Force, 1.0))),
+            ("Dauer [min]", "", Some((Quantity::Time, 1.0 / 60.0))),
+            ("Geschwindigkeit [mm/s]", "", None),
+            ("Steifigkeit [N/mm]", "", None),
+            ("Steifigkeit N/mm", "", None),
+            ("Beschleunigung [m/s^2]", "", None),
+            ("Moment [N m]", "", None),
+            ("Frequenz [1/s]", "", None),
+            ("Masse [kg]", "", None),
+            ("Temp_min", "", None),
+            ("it's", "", None),
+            ("Weg Sollwert [mm]", "", None),
+            ("s", "", None),
+        ] {
+            assert_eq!(unit_alone(name, declared), quantity, "{name}");
+        }
+    }
 
     fn reading(name: &str) -> Option<(Quantity, bool, Option<f64>)> {
         recognise(name).map(|r| (r.quantity, r.exact, r.per_si))
@@ -620,6 +657,15 @@ mod tests {
             ("Timestamp/ns", Quantity::Time, 1e9),
             ("velocity_m_s", Quantity::Velocity, 1.0),
             ("Velocity [mm/s]", Quantity::Velocity, 1e3),
+            ("force_gf", Quantity::Force, 1e3 / 9.80665),
+            ("load (g)", Quantity::Force, 1e3 / 9.80665),
+            ("Load [kg]", Quantity::Force, 1.0 / 9.80665),
+            ("force (lbf)", Quantity::Force, 1.0 / 4.4482216152605),
+            ("f_ozf", Quantity::Force, 16.0 / 4.4482216152605),
+            ("Position (inches)", Quantity::Position, 1.0 / 0.0254),
+            ("x_in", Quantity::Position, 1.0 / 0.0254),
+            ("t_µs", Quantity::Time, 1e6),
+            ("elapsed (min)", Quantity::Time, 1.0 / 60.0),
             ("v (m·s^-1)", Quantity::Velocity, 1.0),
         ] {
             assert_eq!(reading(name), Some((quantity, true, Some(per_si))), "{name}");
@@ -631,6 +677,12 @@ mod tests {
         assert_eq!(reading("position_setpoint_mm"), None);
         assert_eq!(reading("status"), None);
         assert_eq!(reading("s"), None);
+        // Units that are not known are no units, in particular not those of SI.
+        assert_eq!(reading("force_dyn"), Some((Quantity::Force, false, None)));
+        assert_eq!(reading("position (ft)"), Some((Quantity::Position, false, None)));
+        assert_eq!(reading("position_kg"), Some((Quantity::Position, false, None)));
+        assert_eq!(reading("stamp_ticks"), Some((Quantity::Time, false, None)));
+        assert_eq!(reading("stamp_ns"), Some((Quantity::Time, false, Some(1e9))));
         assert_eq!(reading("force"), Some((Quantity::Force, true, None)));
         assert_eq!(reading("motor_position_mm"), Some((Quantity::Position, false, Some(1e3))));
     }

@@ -1,5 +1,5 @@
-//! Streams that may be compressed: gzip and zstd are detected by their first bytes and
-//! decompressed.
+//! Streams that may be compressed or in UTF-16: gzip, zstd and byte order marks are detected by their
+//! first bytes.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read};
@@ -8,12 +8,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::RecordingError;
+use super::utf16::{BIG_ENDIAN, Decoder, LITTLE_ENDIAN};
 
 /// First bytes of gzip members and of zstd frames.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
-/// Bytes read at a time.
+/// Bytes read at a time from a compressed stream.
 #[cfg(feature = "gzip")]
 const PIECE: usize = 1 << 16;
 
@@ -30,7 +31,8 @@ impl TextInput {
         let name = path.display().to_string();
         let failed = |source| RecordingError::Open { file: name.clone(), source };
         if name == "-" {
-            return Ok(Self { text: decompressed(Box::new(io::stdin())).map_err(failed)?, file: None });
+            let text = decoded(decompressed(Box::new(io::stdin())).map_err(failed)?).map_err(failed)?;
+            return Ok(Self { text, file: None });
         }
         let file = File::open(path).map_err(failed)?;
         let metadata = file.metadata().map_err(failed)?;
@@ -39,7 +41,7 @@ impl TextInput {
         }
         let read = Arc::new(AtomicU64::new(0));
         let counted = Counted { inner: file, read: read.clone() };
-        let text = decompressed(Box::new(counted)).map_err(failed)?;
+        let text = decoded(decompressed(Box::new(counted)).map_err(failed)?).map_err(failed)?;
         Ok(Self { text, file: metadata.is_file().then_some((metadata.len(), read)) })
     }
 }
@@ -77,6 +79,16 @@ fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Se
         return zstd_text(whole);
     }
     Ok(Box::new(whole))
+}
+
+/// The same text in UTF-8 if a byte order mark says that it is in UTF-16.
+fn decoded(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
+    let mut head = Vec::with_capacity(LITTLE_ENDIAN.len());
+    (&mut input).take(LITTLE_ENDIAN.len() as u64).read_to_end(&mut head)?;
+    let is_little_endian = head == LITTLE_ENDIAN;
+    let is_utf16 = is_little_endian || head == BIG_ENDIAN;
+    let whole = Cursor::new(head).chain(input);
+    Ok(if is_utf16 { Box::new(Decoder::new(whole, is_little_endian)) } else { Box::new(whole) })
 }
 
 #[cfg(feature = "gzip")]

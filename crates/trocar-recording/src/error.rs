@@ -83,7 +83,7 @@ pub enum RecordingError {
     },
     /// The first line contains numbers, so the columns have no names.
     #[error(
-        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: name the columns in order, with units, for example --columns {example}"
+        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: name the columns in order, with units and '-' for those to skip, for example --columns {example} (guessed from the first rows: check the units); without a column of times, give the rows per second with --rate-hz"
     )]
     NoHeader {
         /// File name as given by the caller.
@@ -95,61 +95,17 @@ pub enum RecordingError {
         /// An example of `--columns` with the correct number of entries.
         example: String,
     },
-    /// A required column is not in the header.
-    #[error(
-        "{file}{place}: no {quantity} column among '{found}', expected a name such as {expected}\n\nhint: name the columns in order, with units, and '-' for those to skip, for example --columns {example}"
-    )]
-    MissingColumn {
+    /// Required columns are missing, could be several, or have no unit.
+    #[error("{file}{place}: {problems}\n\nhint: {hint}")]
+    UnclearColumns {
         /// File name as given by the caller.
         file: String,
         /// Place in the file, ` line 1`; empty if a table has no lines.
         place: Box<str>,
-        /// `time`, `position` or `force`.
-        quantity: &'static str,
-        /// The names found.
-        found: String,
-        /// A name that would be recognized.
-        expected: &'static str,
-        /// An example of `--columns` with the correct number of entries.
-        example: Box<str>,
-    },
-    /// Several columns could be the same quantity.
-    #[error(
-        "{file}{place}: {quantity} could be '{first}' or '{second}', expected one\n\nhint: say which, with '-' for columns to skip, for example --columns {example}"
-    )]
-    AmbiguousColumn {
-        /// File name as given by the caller.
-        file: String,
-        /// Place in the file, ` line 1`; empty if a table has no lines.
-        place: Box<str>,
-        /// The quantity concerned.
-        quantity: &'static str,
-        /// One candidate.
-        first: Box<str>,
-        /// Another candidate.
-        second: Box<str>,
-        /// An example of `--columns` with the correct number of entries.
-        example: Box<str>,
-    },
-    /// The name of a column contains no unit.
-    #[error(
-        "{file}{place}: column '{column}' has no unit that is understood for {quantity}, expected one of {expected}\n\nhint: rename it, for example {quantity}_{unit}, or give --columns {example}"
-    )]
-    MissingUnit {
-        /// File name as given by the caller.
-        file: String,
-        /// Place in the file, ` line 1`; empty if a table has no lines.
-        place: Box<str>,
-        /// Name of the column.
-        column: Box<str>,
-        /// The quantity it was recognized as.
-        quantity: &'static str,
-        /// Accepted units.
-        expected: Box<str>,
-        /// The SI unit, as written in names.
-        unit: &'static str,
-        /// An example of `--columns` with the correct number of entries.
-        example: Box<str>,
+        /// All that is unclear.
+        problems: Box<str>,
+        /// The remedy, with a value for `--columns` if there is one.
+        hint: Box<str>,
     },
     /// No topic of a robot log clearly matches a quantity.
     #[error(
@@ -200,6 +156,16 @@ pub enum RecordingError {
     BadColumns {
         /// The entry concerned.
         entry: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// An option that does not fit the file.
+    #[error("{file}: {option} {problem}")]
+    BadOption {
+        /// File name as given by the caller.
+        file: String,
+        /// The option, as on the command line.
+        option: &'static str,
         /// What is wrong with it.
         problem: String,
     },

@@ -33,7 +33,9 @@ impl Format {
         let rows = if lines.len() > 1 { &lines[1..] } else { lines };
         let by_numbers = best(|format| score(format, rows));
         by_numbers
-            .or_else(|| best(|format| (0, format.cells(lines.first().copied().unwrap_or_default()).len() - 1)))
+            .or_else(|| {
+                best(|format| (0, format.cells(lines.first().copied().unwrap_or_default()).len().saturating_sub(1)))
+            })
             .unwrap_or(Format { separator: Separator::Byte(b','), decimal_comma: false })
     }
 
@@ -110,6 +112,13 @@ mod tests {
 
     fn sniff(text: &str) -> Format {
         Format::sniff(&text.lines().map(str::as_bytes).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn blank_lines_have_some_format() {
+        for text in ["", "  ", "\n", "\n  \n\t"] {
+            assert!(!sniff(text).decimal_comma, "{text:?}");
+        }
     }
 
     #[test]

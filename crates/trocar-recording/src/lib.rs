@@ -43,6 +43,7 @@ mod decompress;
 mod error;
 mod format;
 pub mod formats;
+mod header;
 mod join;
 pub mod line;
 mod log;
@@ -55,6 +56,8 @@ pub mod rows;
 mod screen;
 mod tables;
 mod text;
+mod timestamp;
+mod utf16;
 
 /// Fewest samples of a recording.
 pub const MIN_SAMPLES: usize = 8;
@@ -62,12 +65,18 @@ pub const MIN_SAMPLES: usize = 8;
 /// Longest stroke accepted, in m: no instrument moves further through a trocar.
 pub const LONGEST_STROKE: f64 = 2.0;
 
+/// Moving mass, kg, above which its unit is doubtful.
+const PLAUSIBLE_MASS: f64 = 5.0;
+
+/// Range of a force, as a fraction of its largest value, that is rounding.
+const CONSTANT_FORCE: f64 = 1e-9;
+
 /// One recording in SI units; all columns have the same length and time is strictly increasing.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// File name without its folder.
     pub name: String,
-    /// SHA-256 of the file's bytes (of its text if it is compressed by gzip or zstd), or of the
+    /// SHA-256 of the file's bytes (of its text in UTF-8 if it is compressed by gzip or zstd, or in UTF-16), or of the
     /// columns when there is no file; lower-case hexadecimal.
     pub sha256: String,
     /// Time in s.
@@ -236,13 +245,26 @@ impl Recording {
     ///
     /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the insertion axis (0 when
     /// the axis is horizontal; a constant weight may as well stay in the offset). The acceleration is
-    /// [`Recording::acceleration`].
+    /// [`Recording::acceleration`]. A force that never changes is not that of a sensor which feels
+    /// the mass: it stays as it is.
     ///
     /// # Errors
     /// [`RecordingError::MovingMass`] when the mass is negative or not finite.
     pub fn without_moving_mass(mut self, mass: f64, gravity: f64) -> Result<Self, RecordingError> {
         if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
             return Err(RecordingError::MovingMass { found: mass });
+        }
+        if mass > PLAUSIBLE_MASS {
+            let message = format!(
+                "a moving mass of {mass} kg is heavier than an instrument: in grams it would be {} kg",
+                1e-3 * mass
+            );
+            self.quality.warnings.push(Warning { kind: WarningKind::Units, message, hint: None });
+        }
+        let (low, high) = range(&self.force);
+        if high - low <= CONSTANT_FORCE * low.abs().max(high.abs()) {
+            self.quality.notes.push(format!("the force is constant: inertia of {mass} kg not taken out"));
+            return Ok(self);
         }
         let window = self.acceleration_window();
         let acceleration = self.acceleration_about(window);

@@ -39,6 +39,10 @@ pub(super) fn choose(
     choice: &Choice,
     needed: &[Quantity],
 ) -> Result<Chosen, RecordingError> {
+    if choice.rate_hz.is_some() {
+        let problem = "is for a table without times, and this is a log with times of its own".to_owned();
+        return Err(RecordingError::BadOption { file: file.to_owned(), option: "--rate-hz", problem });
+    }
     let topics = Topics { file, container, allowed: allowed(file, container.tables(), &choice.topics)? };
     let given = match choice.columns.as_deref() {
         Some(mapping) if !mapping.contains('=') => return Err(topics.in_order(mapping)),
@@ -233,7 +237,7 @@ impl Topics<'_> {
             );
         }
         notes.extend(joined.notes);
-        let layout = Layout { names, slots, source: "--columns", notes };
+        let layout = Layout { names, slots, source: "--columns", notes, ..Layout::default() };
         Ok(Chosen { layout, batches: joined.batches, warnings: joined.warnings })
     }
 }

@@ -7,7 +7,7 @@ use super::block::SampleRow;
 use super::collect::Collector;
 use super::columns::Quantity;
 use super::rows::Rows;
-use super::{MIN_SAMPLES, ReadOptions, Recording, RecordingError};
+use super::{MIN_SAMPLES, ReadOptions, Recording, RecordingError, Warning, WarningKind};
 
 /// Reads a recording piece by piece; each is checked separately. No piece holds more samples than
 /// requested except the last, which may include the few that would be too few for a separate piece.
@@ -74,9 +74,14 @@ impl Pieces {
         if collector.len() == 0 && !first {
             return Ok(None);
         }
+        let is_last = self.ahead.is_empty();
         let mut piece = collector.finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)?;
         if first {
             piece.quality.notes.extend(self.rows.notes());
+        }
+        if is_last {
+            let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
+            piece.quality.warnings.extend(self.rows.warnings().into_iter().map(of_the_file));
         }
         Ok(Some(piece))
     }

@@ -93,6 +93,8 @@ pub enum WarningKind {
     Resets,
     /// The stroke is so short that the unit is doubtful.
     Stroke,
+    /// Intervals, forces or a moving mass of a size that makes their unit doubtful.
+    Units,
     /// The force opposes the motion.
     ForceSign,
     /// The file itself is damaged, or its topics contradict each other.

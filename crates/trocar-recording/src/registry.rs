@@ -14,9 +14,17 @@ use super::text::TextTable;
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened, is damaged, or has an unsupported format.
 pub fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
+    any_after(path, 0)
+}
+
+/// The same, of text only the part after `skip_rows` lines.
+///
+/// # Errors
+/// As for [`any`].
+pub fn any_after(path: &Path, skip_rows: u64) -> Result<Box<dyn Container>, RecordingError> {
     match open(path)? {
         Some(container) => Ok(container),
-        None => Ok(Box::new(TextTable::open(path)?)),
+        None => Ok(Box::new(TextTable::open(path, skip_rows)?)),
     }
 }
 

@@ -28,14 +28,16 @@ pub struct Rows<'a> {
     /// Size of a text file, and number of bytes read; compressed or not.
     text_file: Option<(u64, Arc<AtomicU64>)>,
     crop: Crop,
+    /// Rows numbered so far, if times follow from a rate.
+    numbered: u64,
     block: Block,
     /// Next row of the block.
     next: usize,
 }
 
 enum Source<'a> {
-    Text(TextReader<Box<dyn Read + Send + 'a>>),
-    Table(TableRows),
+    Text(Box<TextReader<Box<dyn Read + Send + 'a>>>),
+    Table(Box<TableRows>),
 }
 
 impl Rows<'static> {
@@ -48,9 +50,14 @@ impl Rows<'static> {
         if file != "-"
             && let Some(container) = registry::open(path)?
         {
+            choice.check_rate(&file)?;
+            if choice.skip_rows > 0 {
+                let problem = format!("is for text, and this is a file of the format {}", container.format());
+                return Err(RecordingError::BadOption { file, option: "--skip-rows", problem });
+            }
             let mut table = TableRows::open(&file, container.as_ref(), choice, needed)?;
             table.hash = hash.then(|| hash_of(path));
-            return Ok(Self::new(Source::Table(table), None, choice));
+            return Ok(Self::new(Source::Table(Box::new(table)), None, choice));
         }
         let input = TextInput::open(path)?;
         let mut rows = Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;
@@ -73,15 +80,15 @@ impl<'a> Rows<'a> {
         needed: &[Quantity],
         hash: bool,
     ) -> Result<Self, RecordingError> {
-        let wanted = Wanted::Quantities(choice.columns.as_deref(), needed);
-        let reader = TextReader::open(file, input, wanted, is_file, hash)?;
+        choice.check_rate(file)?;
+        let reader = TextReader::open(file, input, Wanted::Quantities(choice, needed), is_file, hash)?;
         check_topics(file, choice)?;
-        Ok(Self::new(Source::Text(reader), None, choice))
+        Ok(Self::new(Source::Text(Box::new(reader)), None, choice))
     }
 
     fn new(source: Source<'a>, text_file: Option<(u64, Arc<AtomicU64>)>, choice: &Choice) -> Self {
         let crop = Crop::new(choice);
-        let mut rows = Self { source, text_file, crop, block: Block::new(Quantity::ALL.len()), next: 0 };
+        let mut rows = Self { source, text_file, crop, numbered: 0, block: Block::new(Quantity::ALL.len()), next: 0 };
         if choice.flip_force {
             rows.layout_mut().flip_force();
         }
@@ -161,7 +168,7 @@ impl<'a> Rows<'a> {
     /// Losses and doubts about the file itself; complete after the last row.
     pub(crate) fn warnings(&self) -> Vec<String> {
         match &self.source {
-            Source::Text(_) => Vec::new(),
+            Source::Text(reader) => reader.warnings(),
             Source::Table(table) => table.warnings.iter().cloned().chain(table.batches.warnings()).collect(),
         }
     }
@@ -176,6 +183,12 @@ impl<'a> Rows<'a> {
             self.next = 0;
             if !more {
                 return Ok(None);
+            }
+            if let Some(rate) = self.layout().rate_hz {
+                let first = self.numbered;
+                self.numbered += self.block.len() as u64;
+                self.block.columns[Quantity::Time as usize] =
+                    (first..self.numbered).map(|row| row as f64 / rate).collect();
             }
             self.crop.cut(&mut self.block);
             if !self.block.is_empty() {

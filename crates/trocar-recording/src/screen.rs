@@ -10,6 +10,11 @@ use super::{LONGEST_STROKE, Location, MIN_SAMPLES, RecordingError};
 /// trocar.
 const DOUBTFUL_STROKE: f64 = 1e-3;
 
+/// Intervals in s, and forces in N, beyond which the unit is doubtful: no logger is so slow or fast,
+/// and no instrument or robot axis so strong.
+const PLAUSIBLE_INTERVALS: Range<f64> = 1e-7..1e4;
+const PLAUSIBLE_FORCE: f64 = 200.0;
+
 /// Ratio of a gap to the 95th percentile of the intervals: two lost samples still count as jitter.
 const GAP_FACTOR: f64 = 3.0;
 
@@ -24,6 +29,9 @@ const JUMP_FACTOR: f64 = 10.0;
 
 /// ... and larger by this factor than noise and resolution explain.
 const JUMP_OVER_NOISE: f64 = 20.0;
+
+/// ... and larger than this, in m: less is rounding, whatever the noise.
+const LEAST_JUMP: f64 = 1e-9;
 
 /// Samples on each side with which a jump is compared.
 const JUMP_NEIGHBOURS: usize = 4;
@@ -161,6 +169,7 @@ pub(super) fn screen(
     quality.breaks.sort_unstable();
     quality.breaks.dedup();
     quality.warnings = warnings(&quality, columns.lines.count.unit());
+    quality.warnings.extend(doubtful_units(&columns, &quality));
     Ok((columns, quality))
 }
 
@@ -360,7 +369,7 @@ fn gcd(mut a: u64, mut b: u64) -> u64 {
 fn find_jumps(columns: &Columns, quality: &mut Quality) {
     let path = Path { time: &columns.time, position: &columns.position };
     let noise = quality.position_noise.max(quality.position_resolution);
-    let least = JUMP_OVER_NOISE * noise + 1e-9 * quality.stroke;
+    let least = (JUMP_OVER_NOISE * noise + 1e-9 * quality.stroke).max(LEAST_JUMP);
     for k in 1..path.time.len() {
         let jump = path.position[k] - path.position[k - 1];
         if jump.abs() <= least {
@@ -543,6 +552,30 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
         );
     }
     warnings
+}
+
+/// Warnings about numbers that probably have another unit.
+fn doubtful_units(columns: &Columns, quality: &Quality) -> Vec<Warning> {
+    let doubt = |message: String, hint: String| Warning { kind: WarningKind::Units, message, hint: Some(hint) };
+    let interval = quality.median_interval;
+    let mut doubts = Vec::new();
+    if !PLAUSIBLE_INTERVALS.contains(&interval) {
+        let (numbers, name) = match interval {
+            ..1.0 => ("seconds", "time_s"),
+            ..1e5 => ("microseconds", "time_us"),
+            _ => ("nanoseconds", "time_ns"),
+        };
+        let hint = format!("is the unit right? if the numbers are {numbers}, name the column {name} or use --columns");
+        doubts.push(doubt(format!("the samples are {interval:.1e} s apart"), hint));
+    }
+    let (low, high) = range(&columns.force);
+    let largest = low.abs().max(high.abs());
+    if largest > PLAUSIBLE_FORCE {
+        let hint = "is the unit right? if the numbers are millinewtons or grams, name the column force_mn or force_g or use --columns";
+        let largest = if low.abs() > high.abs() { low } else { high };
+        doubts.push(doubt(format!("the force reaches {largest:.0} N"), hint.to_owned()));
+    }
+    doubts
 }
 
 /// `1 gap`, `3 gaps`.

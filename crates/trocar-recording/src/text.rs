@@ -12,11 +12,14 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::block::Block;
-use super::columns::{Given, Layout, Quantity, Slot, example_mapping, is_unit_row};
+use super::choice::Choice;
+use super::columns::{Given, Layout, Quantity, Slot, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
 use super::decompress::TextInput;
 use super::format::{Format, Separator, whitespace_cells};
-use super::{RecordingError, columns};
+use super::header::{Header, in_order};
+use super::quality::RowList;
+use super::{RecordingError, columns, timestamp};
 
 /// Bytes read at a time from a file, and from a real-time stream; the second is also the longest
 /// line accepted.
@@ -29,16 +32,23 @@ const PIECE: usize = 128 * 1024;
 /// Lines examined to detect the format.
 const SNIFFED_LINES: usize = 16;
 
+/// Most lines in which a header is sought, and fewest rows below it that show what is a row.
+const LONGEST_PREAMBLE: usize = 256;
+const ROWS_AFTER_PREAMBLE: usize = 3;
+
+/// Most rows read to guess a unit.
+const GUESSED_ROWS: usize = 20_000;
+
 /// Characters of a file quoted in a message.
 const QUOTED: usize = 60;
 
 /// Columns requested from the reader.
 #[derive(Clone, Copy)]
 pub(crate) enum Wanted<'a> {
-    /// Quantities, by a `--columns` value or by the names in the header; these must be there.
-    Quantities(Option<&'a str>, &'a [Quantity]),
-    /// All columns, unchanged.
-    All,
+    /// Quantities, as chosen or by the names in the header; these must be there.
+    Quantities(&'a Choice, &'a [Quantity]),
+    /// All columns, unchanged, of the text after this many lines.
+    All(u64),
 }
 
 /// Reads rows from any byte stream.
@@ -63,6 +73,12 @@ pub(crate) struct TextReader<R> {
     hash: Option<Sha256>,
     format: Format,
     layout: Layout,
+    /// Cells of the header, and of the line of units below it.
+    header: Vec<Vec<String>>,
+    /// What was skipped before it.
+    notes_of_text: Vec<String>,
+    /// Lines that repeat them.
+    repeated: RowList,
     /// Bytes and lines of the first buffer, for an estimate.
     bytes_per_line: f64,
 }
@@ -84,12 +100,18 @@ impl<R: Read> TextReader<R> {
             line: 1,
             hash: hash.then(Sha256::new),
             format: Format { separator: Separator::Byte(b','), decimal_comma: false },
-            layout: Layout { names: Vec::new(), slots: Vec::new(), source: "", notes: Vec::new() },
+            layout: Layout::default(),
+            header: Vec::new(),
+            notes_of_text: Vec::new(),
+            repeated: RowList::default(),
             bytes_per_line: 1.0,
         };
         reader.refill()?;
         reader.check_text()?;
+        reader.skip_rows(wanted)?;
         reader.find_columns(wanted)?;
+        reader.find_origin();
+        reader.layout.notes.append(&mut reader.notes_of_text);
         let bytes = &reader.buffer[reader.start..reader.complete];
         let lines = bytes.iter().filter(|&&b| b == b'\n').count().max(1);
         reader.bytes_per_line = bytes.len() as f64 / lines as f64;
@@ -137,10 +159,10 @@ impl<R: Read> TextReader<R> {
     /// Parses the complete lines up to the first invalid one, and computes their hash meanwhile.
     fn parse_buffer(&mut self, block: &mut Block) -> Option<Fault> {
         let bytes = &self.buffer[self.start..self.complete];
-        let (format, layout) = (self.format, &self.layout);
+        let (format, layout, header) = (self.format, &self.layout, &self.header[..]);
         let threads = rayon::current_num_threads();
         let pieces = cut(bytes, (bytes.len() / PIECE).min(4 * threads));
-        let parse = |piece: &&[u8]| Piece::parse(piece, format, layout, block.columns.len());
+        let parse = |piece: &&[u8]| Piece::parse(piece, format, layout, header, block.columns.len());
         let parsed: Vec<Piece> = if pieces.len() < 2 {
             pieces.iter().map(parse).collect()
         } else {
@@ -156,6 +178,7 @@ impl<R: Read> TextReader<R> {
         };
         for piece in parsed {
             block.append(&piece.rows, self.line);
+            piece.headers.iter().for_each(|line| self.repeated.add(self.line + line));
             self.start += piece.used;
             self.line += piece.lines;
             if piece.fault.is_some() {
@@ -242,12 +265,18 @@ impl<R: Read> TextReader<R> {
 
     /// Finds format and columns and leaves `start` at the first row of numbers.
     fn find_columns(&mut self, wanted: Wanted) -> Result<(), RecordingError> {
-        if let Wanted::Quantities(Some(mapping), needed) = wanted
-            && !mapping.contains('=')
+        if let Wanted::Quantities(choice, needed) = wanted
+            && let Some(mapping) = choice.columns.as_deref().filter(|mapping| !mapping.contains('='))
         {
-            self.layout = Layout::from_mapping(mapping, needed)?;
+            self.layout = Layout::from_mapping(mapping, &choice.needed_columns(needed))?.at_rate(choice.rate_hz);
         }
-        let comment = self.skip_blank()?;
+        let mut comment = self.skip_blank()?;
+        if let Some(lines) = preamble(&self.buffer[self.start..self.complete]) {
+            (0..lines).for_each(|_| self.skip_line());
+            comment = self.skip_blank()?;
+            self.notes_of_text
+                .push(format!("{lines} {} before the header skipped", if lines == 1 { "line" } else { "lines" }));
+        }
         let Some(first) = self.peek_line(0).map(<[u8]>::to_vec) else {
             return Err(RecordingError::Empty { file: self.file.clone() });
         };
@@ -268,7 +297,7 @@ impl<R: Read> TextReader<R> {
             self.layout = layout;
             return Ok(());
         }
-        if let Wanted::All = wanted {
+        if let Wanted::All(_) = wanted {
             let numbered = (1..=names.len()).map(|k| format!("column {k}")).collect();
             self.layout = self.layout_of(self.line, numbered, &[], wanted)?;
             return Ok(());
@@ -277,7 +306,7 @@ impl<R: Read> TextReader<R> {
             file: self.file.clone(),
             line: self.line,
             found: quoted(&first),
-            example: example_mapping(names.len()),
+            example: in_order(&self.first_rows(names.len())),
         })
     }
 
@@ -287,7 +316,7 @@ impl<R: Read> TextReader<R> {
         cells.iter().any(|cell| columns::is_recognised(cell)) || cells.iter().filter(numeric).count() == 0
     }
 
-    fn take_header(&mut self, names: Vec<String>, wanted: Wanted) -> Result<(), RecordingError> {
+    fn take_header(&mut self, mut names: Vec<String>, wanted: Wanted) -> Result<(), RecordingError> {
         let line = self.line;
         self.skip_line();
         self.skip_blank()?;
@@ -298,6 +327,12 @@ impl<R: Read> TextReader<R> {
             self.skip_line();
             self.skip_blank()?;
         }
+        // A last column of comments is often empty in the rows, together with its separator.
+        let first = self.peek_line(0).map_or(0, |line| self.cells(line).len());
+        if first + 1 == names.len() && names.last().is_some_and(|name| name.eq_ignore_ascii_case("comment")) {
+            names.pop();
+        }
+        self.header = [names.clone(), units.clone()].into_iter().filter(|cells| !cells.is_empty()).collect();
         if self.layout.slots.is_empty() {
             self.layout = self.layout_of(line, names, &units, wanted)?;
         }
@@ -316,11 +351,15 @@ impl<R: Read> TextReader<R> {
         wanted: Wanted,
     ) -> Result<Layout, RecordingError> {
         match wanted {
-            Wanted::Quantities(mapping, needed) => {
-                let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                Layout::from_header(&self.file, &format!(" line {line}"), names, units, &given, needed)
+            Wanted::Quantities(choice, needed) => {
+                let given = choice.columns.as_deref().map_or(Ok(Vec::new()), Given::parse)?;
+                let (file, place) = (&self.file, &format!(" line {line}"));
+                let first_rows = || self.first_rows(names.len());
+                let (names, timestamps) = (&names, &self.timestamps());
+                let header = Header { file, place, names, units, timestamps, first_rows: &first_rows };
+                Ok(header.layout(&given, &choice.needed_columns(needed))?.at_rate(choice.rate_hz))
             }
-            Wanted::All => {
+            Wanted::All(_) => {
                 let mut layout = Layout::all(names);
                 for (k, name) in layout.names.iter_mut().enumerate() {
                     name.extend(units.get(k).map(|unit| format!(" {unit}")));
@@ -332,6 +371,71 @@ impl<R: Read> TextReader<R> {
                 Ok(layout)
             }
         }
+    }
+
+    /// Skips the lines that the caller wants to be skipped.
+    fn skip_rows(&mut self, wanted: Wanted) -> Result<(), RecordingError> {
+        let rows = match wanted {
+            Wanted::Quantities(choice, _) => choice.skip_rows,
+            Wanted::All(rows) => rows,
+        };
+        for _ in 0..rows {
+            if self.start == self.complete && !self.refill()? {
+                let problem = format!("{rows} leaves no line of {}", self.line - 1);
+                return Err(RecordingError::BadOption { file: self.file.clone(), option: "--skip-rows", problem });
+            }
+            self.skip_line();
+        }
+        Ok(())
+    }
+
+    /// Columns of dates in the current line.
+    fn timestamps(&self) -> Vec<usize> {
+        let cells = self.peek_line(0).map(|line| self.cells(line)).unwrap_or_default();
+        (0..cells.len()).filter(|k| timestamp::parse(cells[*k].as_bytes()).is_some()).collect()
+    }
+
+    /// If times are dates, they count from the first in the buffer.
+    fn find_origin(&mut self) {
+        let is_time = |slot: &Option<Slot>| slot.is_some_and(|slot| slot.output == Quantity::Time as usize);
+        let Some(column) = self.layout.slots.iter().position(is_time).filter(|_| !self.layout.tolerates_text()) else {
+            return;
+        };
+        let mut lines = (0..SNIFFED_LINES).map_while(|k| self.peek_line(k));
+        let first = lines.find_map(|line| timestamp::parse(self.cells(line).get(column)?.as_bytes()));
+        if first.is_some() {
+            self.layout.origin = first;
+            self.layout.slots[column] = Some(Slot { output: Quantity::Time as usize, per_si: 1.0 });
+        }
+    }
+
+    /// Losses so far.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        let repeated = &self.repeated;
+        let what = if repeated.count == 1 { "line that repeats" } else { "lines that repeat" };
+        let warning = || format!("{} {what} the header left out: {}", repeated.count, repeated.places("line"));
+        (repeated.count > 0).then(warning).into_iter().collect()
+    }
+
+    /// Numbers of the rows in the buffer, by column; none for a column with text.
+    fn first_rows(&self, columns: usize) -> Vec<Vec<f64>> {
+        let mut rows = vec![Vec::new(); columns];
+        let mut is_text = vec![false; columns];
+        let mut splitter = Splitter::new(self.format.separator);
+        for line in self.buffer[self.start..self.complete].split(|&b| b == b'\n').take(GUESSED_ROWS) {
+            if splitter.split(line) != columns || line.trim_ascii().first() == Some(&b'#') {
+                continue;
+            }
+            for k in 0..columns {
+                match self.format.number(splitter.cell(k)) {
+                    Some(number) if number.is_finite() => rows[k].push(number),
+                    Some(_) => {}
+                    None => is_text[k] = true,
+                }
+            }
+        }
+        rows.iter_mut().zip(is_text).filter(|(_, is_text)| *is_text).for_each(|(column, _)| column.clear());
+        rows
     }
 
     /// Skips blank and comment lines; returns the last comment with its line.
@@ -406,19 +510,26 @@ impl<R: Read> TextReader<R> {
 /// A text file as a table of all its columns.
 pub(super) struct TextTable {
     path: PathBuf,
+    skip_rows: u64,
     format: Format,
     tables: Vec<Table>,
 }
 
 impl TextTable {
-    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
+    /// Opens the text after `skip_rows` lines.
+    pub(super) fn open(path: &Path, skip_rows: u64) -> Result<Self, RecordingError> {
         let input = TextInput::open(path)?.text;
-        let reader = TextReader::open(&path.display().to_string(), input, Wanted::All, false, false)?;
+        let reader = TextReader::open(&path.display().to_string(), input, Wanted::All(skip_rows), false, false)?;
         let described = reader.layout.names.iter().zip(&reader.layout.slots);
         let columns = described
             .map(|(name, slot)| Column { name: name.clone(), unit: None, is_numeric: slot.is_some() })
             .collect();
-        Ok(Self { path: path.to_owned(), format: reader.format, tables: vec![Table::without_a_name(columns)] })
+        Ok(Self {
+            path: path.to_owned(),
+            skip_rows,
+            format: reader.format,
+            tables: vec![Table::without_a_name(columns)],
+        })
     }
 }
 
@@ -440,7 +551,7 @@ impl Container for TextTable {
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
         let input = TextInput::open(&self.path)?;
         let file = self.path.display().to_string();
-        let mut reader = TextReader::open(&file, input.text, Wanted::All, input.file.is_some(), false)?;
+        let mut reader = TextReader::open(&file, input.text, Wanted::All(self.skip_rows), input.file.is_some(), false)?;
         reader.layout.slots.fill(None);
         for (output, column) in columns.iter().enumerate().rev() {
             if let Some(slot) = reader.layout.slots.get_mut(*column) {
@@ -493,6 +604,8 @@ fn cut(bytes: &[u8], count: usize) -> Vec<&[u8]> {
 /// Some lines as rows; lines are counted from 0.
 struct Piece {
     rows: Block,
+    /// Lines that repeat the header.
+    headers: Vec<u64>,
     used: usize,
     lines: u64,
     fault: Option<Fault>,
@@ -500,8 +613,8 @@ struct Piece {
 
 impl Piece {
     /// Parses up to the end of `bytes` or the first invalid line.
-    fn parse(bytes: &[u8], format: Format, layout: &Layout, columns: usize) -> Self {
-        let mut piece = Self { rows: Block::new(columns), used: 0, lines: 0, fault: None };
+    fn parse(bytes: &[u8], format: Format, layout: &Layout, header: &[Vec<String>], columns: usize) -> Self {
+        let mut piece = Self { rows: Block::new(columns), headers: Vec::new(), used: 0, lines: 0, fault: None };
         let mut splitter = Splitter::new(format.separator);
         let mut count = 0;
         while piece.used < bytes.len() {
@@ -519,6 +632,10 @@ impl Piece {
                         count += 1;
                     }
                     Ok(false) => {}
+                    Err(_) if is_again(header, &splitter) => {
+                        piece.rows.truncate(count);
+                        piece.headers.push(piece.lines);
+                    }
                     Err(fault) => {
                         piece.fault = Some(fault);
                         piece.rows.truncate(count);
@@ -533,12 +650,73 @@ impl Piece {
     }
 }
 
+/// Whether the line just split is one of those of the header.
+fn is_again(header: &[Vec<String>], splitter: &Splitter) -> bool {
+    let is_cell = |k: usize, cell: &String| String::from_utf8_lossy(splitter.cell(k)).trim() == cell.as_str();
+    let is_line = |cells: &Vec<String>| cells.iter().enumerate().all(|(k, cell)| is_cell(k, cell));
+    header.iter().any(|cells| cells.len() == splitter.count && is_line(cells))
+}
+
+/// Lines before a header that are no comments, as some programs write them: `key<TAB>value`. `None`
+/// if the first line can be the header, or the first row.
+fn preamble(bytes: &[u8]) -> Option<usize> {
+    let whole = bytes
+        .split_inclusive(|&b| b == b'\n')
+        .take(LONGEST_PREAMBLE)
+        .map(|line| line.strip_suffix(b"\n").unwrap_or(line));
+    let lines: Vec<&[u8]> = whole.map(|line| line.strip_suffix(b"\r").unwrap_or(line)).collect();
+    lines.first()?;
+    let format = Format::sniff(&lines[lines.len().saturating_sub(SNIFFED_LINES)..]);
+    let mut splitter = Splitter::new(format.separator);
+    let mut cells = |line: &[u8]| {
+        let count = splitter.split(line);
+        (0..count).map(|k| String::from_utf8_lossy(splitter.cell(k)).trim().to_owned()).collect::<Vec<_>>()
+    };
+    let is_nothing = |line: &[u8]| line.trim_ascii().is_empty() || line.trim_ascii().starts_with(b"#");
+    let columns = cells(lines.iter().rfind(|line| !is_nothing(line))?).len();
+    let mut is_row = |line: &[u8]| {
+        let own = cells(line);
+        let is_value = |cell: &&String| {
+            !cell.is_empty()
+                && (format.number(cell.as_bytes()).is_some() || timestamp::parse(cell.as_bytes()).is_some())
+        };
+        // A key is text.
+        own.len() == columns
+            && own.first().is_some_and(|first| is_value(&first))
+            && own.iter().filter(is_value).count() > 1
+    };
+    let first_row = lines.iter().rposition(|line| !is_nothing(line) && !is_row(line)).map_or(0, |last| last + 1);
+    let rows = lines[first_row..].iter().filter(|line| !is_nothing(line)).count();
+    if rows < ROWS_AFTER_PREAMBLE || lines[..first_row].iter().any(|line| !is_nothing(line) && is_row(line)) {
+        return None;
+    }
+    // From the first row up: units, names, and what is above them.
+    let mut above = (0..first_row).rev().filter(|k| !is_nothing(lines[*k]));
+    let mut header = above.next()?;
+    let mut names = cells(lines[header]);
+    if is_unit_row(&names)
+        && let Some(next) = above.next()
+    {
+        (header, names) = (next, cells(lines[next]));
+    }
+    let fits = names.len() == columns || names.len() == columns + 1;
+    let first = cells(lines[0]);
+    let is_header = first.len() == columns && first.iter().any(|name| columns::is_recognised(name));
+    if header == 0 || is_header {
+        return None;
+    }
+    Some(if fits { header } else { first_row })
+}
+
 /// Parses one plain line into `columns`: numbers, single separators, no quotes. `None` leaves the
 /// line to the general path; a part of it may already have been appended.
 fn fast_line(bytes: &[u8], format: Format, layout: &Layout, columns: &mut [Vec<f64>]) -> Option<usize> {
     let Separator::Byte(separator) = format.separator else {
         return None;
     };
+    if layout.origin.is_some() {
+        return None;
+    }
     let mut at = 0;
     let last = layout.slots.len().checked_sub(1)?;
     for (k, slot) in layout.slots.iter().enumerate() {
@@ -580,7 +758,12 @@ fn general_line(
     for (k, slot) in layout.slots.iter().enumerate() {
         let Some(Slot { output, per_si }) = slot else { continue };
         let cell = splitter.cell(k);
-        let number = format.number(cell).or(layout.tolerates_text().then_some(f64::NAN));
+        let number = match layout.origin.filter(|_| *output == Quantity::Time as usize) {
+            Some(_) if cell.trim_ascii().is_empty() => Some(f64::NAN),
+            Some(origin) => timestamp::parse(cell).map(|at| at.saturating_sub(origin) as f64 / 1e9),
+            None => format.number(cell),
+        };
+        let number = number.or(layout.tolerates_text().then_some(f64::NAN));
         let number = number.ok_or_else(|| Fault::NotANumber(k, quoted(cell)))?;
         columns[*output].push(number / per_si);
     }
@@ -593,6 +776,8 @@ struct Splitter {
     reader: csv_core::Reader,
     text: Vec<u8>,
     ends: Vec<usize>,
+    /// Cells of the last line.
+    count: usize,
 }
 
 impl Splitter {
@@ -603,17 +788,28 @@ impl Splitter {
         };
         let reader =
             csv_core::ReaderBuilder::new().delimiter(delimiter).terminator(csv_core::Terminator::Any(b'\n')).build();
-        Self { separator, reader, text: Vec::new(), ends: Vec::new() }
+        Self { separator, reader, text: Vec::new(), ends: Vec::new(), count: 0 }
     }
 
     /// Returns the number of cells.
     fn split(&mut self, line: &[u8]) -> usize {
+        self.count = self.cut(line);
+        self.count
+    }
+
+    fn cut(&mut self, line: &[u8]) -> usize {
         self.ends.clear();
         self.text.clear();
         if self.separator == Separator::Whitespace {
+            let mut before: &[u8] = &[];
             for cell in whitespace_cells(line) {
+                if timestamp::belong_together(before, cell) {
+                    self.text.push(b' ');
+                    self.ends.pop();
+                }
                 self.text.extend_from_slice(cell);
                 self.ends.push(self.text.len());
+                before = cell;
             }
             return self.ends.len();
         }

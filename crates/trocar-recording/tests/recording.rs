@@ -135,7 +135,15 @@ fn columns_can_be_named_and_skipped() {
     let recording = read(&scratch.file(&headerless), &columns("-,time_s,position_m,force_n")).unwrap();
     assert_eq!(recording.len(), 100);
     let with_names = text("a,b,c,d", &rows);
-    assert_says(&message(&with_names), &["rec.csv line 1", "no time column", "a, b, c, d", "--columns"]);
+    assert_says(
+        &message(&with_names),
+        &[
+            "rec.csv line 1",
+            "no time, position or force column",
+            "a, b, c, d",
+            "--columns 'time_s=b,position_m=c,force_n=d'",
+        ],
+    );
     let named = read(&scratch.file(&with_names), &columns("skip,time_s,position_m,force_n")).unwrap();
     assert_eq!(named.force, recording.force);
 }
@@ -160,7 +168,7 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
         ("force_n=force_n,force_mn=force_n", &["force more than once"]),
         ("position_m=position_m,force_n=position_m", &["'position_m'", "two quantities"]),
         ("force=time_s", &["force without a unit", "n, mn, kn"]),
-        ("position_in=position_m", &["'position_in=position_m'", "not understood", "m, mm, cm, um"]),
+        ("position_ft=position_m", &["'position_ft=position_m'", "not understood", "m, mm, cm, um, in"]),
     ] {
         assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
     }
@@ -215,18 +223,256 @@ fn doubtful_headers_are_explained() {
 }
 
 #[test]
+fn every_unit_gives_the_same_recording() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let (lbf, gf, inch) = (4.4482216152605, 9.80665e-3, 25.4e-3);
+    for (header, [per_time, per_position, per_force]) in [
+        ("t_ms,position_in,force_lbf", [1e-3, inch, lbf]),
+        ("stamp_ns,x (inch),F [lb]", [1e-9, inch, lbf]),
+        ("time_us,depth (inches),load_kg", [1e-6, inch, 1e3 * gf]),
+        ("time [µs],depth (mm),load (g)", [1e-6, 1e-3, gf]),
+        ("time (min),depth (cm),load [kgf]", [60.0, 1e-2, 1e3 * gf]),
+        ("elapsed_s,x_um,force_gf", [1.0, 1e-6, gf]),
+        ("elapsed_s,x_m,force_ozf", [1.0, 1.0, lbf / 16.0]),
+    ] {
+        let row = |k: usize| {
+            format!("{},{},{}", plain.time[k] / per_time, plain.position[k] / per_position, plain.force[k] / per_force)
+        };
+        let found = read_text(text(header, &(0..300).map(row).collect::<Vec<_>>()));
+        for (of, expected) in
+            [(&found.time, &plain.time), (&found.position, &plain.position), (&found.force, &plain.force)]
+        {
+            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()), "{header}");
+        }
+    }
+}
+
+#[test]
+fn a_unit_that_is_not_known_is_never_taken_for_one_of_si() {
+    for (header, essentials) in [
+        ("time_s,position_m,force_dyn", &["'force_dyn'", "n, mn, kn, gf, kgf, lbf, ozf"][..]),
+        ("time_s,position (ft),force_n", &["'position (ft)'", "m, mm, cm, um, in"]),
+        ("stamp_ticks,position_m,force_n", &["'stamp_ticks'", "s, ms, us, ns, min"]),
+        ("time,position,force\ns,ft,n", &["'position'", "m, mm, cm, um, in"]),
+    ] {
+        assert_says(&message(text(header, &rows(20))), essentials);
+    }
+}
+
+/// The value of `--columns` that a message proposes, as a shell passes it on.
+fn proposed(message: &str) -> String {
+    let quoted = message.split_once("--columns '").unwrap_or_else(|| panic!("no option in: {message}")).1;
+    let value = quoted.replace(r"'\''", "\u{1}").split('\'').next().unwrap().replace('\u{1}', "'");
+    println!("{message}\n");
+    value
+}
+
+fn scaled(time: f64, position: f64) -> Vec<String> {
+    (0..300).map(cycle).map(|(t, x, f)| format!("{},{},{f:.4}", t * time, x * position)).collect()
+}
+
+#[test]
+fn an_option_proposed_for_unclear_columns_works_as_it_is() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    for (header, rows, option) in [
+        ("time,pos,Fz", scaled(1.0, 1.0), "time_s=time,position_m=pos,force_n=Fz"),
+        ("time,pos,Fz", scaled(1e3, 1e3), "time_ms=time,position_mm=pos,force_n=Fz"),
+        ("ts,enc,cell", scaled(1e6, 1e6), "time_us=ts,position_um=enc,force_n=cell"),
+        ("ticks,way,it's", scaled(1e9, 1e3), "time_ns=ticks,position_mm=way,force_n=it's"),
+        ("time_s,position,force_n", scaled(1.0, 1e3), "position_mm=position"),
+        ("a;b;\"c, raw\"", scaled(1.0, 1e3), "time_s=a,position_mm=b,force_n=\"c, raw\""),
+    ] {
+        let rows: Vec<String> =
+            if header.contains(';') { rows.iter().map(|row| row.replace(',', ";")).collect() } else { rows };
+        let contents = text(header, &rows);
+        let message = message(&contents);
+        assert_eq!(proposed(&message), option, "{message}");
+        assert_says(&message, &["(guessed from the first rows: check the units)"]);
+        let found = read(&Scratch::new().file(&contents), &columns(option)).unwrap_or_else(|e| panic!("{e}"));
+        for (of, expected) in
+            [(&found.time, &plain.time), (&found.position, &plain.position), (&found.force, &plain.force)]
+        {
+            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{header}");
+        }
+    }
+    // A file without names gets the other form.
+    let contents = scaled(1e3, 1e3).join("\n");
+    assert_says(&message(&contents), &["--columns time_ms,position_mm,force_n (guessed from the first rows"]);
+}
+
+#[test]
+fn all_that_is_unclear_is_said_at_once() {
+    let message = message(text("when,pos,Fz,Fy", &rows(50).iter().map(|row| format!("{row},1")).collect::<Vec<_>>()));
+    assert_says(
+        &message,
+        &[
+            "line 1: no time or force column among 'when, pos, Fz, Fy', expected names such as time_s, force_n",
+            "; column 'pos' has no unit that is understood for position, expected one of m, mm, cm, um, in",
+            "hint: say which column is which, for example --columns 'time_s=when,position_m=pos,force_n=Fz'",
+        ],
+    );
+}
+
+#[test]
+fn a_header_in_another_language_is_understood_by_its_units() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let millimetres: Vec<String> =
+        (0..300).map(|k| format!("{};{};{}", plain.time[k], 1e3 * plain.position[k], plain.force[k])).collect();
+    for header in ["Zeit [s];Weg [mm];Kraft [N]", "Zeit/s;s/mm;Fz_n", "Temps;Course;Effort\ns;mm;N"] {
+        let found = read_text(text(header, &millimetres));
+        assert_eq!(found.time, plain.time);
+        assert_eq!(found.force, plain.force);
+        assert!(found.position.iter().zip(&plain.position).all(|(a, b)| (a - b).abs() < 1e-15));
+        assert_eq!(found.quality.notes.len(), 3, "{:?}", found.quality.notes);
+        assert_says(&found.quality.notes.join("; "), &["taken as time, by its unit", "taken as position, by its unit"]);
+    }
+    // Two of a kind are never decided.
+    let two: Vec<String> = rows(300).iter().map(|row| format!("{row},0.5")).collect();
+    let contents = text("t_s,x_m,Fz_n,Fx_n", &two);
+    let message = message(&contents);
+    assert_says(&message, &["force could be 'Fz_n' or 'Fx_n', expected one", "--columns 'force_n=Fz_n'"]);
+    let found = read(&Scratch::new().file(&contents), &columns(&proposed(&message))).unwrap();
+    assert_eq!(found.force, plain.force);
+}
+
+#[test]
 fn files_without_a_recording_are_explained() {
     assert_says(&message(""), &["rec.csv", "empty"]);
     assert_says(&message("\n# nothing\n"), &["rec.csv", "empty"]);
     assert_says(&message(format!("{HEADER}\n")), &["rec.csv line 1", "header without any row"]);
     assert_says(&message(text(HEADER, &rows(1))), &["rec.csv", "found 1 usable samples", "at least"]);
     assert_says(&message([0_u8, 1, 2, 3]), &["binary data", "CSV"]);
-    assert_says(&message([0xff_u8, 0xfe, b't', 0]), &["UTF-16", "hint"]);
+    assert_says(
+        &message([0xff_u8, 0xfe, b't', 0]),
+        &["rec.csv line 1", "no position or force column", "hint: no column is left that could be position or force"],
+    );
     let missing = read(Path::new("no/such.csv"), &ReadOptions::default()).unwrap_err().to_string();
     assert_says(&missing, &["no/such.csv", "cannot open"]);
     let folder = read(&std::env::temp_dir(), &ReadOptions::default()).unwrap_err().to_string();
     assert_says(&folder, &["cannot open", "directory"]);
     assert_says(&message("1".repeat(1 << 20)), &["line 1", "longer than"]);
+}
+
+/// The same numbers as [`rows`], with this separator.
+fn same_as(plain: &Recording, contents: impl AsRef<[u8]>, options: &ReadOptions) -> Recording {
+    let path = Scratch::new();
+    let path = path.file(contents);
+    let found = read(&path, options).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(found.time, plain.time);
+    assert_eq!(found.position, plain.position);
+    assert_eq!(found.force, plain.force);
+    found
+}
+
+#[test]
+fn lines_before_the_header_are_skipped() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let tabs: Vec<String> = rows(300).iter().map(|row| row.replace(',', "\t")).collect();
+    let lvm = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDate\t2026/11/22\n***End_of_Header***\t\n\t\n\
+        Channels\t2\t\t\nSamples\t10\t10\t\nX0\t0.0\t0.0\t\n***End_of_Header***\t\t\t\n";
+    let kept = |text: &str| text.to_owned();
+    for (contents, lines) in [
+        (kept(lvm) + &text("time_s\tposition_m\tforce_n", &tabs), 10),
+        (kept(lvm) + &text("time_s\tposition_m\tforce_n\tComment", &tabs), 10),
+        (kept("Operator: A. B.\nDate, 2026-11-22\n\n") + &text(HEADER, &rows(300)), 3),
+        (kept("Rig;3\nSensor;ATI\n") + &text("Zeit;Weg;Kraft\ns;m;N", &tabs).replace('\t', ";"), 2),
+        (kept("bench 4\n") + &text(HEADER, &rows(300)), 1),
+    ] {
+        let found = same_as(&plain, &contents, &ReadOptions::default());
+        let plural = if lines == 1 { "line" } else { "lines" };
+        assert_says(&found.quality.notes.join("; "), &[&format!("{lines} {plural} before the header skipped")]);
+    }
+    // Columns in order need no header.
+    let headerless = kept("Rig;3\nSensor;ATI\n") + &tabs.join("\n").replace('\t', ";");
+    assert_says(&message(&headerless), &["line 3: no header", "--columns time_s,position_m,force_n (guessed"]);
+    same_as(&plain, &headerless, &columns("time_s,position_m,force_n"));
+    // What looks like rows is skipped only if the caller says so.
+    let odd = kept("1,2,3\n4,5,6\n") + &text(HEADER, &rows(300));
+    assert_says(&message(&odd), &["line 1: no header"]);
+    let skipping = |skip_rows| {
+        let choice = Choice { skip_rows, ..Choice::default() };
+        ReadOptions { choice, ..ReadOptions::default() }
+    };
+    same_as(&plain, &odd, &skipping(2));
+    assert_says(&message_with(&odd, &skipping(500)), &["--skip-rows 500 leaves no line of 303"]);
+}
+
+#[test]
+fn a_header_that_is_repeated_is_skipped_and_counted() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    for (header, at) in [(HEADER, [102, 203]), ("time,position,force\ns,m,N", [103, 205])] {
+        let mut lines = rows(300);
+        lines.insert(200, header.to_owned());
+        lines.insert(100, header.to_owned());
+        let found = same_as(&plain, text(header, &lines), &ReadOptions::default());
+        assert_eq!(kinds(&found), [WarningKind::Source]);
+        let count = 2 * header.lines().count();
+        let message = &found.quality.warnings[0].message;
+        assert_says(message, &[&format!("{count} lines that repeat the header left out: lines {}", at[0])]);
+        assert_says(message, &[&at[1].to_string()]);
+    }
+}
+
+#[test]
+fn text_in_utf_16_is_read() {
+    let contents = text("Zeit [s],Weg [m],Kraft [N]", &rows(300));
+    let plain = read_text(&contents);
+    let units: Vec<u16> = std::iter::once(0xfeff).chain(contents.encode_utf16()).collect();
+    let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+    let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+    let found = same_as(&plain, &little, &ReadOptions::default());
+    assert_eq!(found.sha256, plain.sha256, "the hash is that of the text");
+    same_as(&plain, &big, &ReadOptions::default());
+}
+
+#[test]
+fn timestamps_are_seconds_from_the_first() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let stamped = |date: &str, zone: &str, separator: &str| {
+        let row = |(k, row): (usize, &String)| {
+            let (second, millisecond) = (59 + k / 1000, k % 1000);
+            let rest = row.split_once(',').unwrap().1.replace(',', separator);
+            format!("{date}10:14:{second:02}.{millisecond:03}{zone}{separator}{rest}")
+        };
+        rows(300).iter().enumerate().map(row).collect::<Vec<_>>()
+    };
+    for (header, date, zone, separator) in [
+        ("timestamp,position_m,force_n", "2026-11-22T", "", ","),
+        ("time_ms,position_m,force_n", "2026-11-22T", "Z", ","),
+        ("Datum;Weg [m];Kraft [N]", "2026-11-22 ", "+01:00", ";"),
+        ("timestamp  position_m  force_n", "2026-11-22 ", "", "  "),
+    ] {
+        same_as(&plain, text(header, &stamped(date, zone, separator)), &ReadOptions::default());
+    }
+    let rows = stamped("2026-11-22T", "", ",");
+    same_as(&plain, rows.join("\n"), &columns("time_s,position_m,force_n"));
+    same_as(&plain, text("a,b,c", &rows), &columns("time_s=a,position_m=b,force_n=c"));
+    let mut damaged = rows;
+    damaged[50] = damaged[50].replacen("2026", "20x6", 1);
+    assert_says(&message(text("timestamp,position_m,force_n", &damaged)), &["line 52", "found '20x6-11-22T"]);
+}
+
+#[test]
+fn a_file_without_times_is_read_at_its_rate() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let untimed: Vec<String> = rows(300).iter().map(|row| row.split_once(',').unwrap().1.to_owned()).collect();
+    let at = |rate_hz: f64, columns: Option<&str>| {
+        let choice = Choice { rate_hz: Some(rate_hz), columns: columns.map(str::to_owned), ..Choice::default() };
+        ReadOptions { choice, ..ReadOptions::default() }
+    };
+    let contents = text("position_m,force_n", &untimed);
+    let message_without = message(&contents);
+    println!("{message_without}");
+    assert_says(&message_without, &["no time column", "give the rows per second with --rate-hz"]);
+    let found = same_as(&plain, &contents, &at(1000.0, None));
+    assert_eq!(found.quality.notes, ["times from 0 at 1000 rows per second"]);
+    same_as(&plain, untimed.join("\n"), &at(1000.0, Some("position_m,force_n")));
+    // A column of times is then not used, unless it is named as well.
+    let found = same_as(&plain, text(HEADER, &rows(300)), &at(1000.0, None));
+    assert_says(&found.quality.notes[0], &["column 'time_s' not used"]);
+    let both = message_with(text(HEADER, &rows(300)), &at(1000.0, Some("time_s,position_m,force_n")));
+    assert_says(&both, &["--rate-hz is given although --columns names the time"]);
+    assert_says(&message_with(&contents, &at(0.0, None)), &["--rate-hz is 0, expected a number above 0"]);
 }
 
 #[test]
@@ -315,6 +561,22 @@ fn a_start_from_rest_is_no_reset() {
 }
 
 #[test]
+fn rounding_of_a_position_at_rest_is_no_jump() {
+    let rows: Vec<String> = (0..500)
+        .map(|k| (k as f64 * 0.01, if k % 100 == 57 { 0.1 + 1.4e-17 } else { 0.1 }, if k == 300 { 1e-17 } else { 0.0 }))
+        .map(|(t, x, more)| format!("{t},{:e},{}", if more > 0.0 { 0.1 + 2.8e-17 } else { x }, (t * 91.0).sin()))
+        .collect();
+    let recording = read_text(text(HEADER, &rows));
+    assert_eq!(recording.quality.resets, []);
+    let near_zero: Vec<String> = (0..500)
+        .map(|k| (k as f64 * 0.01, if (250..260).contains(&k) { 1e-17 } else { 0.0 }))
+        .map(|(t, x)| format!("{t},{x:e},{}", (t * 91.0).sin()))
+        .collect();
+    let recording = read_text(text(HEADER, &near_zero));
+    assert_eq!((recording.quality.resets, recording.quality.held_rows.count), (vec![], 0));
+}
+
+#[test]
 fn a_saturated_sensor_is_found() {
     let clipped: Vec<String> =
         (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{:.4}", f.min(1.5))).collect();
@@ -358,6 +620,28 @@ fn a_stroke_in_the_wrong_unit_is_noticed() {
     assert_eq!(kinds(&recording), [WarningKind::Stroke]);
     let rows: Vec<String> = (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{:.3},{f:.4}", x * 1e3)).collect();
     assert_says(&message(self::text(HEADER, &rows)), &["rec.csv", "covers 20 m", "at most 2 m", "position_mm"]);
+}
+
+#[test]
+fn sizes_that_make_a_unit_doubtful_are_questioned() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    for (header, [per_time, per_force], essentials) in [
+        ("time_s,position_m,force_n", [1e9, 1.0], ["apart", "1.0e6 s", "nanoseconds, name the column time_ns"]),
+        ("time_ms,position_m,force_n", [2e10, 1.0], ["apart", "2.0e4 s", "microseconds, name the column time_us"]),
+        ("time_ns,position_m,force_n", [1.0, 1.0], ["apart", "1.0e-12 s", "seconds, name the column time_s"]),
+        ("time_s,position_m,force_n", [1.0, 1e3], ["the force reaches", "20", "millinewtons or grams"]),
+    ] {
+        let row =
+            |k: usize| format!("{},{},{}", plain.time[k] * per_time, plain.position[k], plain.force[k] * per_force);
+        let found = read_text(text(header, &(0..300).map(row).collect::<Vec<_>>()));
+        assert_eq!(kinds(&found), [WarningKind::Units], "{:?}", found.quality.warnings);
+        println!("{}\n", found.quality.warnings[0]);
+        assert_says(&found.quality.warnings[0].to_string(), &essentials);
+    }
+    let heavy = plain.clone().without_moving_mass(40.0, 0.0).unwrap();
+    assert_eq!(kinds(&heavy), [WarningKind::Units]);
+    assert_says(&heavy.quality.warnings[0].to_string(), &["a moving mass of 40 kg", "in grams it would be 0.04 kg"]);
+    assert_eq!(plain.without_moving_mass(0.5, 0.0).unwrap().quality.warnings, []);
 }
 
 #[test]
@@ -461,6 +745,17 @@ fn a_moving_mass_leaves_the_friction_behind() {
     // The force noise alone has 0.01 N; the remainder is at the ends of the recording.
     assert!(rms < 0.03, "{rms}");
     assert!(moving(uneven(100), |t| t - 1000.0).without_moving_mass(-1.0, 0.0).is_err());
+}
+
+#[test]
+fn a_force_that_never_changes_feels_no_mass() {
+    let time: Vec<f64> = (0..1000).map(|k| f64::from(k) * 1e-3).collect();
+    let position: Vec<f64> = time.iter().map(|t| 0.01 * (20.0 * t).sin()).collect();
+    let force: Vec<f64> = (0..1000).map(|k| if k % 7 == 0 { 0.1 + 0.2 } else { 0.3 }).collect();
+    let recording = Recording::from_columns("made", time, position, force.clone()).unwrap();
+    let corrected = recording.without_moving_mass(0.5, 0.0).unwrap();
+    assert_eq!(corrected.force, force);
+    assert_says(&corrected.quality.notes.join("; "), &["the force is constant: inertia of 0.5 kg not taken out"]);
 }
 
 #[test]

@@ -132,7 +132,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
     if path.as_os_str() == "-" || (path.exists() && !is_there) {
         return Err(RecordingError::IsStream { file: path.display().to_string() });
     }
-    let container = registry::any(path)?;
+    let container = registry::any_after(path, choice.skip_rows)?;
     let tables = (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
     let read = recording::read_in_words(
         path,

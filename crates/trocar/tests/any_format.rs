@@ -6,8 +6,10 @@
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
 
+use trocar::identify::IdentifyOptions;
 use trocar::inspect::inspect;
 use trocar::recording::{Choice, ReadOptions, Recording, WarningKind, read};
+use trocar::workflow::{MovingMass, Workflow};
 
 /// Rows of the signal in `formats/`.
 const ROWS: usize = 240;
@@ -136,7 +138,7 @@ fn what_cannot_be_chosen_is_explained() {
         (
             "formats/pyarrow_delta.parquet",
             choice("", &[]),
-            &["pyarrow_delta.parquet: no time column among 'count'"][..],
+            &["pyarrow_delta.parquet: no time, position or force column among 'count'"][..],
         ),
         ("formats/pyarrow_none.parquet", choice("force_n=note", &[]), &["'note'", "without numbers"]),
         (
@@ -188,6 +190,23 @@ fn a_robot_log_is_a_recording_in_every_kind_of_bag() {
             assert!(found.len() > 20, "{name}: {} rows", found.len());
             let notes = found.quality.notes.join("\n");
             assert!(notes.contains("interpolated linearly") && notes.contains("measured_cf"), "{name}: {notes}");
+        }
+    }
+}
+
+/// The side force of the fixtures is 0.25 N in every message.
+#[test]
+fn a_log_with_a_constant_force_is_refused_before_any_fit() {
+    let columns = "position_m=/psm1/measured_js.position[insertion],force_n=/psm1/measured_cf.wrench.force.x";
+    for name in ["bags/plain.mcap", "bags/sqlite"] {
+        let found = read_with(name, choice(columns, &[])).unwrap_or_else(|error| panic!("{name}: {error}"));
+        for mass in [0.0, 0.5] {
+            let moving_mass = MovingMass { mass, gravity: 0.0 };
+            let no_stage = |stage: &str, _: f64| panic!("{name}: {stage}");
+            let refused =
+                Workflow::run(vec![found.clone()], vec![], moving_mass, IdentifyOptions::default(), &no_stage);
+            let message = refused.map(|_| ()).unwrap_err().to_string();
+            assert!(message.contains("the force is 0.25 N throughout"), "{name}: {message}");
         }
     }
 }

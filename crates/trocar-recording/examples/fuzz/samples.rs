@@ -104,11 +104,26 @@ fn texts() -> Vec<Sample> {
     let marked = format!("\u{feff}{}", text(60, ",", "\r\n", "time_ms,velocity_mm_s,position_mm,force_mn"));
     let gaps = plain.replace(",0.9", ",nan,").replace(",1.2", ",").replace(",1.3", ",-inf");
     let long = text(9000, ",", "\n", "time_s,position_mm,force_n");
+    let preamble =
+        format!("Writer\t2\nSamples\t10\t10\nX0\t0.0\t0.0\n{}", text(60, "\t", "\n", "Zeit [s]\tWeg [mm]\tKraft [N]"));
+    let repeated = plain.repeat(3);
+    let untimed = text(60, ";", "\n", "pos;Fz;Fx");
+    let dated = plain.replace("\n0.", "\n2026-11-22T10:15:00.").replace("time_s", "timestamp");
+    let blanks = text(60, " ", "\n", "time position_mm force_n").replace("\n0.", "\n2026-11-22 10:15:00.");
+    let units = std::iter::once(0xfeff).chain(plain.encode_utf16());
+    let utf16: Vec<u8> = units.flat_map(u16::to_le_bytes).collect();
     let of = |name: &str, text: &str, kind| {
         let file = (name.to_owned(), text.as_bytes().to_vec());
         Sample { name: name.to_owned(), files: vec![file], is_folder: false, kind }
     };
+    let utf16 = vec![("utf16.csv".to_owned(), utf16)];
     vec![
+        Sample { name: "utf16.csv".to_owned(), files: utf16, is_folder: false, kind: Kind::Bytes },
+        of("preamble.tsv", &preamble, Kind::Text),
+        of("repeated.csv", &repeated, Kind::Text),
+        of("untimed.csv", &untimed, Kind::Text),
+        of("dated.csv", &dated, Kind::Text),
+        of("blanks.txt", &blanks, Kind::Text),
         of("plain.csv", &plain, Kind::Text),
         of("semicolons.csv", &semicolons, Kind::Text),
         of("tabs.tsv", &tabs, Kind::Text),

@@ -63,7 +63,7 @@ impl Config {
     /// The memory limit is excluded: it decides whether there is a row, not its content.
     pub fn hash(&self) -> String {
         let Self { reading, depth, seed, bootstrap, moving_mass } = self;
-        let text = serde_json::json!({
+        let mut text = serde_json::json!({
             "program": PROGRAM,
             // The journal holds cells by their place.
             "table": super::row::columns().into_iter().map(|field| field.name).collect::<Vec<String>>(),
@@ -79,6 +79,13 @@ impl Config {
             "bootstrap": bootstrap,
             "moving_mass": moving_mass,
         });
+        // Journals written before these options existed remain valid.
+        if reading.choice.skip_rows > 0 {
+            text["skip_rows"] = reading.choice.skip_rows.into();
+        }
+        if let Some(rate) = reading.choice.rate_hz {
+            text["rate_hz"] = rate.into();
+        }
         let digest = Sha256::digest(text.to_string().as_bytes());
         digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
     }

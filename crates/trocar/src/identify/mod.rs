@@ -113,6 +113,9 @@ pub fn identify(
 
 /// Range of the force, in units of its noise, that noise alone rarely reaches.
 const BEYOND_NOISE: f64 = 10.0;
+/// Change of the force, N and as a fraction of the largest, that is rounding.
+const LEAST_CHANGE: f64 = 1e-9;
+const ROUNDING: f64 = 1e-9;
 /// Force, N, beyond that of instruments and of robot axes.
 const LARGEST_FORCE: f64 = 1e6;
 
@@ -129,8 +132,9 @@ fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
     if strokes(recording, reversal_threshold(recording)).len() < 2 {
         return Ok(());
     }
-    if low == high {
-        return no_force(format!("is {low} N throughout"));
+    // Interpolation between equal readings rounds.
+    if high - low <= LEAST_CHANGE.max(ROUNDING * largest) {
+        return no_force(format!("is {} N throughout", 0.5 * (low + high)));
     }
     if high - low < BEYOND_NOISE * noise {
         return no_force(format!(

@@ -25,6 +25,10 @@ pub(super) fn input(
     reading: &ReadOptions,
 ) -> Result<Input, RecordingError> {
     check_topics(name, &reading.choice)?;
+    if reading.choice.rate_hz.is_some() {
+        let problem = "is for a file without a column of times, not for rows of a table".to_owned();
+        return Err(RecordingError::BadOption { file: name.to_owned(), option: "--rate-hz", problem });
+    }
     let names: Vec<String> = offered.iter().map(|column| column.name.clone()).collect();
     let units: Vec<String> = offered.iter().map(|column| column.unit.clone()).collect();
     let found = TableColumns::find_with_units(name, &names, &units, reading.choice.columns.as_deref())?;
