@@ -36,6 +36,9 @@ const SNIFFED_LINES: usize = 16;
 const LONGEST_PREAMBLE: usize = 256;
 const ROWS_AFTER_PREAMBLE: usize = 3;
 
+/// Remedy if nothing can be read below what looks like the header.
+const HEADER_BELOW: &str = "\n\nhint: if the header is further below, skip the lines before it with --skip-rows";
+
 /// Most rows read to guess a unit.
 const GUESSED_ROWS: usize = 20_000;
 
@@ -73,6 +76,8 @@ pub(crate) struct TextReader<R> {
     hash: Option<Sha256>,
     format: Format,
     layout: Layout,
+    /// Line of the first row.
+    first_row: u64,
     /// Cells of the header, and of the line of units below it.
     header: Vec<Vec<String>>,
     /// What was skipped before it.
@@ -101,6 +106,7 @@ impl<R: Read> TextReader<R> {
             hash: hash.then(Sha256::new),
             format: Format { separator: Separator::Byte(b','), decimal_comma: false },
             layout: Layout::default(),
+            first_row: 0,
             header: Vec::new(),
             notes_of_text: Vec::new(),
             repeated: RowList::default(),
@@ -111,6 +117,7 @@ impl<R: Read> TextReader<R> {
         reader.skip_rows(wanted)?;
         reader.find_columns(wanted)?;
         reader.find_origin();
+        reader.first_row = reader.line;
         reader.layout.notes.append(&mut reader.notes_of_text);
         let bytes = &reader.buffer[reader.start..reader.complete];
         let lines = bytes.iter().filter(|&&b| b == b'\n').count().max(1);
@@ -485,6 +492,8 @@ impl<R: Read> TextReader<R> {
             Fault::NotANumber(column, found) => {
                 let hint = if found.contains(',') {
                     "\n\nhint: decimal commas must be used throughout, without thousands separators"
+                } else if self.line == self.first_row {
+                    HEADER_BELOW
                 } else {
                     ""
                 };
@@ -499,6 +508,7 @@ impl<R: Read> TextReader<R> {
         let last = self.start == self.complete && !self.refill()?;
         let hint = match self.layout.source {
             _ if last => "\n\nhint: this is the last line; was the recording cut off while it was written?",
+            "the header" if line == self.first_row => HEADER_BELOW,
             "--columns" => "\n\nhint: --columns names every column in order, '-' skips one",
             _ => "",
         };
@@ -701,7 +711,10 @@ fn preamble(bytes: &[u8]) -> Option<usize> {
     }
     let fits = names.len() == columns || names.len() == columns + 1;
     let first = cells(lines[0]);
-    let is_header = first.len() == columns && first.iter().any(|name| columns::is_recognised(name));
+    let is_text = |name: &String| !name.is_empty() && format.number(name.as_bytes()).is_none();
+    // Keys and values are two; as many names as columns are a header.
+    let is_header = first.len() == columns
+        && (first.iter().any(|name| columns::is_recognised(name)) || (columns > 2 && first.iter().all(is_text)));
     if header == 0 || is_header {
         return None;
     }

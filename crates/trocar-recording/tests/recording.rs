@@ -394,6 +394,11 @@ fn lines_before_the_header_are_skipped() {
         ReadOptions { choice, ..ReadOptions::default() }
     };
     same_as(&plain, &odd, &skipping(2));
+    let titles = kept("time_s,operator,date\nA,B,C\n") + &text(HEADER, &rows(300));
+    assert_says(&message(&titles), &["line 1", "no position or force column"]);
+    let titles = kept("time_s,position_m,force_n\nA,B,C\n") + &text(HEADER, &rows(300));
+    assert_says(&message(&titles), &["line 2: found 'A'", "hint: if the header is further below", "--skip-rows"]);
+    same_as(&plain, &titles, &skipping(2));
     assert_says(&message_with(&odd, &skipping(500)), &["--skip-rows 500 leaves no line of 303"]);
 }
 

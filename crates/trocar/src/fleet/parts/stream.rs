@@ -25,9 +25,10 @@ pub(super) fn input(
     reading: &ReadOptions,
 ) -> Result<Input, RecordingError> {
     check_topics(name, &reading.choice)?;
-    if reading.choice.rate_hz.is_some() {
-        let problem = "is for a file without a column of times, not for rows of a table".to_owned();
-        return Err(RecordingError::BadOption { file: name.to_owned(), option: "--rate-hz", problem });
+    let skips = (reading.choice.skip_rows > 0).then_some(("--skip-rows", "is for text, not for rows of a table"));
+    let rate = reading.choice.rate_hz.map(|_| ("--rate-hz", "is for a file without times, not for rows of a table"));
+    if let Some((option, problem)) = skips.or(rate) {
+        return Err(RecordingError::BadOption { file: name.to_owned(), option, problem: problem.to_owned() });
     }
     let names: Vec<String> = offered.iter().map(|column| column.name.clone()).collect();
     let units: Vec<String> = offered.iter().map(|column| column.unit.clone()).collect();
