@@ -186,7 +186,7 @@ def with_one(value: float) -> np.ndarray:
         (
             {"half_width_m": WIDTHS, "friction_lag_s": [0, 0, 0.5, 0, 0]},
             trocar.ParameterError,
-            "model 2 with half_width_m = 0.0075 m, friction_lag_s = 0.5 s: friction_lag = 0.5 s needs a creep_velocity above 0",
+            "model 2 with half_width_m = 0.0075 m, friction_lag_s = 0.5 s: friction_lag_s = 0.5 s needs a creep_velocity_m_s above 0",
         ),
         (
             {"half_width_m": WIDTHS, "seal_damping_n_s_m": [0.0, 1.0]},

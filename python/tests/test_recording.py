@@ -61,7 +61,7 @@ def test_columns_are_named_in_order_where_names_say_nothing() -> None:
 def test_hints_speak_python() -> None:
     with pytest.raises(trocar.RecordingError) as raised:
         trocar.Recording.from_frame({"time": [0], "position_mm": [0], "force_n": [0]})
-    assert 'columns="time_s,position_mm,force_n"' in str(raised.value)
+    assert "columns='time_s=time' (put in your units)" in str(raised.value)
     assert "--" not in str(raised.value)
 
 

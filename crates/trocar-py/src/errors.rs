@@ -166,7 +166,16 @@ pub(crate) fn in_python(text: &str) -> String {
             "--validate," => out.push("validate=...,".to_owned()),
             "--force-error-n" => out.push("force_error_n".to_owned()),
             "--out" => out.push("another path".to_owned()),
-            "--columns" => match words.next_if(|next| next.contains(',')) {
+            "--columns" => match words.next_if(|next| next.contains(',') || next.starts_with('\'')) {
+                Some(first) if first.starts_with('\'') => {
+                    let mut names = format!("columns={first}");
+                    while !names.ends_with('\'')
+                        && let Some(next) = words.next()
+                    {
+                        names = format!("{names} {next}");
+                    }
+                    out.push(names);
+                }
                 Some(names) => out.push(format!("columns=\"{names}\"")),
                 None => out.push("columns".to_owned()),
             },
