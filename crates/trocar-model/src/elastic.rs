@@ -18,6 +18,7 @@
 //!
 //! Outside [-c, c] the two branches are one straight line, h = 0.
 
+use crate::direction::Direction;
 use crate::error::{ParamError, finite, in_range};
 use crate::parameter::Quantity;
 
@@ -333,6 +334,14 @@ impl DeformationForce {
     /// The branch F_d.
     pub fn withdrawal(&self) -> &Branch {
         &self.withdrawal
+    }
+
+    /// The branch that a full stroke in `direction` follows.
+    pub fn branch(&self, direction: Direction) -> &Branch {
+        match direction {
+            Direction::Insertion => &self.insertion,
+            Direction::Withdrawal => &self.withdrawal,
+        }
     }
 
     /// κ, N/m.

@@ -228,13 +228,13 @@ pub(crate) fn in_range(id: impl Into<ParameterId>, value: f64) -> Result<f64, Pa
 
 /// Checks the range of each number.
 pub(crate) fn check_fields<T: Parameters>(params: &T) -> Result<(), ParamError> {
-    T::FIELDS.iter().try_for_each(|field| in_range(field.quantity, (field.get)(params)).map(|_| ()))
+    T::FIELDS.iter().try_for_each(|field| in_range(field.quantity, (field.get)(params)).map(drop))
 }
 
 /// The same for an element with the index `index`, from 0, in its model.
 pub(crate) fn check_element<T: Parameters>(params: &T, index: usize) -> Result<(), ParamError> {
     let id = |field: &Field<T>| field.quantity.id().of_element(index);
-    T::FIELDS.iter().try_for_each(|field| in_range(id(field), (field.get)(params)).map(|_| ()))
+    T::FIELDS.iter().try_for_each(|field| in_range(id(field), (field.get)(params)).map(drop))
 }
 
 pub(crate) fn not_negative(name: &'static str, value: f64) -> Result<f64, ParamError> {

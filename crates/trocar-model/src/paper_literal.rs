@@ -179,10 +179,7 @@ impl PaperLiteral {
 
     /// F_e(z) and its slope on the branch of the last motion, (25).
     fn elastic(&self, state: &LiteralState, z: f64) -> (f64, f64) {
-        let branch = match state.direction {
-            Direction::Insertion => self.params.deformation.insertion(),
-            Direction::Withdrawal => self.params.deformation.withdrawal(),
-        };
+        let branch = self.params.deformation.branch(state.direction);
         (branch.force(z), branch.stiffness(z))
     }
 

@@ -67,10 +67,7 @@ impl ElementParams {
             return Some(value);
         }
         let [first, second] = &self.relaxation.arms;
-        let branch = || match direction? {
-            Direction::Insertion => Some(self.deformation.insertion()),
-            Direction::Withdrawal => Some(self.deformation.withdrawal()),
-        };
+        let branch = || direction.map(|direction| self.deformation.branch(direction));
         match quantity {
             Quantity::HalfWidth => Some(self.deformation.half_width()),
             Quantity::YieldStiffness => Some(self.deformation.yield_stiffness()),

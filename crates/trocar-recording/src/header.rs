@@ -74,9 +74,8 @@ impl Header<'_> {
         let names = self.names;
         let mut slots = vec![None; names.len()];
         let mut notes = Vec::new();
-        let unit = |k: usize| self.units.get(k).map_or("", String::as_str);
         let mut readings: Vec<Option<Reading>> =
-            names.iter().enumerate().map(|(k, name)| reading_with(name, unit(k), &mut notes)).collect();
+            names.iter().enumerate().map(|(k, name)| reading_with(name, self.unit(k), &mut notes)).collect();
         for k in self.timestamps {
             // The unit of a date is known.
             let own = readings[*k].as_mut().filter(|own| own.quantity == Quantity::Time);
@@ -127,6 +126,11 @@ impl Header<'_> {
         Ok(Layout { names: names.to_vec(), slots, source: "the header", notes, by_unit, ..Layout::default() })
     }
 
+    /// Declared unit of a column; empty without one.
+    fn unit(&self, column: usize) -> &str {
+        self.units.get(column).map_or("", String::as_str)
+    }
+
     fn not_used(&self, index: usize, quantity: Quantity) -> String {
         let (name, quantity) = (&self.names[index], quantity.name());
         format!("column '{name}' not used: unclear whether it is {quantity} and in which unit")
@@ -155,10 +159,9 @@ impl Header<'_> {
     /// one.
     fn by_unit(&self, quantity: Quantity, readings: &[Option<Reading>], slots: &[Option<Slot>]) -> Vec<(usize, f64)> {
         let free = (0..self.names.len()).filter(|k| readings[*k].is_none() && slots[*k].is_none());
-        let unit = |k: usize| self.units.get(k).map_or("", String::as_str);
         let own = |k: usize| match self.timestamps.contains(&k) {
             true => Some((Quantity::Time, 1.0)).filter(|_| quantity == Quantity::Time),
-            false => unit_alone(&self.names[k], unit(k)).filter(|(of, _)| *of == quantity),
+            false => unit_alone(&self.names[k], self.unit(k)).filter(|(of, _)| *of == quantity),
         };
         free.filter_map(|k| own(k).map(|(_, per_si)| (k, per_si))).collect()
     }
@@ -256,10 +259,10 @@ impl Header<'_> {
         columns.sort_by_key(|(quantity, _)| *quantity as usize);
         let mut guessed = false;
         let columns = columns.into_iter().map(|(quantity, index)| {
-            let unit = self.units.get(index).map_or("", String::as_str);
             let own = readings[index].filter(|reading| reading.quantity == quantity).and_then(|reading| reading.per_si);
-            let known =
-                own.or_else(|| unit_alone(&self.names[index], unit).filter(|(of, _)| *of == quantity).map(|(_, u)| u));
+            let known = own.or_else(|| {
+                unit_alone(&self.names[index], self.unit(index)).filter(|(of, _)| *of == quantity).map(|(_, u)| u)
+            });
             guessed |= known.is_none();
             let numbers = rows.get(index).map_or(&[][..], Vec::as_slice);
             (quantity, index, known.unwrap_or_else(|| likely_unit(quantity, numbers)))

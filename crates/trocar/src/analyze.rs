@@ -11,7 +11,7 @@
 //! external excitation. Each value from theory is compared with a simulation of the same element.
 
 use serde::Serialize;
-use trocar_model::{Branch, Direction, Element, Mode, SlidingFriction, Stages, State, VelocityWeakening};
+use trocar_model::{Branch, Direction, Element, Mode, Stages, State, VelocityWeakening};
 
 mod cycles;
 mod energy;
@@ -29,22 +29,6 @@ const BRANCH_POINTS: u32 = 2000;
 
 /// Step of the simulations, s.
 const STEP: f64 = 1e-4;
-
-/// Sliding law of `direction`.
-fn friction(direction: Direction, element: &Element) -> &SlidingFriction {
-    match direction {
-        Direction::Insertion => &element.params().insertion,
-        Direction::Withdrawal => &element.params().withdrawal,
-    }
-}
-
-/// Branch that the deformation force follows in `direction`.
-fn branch(direction: Direction, element: &Element) -> &Branch {
-    match direction {
-        Direction::Insertion => element.params().deformation.insertion(),
-        Direction::Withdrawal => element.params().deformation.withdrawal(),
-    }
-}
 
 /// Range of deflections.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -189,8 +173,8 @@ impl ReachesSliding {
 impl BranchPassage {
     fn of(element: &Element, direction: Direction) -> Self {
         let c = element.params().deformation.half_width();
-        let branch = branch(direction, element);
-        let friction = friction(direction, element);
+        let branch = element.params().deformation.branch(direction);
+        let friction = element.params().sliding(direction);
         let softening = softening(branch, c, direction);
         // Seen along the motion: u runs from -c to c, the force counts in the direction of the motion.
         let force = |u: f64| direction.sign() * branch.force(direction.sign() * u);
@@ -318,7 +302,7 @@ impl SteadyState {
 
 impl SteadyPoint {
     fn of(element: &Element, direction: Direction, speed: f64) -> Self {
-        let friction = friction(direction, element);
+        let friction = element.params().sliding(direction);
         let velocity = direction.sign() * speed;
         let force_n = direction.sign() * friction.force(speed); // EMS (16)
         let state = settled(element, velocity);
@@ -369,7 +353,7 @@ fn is_exact(element: &Element) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trocar_model::{DeformationForce, ElementParams, Piece, Relaxation, SealDamping};
+    use trocar_model::{DeformationForce, ElementParams, Piece, Relaxation, SealDamping, SlidingFriction};
 
     fn plausible() -> ElementParams {
         ElementParams::plausible_10_5_mm().unwrap()

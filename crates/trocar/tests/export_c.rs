@@ -528,7 +528,7 @@ const PORTS: [(&str, &[&str], u64); 10] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0x402c0fe8ef37f471,
+        0xc6470c5e6a4a5681,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["stribeck.rs"], 0xa4cb6b831ec6ed83),

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use trocar_model::{Direction, Element, VelocityWeakening};
 
-use super::{STEP, SteadyPoint, friction};
+use super::{STEP, SteadyPoint};
 
 /// Range of speeds searched for instability, m/s.
 const SLOWEST: f64 = 1e-6;
@@ -79,7 +79,7 @@ pub(super) fn rate(element: &Element, direction: Direction, speed: f64, deflecti
 
 /// β + σ(0) + g'(V), N·s/m.
 fn drag(element: &Element, direction: Direction, speed: f64) -> f64 {
-    let friction = friction(direction, element);
+    let friction = element.params().sliding(direction);
     let damping = friction.viscous_damping + element.params().damping.coefficient(0.0);
     if friction.is_constant() {
         return damping;
@@ -127,7 +127,7 @@ impl StickSlip {
         let c = params.deformation.half_width();
         let relaxed = params.deformation.end_stiffness();
         // The seal is reloaded from F_c to F_s at this speed; ten such times and the way to the limit are enough to see.
-        let friction = friction(direction, element);
+        let friction = element.params().sliding(direction);
         let reload = (friction.static_force - friction.coulomb_force) / (relaxed.0.min(relaxed.1) * speed);
         let step = STEP.min(reload / 500.0);
         let mut state = element.rest_state(0.0);

@@ -150,15 +150,16 @@ pub(super) fn parameters() -> Vec<ParameterId> {
     identify::reported(DEGREES)
 }
 
+/// Columns of a parameter: the ends of their names after its own, and their kinds.
+pub(super) const ENDS: [(&str, Kind); 4] =
+    [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_determined", Kind::Boolean)];
+
 /// The columns of every [`FleetRow`], in order.
 pub fn columns() -> Vec<Field> {
     let fixed = |(name, kind): &(&str, Kind)| Field::new(*name, *kind);
     let mut all: Vec<Field> = BEFORE.iter().map(fixed).collect();
     for name in parameters() {
-        let end = |(end, kind)| Field::new(format!("{name}{end}"), kind);
-        let ends =
-            [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_determined", Kind::Boolean)];
-        all.extend(ends.map(end));
+        all.extend(ENDS.map(|(end, kind)| Field::new(format!("{name}{end}"), kind)));
     }
     all.extend(TRAILING.iter().map(fixed));
     all

@@ -11,7 +11,7 @@ use trocar_model::{Direction, ParameterId, Quantity};
 use super::dataset::{Dataset, Job, Metadata};
 use super::journal::{Entry, EntryLocation, Journal, journal_path};
 use super::one::{Config, hash_of, identify_one, is_passing, refused, warn};
-use super::row::{FleetCell, FleetRow, columns};
+use super::row::{ENDS, FleetCell, FleetRow, columns};
 use crate::cancel::{self, Cancel, Stopped};
 use crate::error::OutputError;
 use crate::table::{Column, Field, Kind, TableWriter};
@@ -105,7 +105,7 @@ pub(crate) static KEPT: LazyLock<Vec<String>> = LazyLock::new(|| {
         "depth",
         "duration_s",
     ];
-    let with_ends = |id: ParameterId| ["", "_lower", "_upper", "_determined"].map(|end| format!("{id}{end}"));
+    let with_ends = |id: ParameterId| ENDS.map(|(end, _)| format!("{id}{end}"));
     let parameters = KEPT_PARAMETERS.into_iter().flat_map(with_ends);
     plain.into_iter().map(str::to_owned).chain(parameters).collect()
 });

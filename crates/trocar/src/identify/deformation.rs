@@ -182,6 +182,16 @@ pub struct DeformationFit {
     pub full_reversals: Vec<FullReversal>,
 }
 
+impl DeformationFit {
+    /// Branch in `direction`.
+    pub fn branch(&self, direction: Direction) -> &BranchFit {
+        match direction {
+            Direction::Insertion => &self.insertion_branch,
+            Direction::Withdrawal => &self.withdrawal_branch,
+        }
+    }
+}
+
 /// Bin centres as z/c, from -1 to 1.
 pub fn bin_centres() -> impl Iterator<Item = f64> {
     (0..BINS).map(|k| (2 * k + 1) as f64 / BINS as f64 - 1.0)

@@ -60,7 +60,7 @@ impl Level {
     fn new(deformation: &DeformationFit, direction: Direction, level: f64) -> Self {
         let bin = ((0.5 * (level + 1.0) * BINS as f64) as usize).min(BINS - 1);
         let own = deformation.full_reversals.iter().filter(|t: &&FullReversal| t.direction == direction);
-        let mean = &fit_of(deformation, direction).mean_curve;
+        let mean = &deformation.branch(direction).mean_curve;
         let (low, high) = (bin.saturating_sub(4), (bin + 4).min(BINS - 1));
         let travel = 2.0 * deformation.half_width.value * (high - low) as f64 / BINS as f64;
         Self {
@@ -90,13 +90,6 @@ impl Level {
         let ends = [velocities().fold(f64::INFINITY, f64::min), velocities().fold(f64::NEG_INFINITY, f64::max)];
         let force = ends.map(|v| mean.1 + test.seal_damping_n_s_m.value * (v - mean.0));
         Series::line("", role, ends.map(|v| MM * v).to_vec(), force.to_vec())
-    }
-}
-
-fn fit_of(deformation: &DeformationFit, direction: Direction) -> &BranchFit {
-    match direction {
-        Direction::Insertion => &deformation.insertion_branch,
-        Direction::Withdrawal => &deformation.withdrawal_branch,
     }
 }
 
@@ -141,10 +134,9 @@ pub(in super::super) fn deformation_force(found: &Identification, truth: Option<
     for series in branch_series(found, deformation, truth) {
         branches = branches.series(series);
     }
-    for (label, branch) in
-        [("join, insertion", insertion_branch(found)), ("join, withdrawal", withdrawal_branch(found))]
-    {
-        branches = branches.mark(Mark::x(MM * branch.join(), label));
+    for direction in Direction::BOTH {
+        let join = found.element().params().deformation.branch(direction).join();
+        branches = branches.mark(Mark::x(MM * join, format!("join, {}", direction.name())));
     }
     let residual = |title: &str, fit: &BranchFit, shape: &BranchShape| {
         let joined = fitted(found, deformation, shape);
@@ -169,14 +161,6 @@ pub(in super::super) fn deformation_force(found: &Identification, truth: Option<
 
 const JOINED: &str = "joined polynomials (25)";
 const SINGLE: &str = "single polynomial, degree 7";
-
-fn insertion_branch(found: &Identification) -> &Branch {
-    found.element().params().deformation.insertion()
-}
-
-fn withdrawal_branch(found: &Identification) -> &Branch {
-    found.element().params().deformation.withdrawal()
-}
 
 /// The two-step fit of a branch.
 fn fitted(found: &Identification, deformation: &DeformationFit, shape: &BranchShape) -> Option<Branch> {

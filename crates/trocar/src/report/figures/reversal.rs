@@ -39,7 +39,7 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
     let forces = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
         .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
         .series(line("model", Role::Model, &run.force, 1.0));
-    let transients = Transients::of(branch(found, shown.direction));
+    let transients = Transients::of(found.element().params().deformation.branch(shown.direction));
     let marked = transients.marks(recording, shown, origin).into_iter().fold(forces, Panel::mark);
     let speed = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("velocity", "mm/s").with_zero())
         .series(line("velocity", Role::Measured, &velocity, MM))
@@ -66,14 +66,6 @@ fn caption(found: &Identification, name: &str, shown: &FullReversal, transients:
     )
 }
 
-fn branch(found: &Identification, direction: Direction) -> &Branch {
-    let force = &found.element().params().deformation;
-    match direction {
-        Direction::Insertion => force.insertion(),
-        Direction::Withdrawal => force.withdrawal(),
-    }
-}
-
 /// Of the deformations in the middle half of the speeds, the one with the smallest deviation from
 /// its direction's mean curve at the most constant velocity.
 fn clearest(deformation: &DeformationFit) -> Option<&FullReversal> {
@@ -82,10 +74,7 @@ fn clearest(deformation: &DeformationFit) -> Option<&FullReversal> {
     let quarter = by_speed.len() / 4;
     let middle = &by_speed[quarter..by_speed.len() - quarter];
     let unsteadiness = |t: &FullReversal| {
-        let mean = match t.direction {
-            Direction::Insertion => &deformation.insertion_branch.mean_curve,
-            Direction::Withdrawal => &deformation.withdrawal_branch.mean_curve,
-        };
+        let mean = &deformation.branch(t.direction).mean_curve;
         let swing = mean.iter().fold(0.0f64, |most, f| most.max(f.abs())).max(f64::MIN_POSITIVE);
         let force = t.curve.iter().zip(mean).map(|(f, m)| (f - m).powi(2)).sum::<f64>().sqrt() / swing;
         let velocity = t.velocity.iter().map(|v| (v.abs() - t.speed).powi(2)).sum::<f64>().sqrt() / t.speed;
