@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use trocar::model_file::ModelFile;
 use trocar::recording::{Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read};
+use trocar::summary::choice_for;
 use trocar::workflow::MovingMass;
 
 use crate::console::{BadArgument, Console};
@@ -49,8 +51,28 @@ impl Choosing {
             flip_force: self.flip_force,
             skip_rows: self.skip_rows,
             rate_hz: self.rate_hz,
+            from_another_file: false,
         }
     }
+
+    /// What to read for `model`: without options as its own recordings were read.
+    pub(crate) fn choice_for(&self, console: &Console, model: &ModelFile) -> Choice {
+        let own = self.choice();
+        let period = Choice { from: own.from, to: own.to, ..Choice::default() };
+        let Some(choice) = choice_for(model).filter(|_| own == period) else { return own };
+        console.remark(&format!("note: read like the recordings of the model, with {}", options_of(&choice)));
+        Choice { from: own.from, to: own.to, ..choice }
+    }
+}
+
+/// The options of the command line that make this choice.
+fn options_of(choice: &Choice) -> String {
+    let columns = choice.columns.iter().map(|columns| format!("--columns '{columns}'"));
+    let topics = choice.topics.iter().map(|topic| format!("--topic '{topic}'"));
+    let flip = choice.flip_force.then(|| "--flip-force".to_owned());
+    let skip = (choice.skip_rows > 0).then(|| format!("--skip-rows {}", choice.skip_rows));
+    let rate = choice.rate_hz.map(|rate| format!("--rate-hz {rate}"));
+    columns.chain(topics).chain(flip).chain(skip).chain(rate).collect::<Vec<_>>().join(" ")
 }
 
 /// Samples in memory when a recording is read in pieces: a quarter of an hour at 1 kHz.
@@ -61,7 +83,7 @@ const SAMPLES_IN_A_PIECE: usize = 1 << 20;
 #[command(next_help_heading = "Reading recordings")]
 pub(crate) struct Reading {
     #[command(flatten)]
-    choosing: Choosing,
+    pub(crate) choosing: Choosing,
     /// Largest force the sensor can read, in N; readings there count as saturated
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
@@ -90,14 +112,16 @@ impl Reading {
     }
 
     /// Passes a recording on piece by piece, so that its length is not limited, and prints warnings
-    /// about each piece.
+    /// about each piece. [`Choosing::choice_for`] gives the choice.
     pub(crate) fn pieces(
         &self,
         console: &Console,
         path: &Path,
+        choice: &Choice,
         mut take: impl FnMut(Recording) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        let mut pieces = Pieces::open(path, &self.options(None), SAMPLES_IN_A_PIECE)?;
+        let options = ReadOptions { choice: choice.clone(), ..self.options(None) };
+        let mut pieces = Pieces::open(path, &options, SAMPLES_IN_A_PIECE)?;
         let progress = Progress::new(console);
         let mut count = 0;
         while let Some(piece) = pieces.next_piece()? {

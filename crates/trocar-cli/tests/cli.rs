@@ -540,3 +540,60 @@ fn helpers_print_what_they_are_asked_for() {
     place.put("rig.toml", "[motor]\npeak_force_n = -1.0\n");
     place.run("bench step --rig rig.toml --out x.csv").fails_saying(&["rig.toml: line 2", "peak_force_n", "-1"]);
 }
+
+/// The columns of `name` under other names and in millimetres, with the sign of the force reversed.
+fn as_a_logger_writes(place: &Place, name: &str) -> String {
+    let rows = place.text(name).lines().skip(1).fold(String::new(), |mut text, line| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        let _ = writeln!(text, "{},{},{}", cells[0], 1e3 * cells[1], -cells[cells.len() - 1]);
+        text
+    });
+    format!("t,pos,Fz\n{rows}")
+}
+
+#[test]
+fn recordings_for_a_model_are_read_like_its_own() {
+    let place = Place::new();
+    place.recording("plain.csv");
+    place.put("logger.csv", &as_a_logger_writes(&place, "plain.csv"));
+    let options = "--columns time_s=t,position_mm=pos,force_n=Fz --flip-force";
+    let identify = format!("identify logger.csv {options} --bootstrap 0 --moving-mass-kg 0.04 --out found");
+    place.run(&identify).done();
+    let said =
+        "read like the recordings of the model, with --columns 'time_s=t,position_mm=pos,force_n=Fz' --flip-force";
+
+    let given = place.run(&format!("validate found/model.json logger.csv {options}")).done();
+    let remembered = place.run("validate found logger.csv").done();
+    remembered.says(&[said]);
+    assert_eq!(remembered.stdout, given.stdout);
+
+    place.run("simulate found logger.csv --out simulated.csv").done().says(&[said]);
+    place.run("compensate found logger.csv --out tissue.csv").done().says(&[said]);
+
+    // A file with a header of its own, and one with neither.
+    let own = place.text("plain.csv").replacen("force_n", "-force_n", 0);
+    place.put("own.csv", &own);
+    place.run("validate found own.csv").says(&["read by its own header"]);
+    place.put("other.csv", &place.text("logger.csv").replacen("t,pos,Fz", "a,b,c", 1));
+    place
+        .run("validate found other.csv")
+        .fails_saying(&["other.csv line 1: no time, position or force column among 'a, b, c'"]);
+    // Options of one's own replace those of the model.
+    let ran =
+        place.run("validate found plain.csv --columns time_s=time_s,position_m=position_m,force_n=force_n").done();
+    assert!(!ran.stderr.contains("read like"), "{ran:#?}");
+}
+
+#[test]
+fn a_folder_and_exchanged_arguments_are_recognised() {
+    let place = Place::new();
+    let model = place.model();
+    place.recording("rec.csv");
+    let ran = place.run(&format!("validate rec.csv {model}")).ends_with(2);
+    ran.says(&["rec.csv is no model, but model.json is", "give the model first: model.json rec.csv"]);
+    fs::create_dir(place.path("models")).unwrap();
+    place.run("compensate models rec.csv --out out.csv").ends_with(2).says(&["models: a folder without model.json"]);
+    fs::rename(place.path("model.json"), place.path("models/lugre.json")).unwrap();
+    let ran = place.run("simulate models rec.csv --out out.csv").ends_with(2);
+    ran.says(&["give one of its models: models/lugre.json"]);
+}

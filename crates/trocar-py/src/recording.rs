@@ -314,7 +314,8 @@ pub(crate) fn read(
     rate_hz: Option<f64>,
 ) -> PyResult<Recording> {
     check_limit(sensor_limit_n)?;
-    let choice = Choice { columns, topics, from: from_s, to: to_s, flip_force, skip_rows, rate_hz };
+    let choice =
+        Choice { columns, topics, from: from_s, to: to_s, flip_force, skip_rows, rate_hz, ..Choice::default() };
     let options = ReadOptions { choice, sensor_limit: sensor_limit_n, ..ReadOptions::default() };
     let record = run(py, How::default(), move |_| recording::read(&path, &options))?;
     Ok(Recording::new(record.map_err(Raise::raise)?))

@@ -28,12 +28,21 @@ pub struct Choice {
     pub skip_rows: u64,
     /// Rows per second of a file without a column of times.
     pub rate_hz: Option<f64>,
+    /// Whether columns, topics, skipped lines and rate are those of another file of the same origin:
+    /// a file that cannot be read with them is read by its own header.
+    pub from_another_file: bool,
 }
 
 impl Choice {
     /// These columns, and defaults for the rest.
     pub fn columns(names: &str) -> Self {
         Self { columns: Some(names.to_owned()), ..Self::default() }
+    }
+
+    /// The same, but by the file's own header; `None` if it is so already.
+    pub(super) fn by_own_header(&self) -> Option<Self> {
+        let own = Self { from: self.from, to: self.to, flip_force: self.flip_force, ..Self::default() };
+        self.from_another_file.then_some(own)
     }
 
     /// Rejects a rate that is none, or one beside a column of times.

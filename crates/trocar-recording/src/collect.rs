@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::block::{Block, SampleRow};
+use super::choice::Choice;
 use super::columns::Quantity;
 use super::quality::RowList;
 use super::screen::{self, Columns, Count, Lines};
@@ -176,6 +177,7 @@ impl Collector {
         let (columns, mut quality) = screen::screen(file, self.columns, self.non_finite, sensor_limit, &starts)?;
         quality.notes.extend(note);
         let Columns { time, position, force, velocity, .. } = columns;
-        Ok(Recording { name, sha256, time, position, force, velocity, quality })
+        let choice = Choice::default();
+        Ok(Recording { name, sha256, time, position, force, velocity, quality, choice })
     }
 }

@@ -89,6 +89,8 @@ pub struct Recording {
     pub velocity: Option<Vec<f64>>,
     /// Quality of the data.
     pub quality: Quality,
+    /// How it was read from its file.
+    pub choice: Choice,
 }
 
 /// Columns that do not come from a file, in SI units.
@@ -237,7 +239,8 @@ impl Recording {
     pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
         let cut = |column: &[f64]| column[range.clone()].to_vec();
         let name = format!("{}, {what}", self.name);
-        Self::from_columns(name, cut(&self.time), cut(&self.position), cut(&self.force))
+        let part = Self::from_columns(name, cut(&self.time), cut(&self.position), cut(&self.force))?;
+        Ok(Self { choice: self.choice.clone(), ..part })
     }
 
     /// The recording with the inertia and weight of a moving mass removed from the force:
@@ -311,6 +314,7 @@ pub fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, V
     }
     let name = path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
     let mut recording = collector.finish(&file, name, reader.digest()?, options.sensor_limit)?;
+    recording.choice = options.choice.clone();
     recording.quality.notes.extend(reader.notes());
     let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
     recording.quality.warnings.extend(reader.warnings().into_iter().map(of_the_file));

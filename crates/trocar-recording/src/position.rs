@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{MIN_SAMPLES, Recording, RecordingError};
+use super::{Choice, MIN_SAMPLES, Recording, RecordingError};
 
 /// A glitch deviates from the line through its neighbours by this many times noise and resolution,
 /// at least by [`FLOOR`] ...
@@ -75,7 +75,8 @@ impl Recording {
         if lag == 0.0 {
             return Ok(self.clone());
         }
-        let mut all = Self { quality: self.quality.clone(), name: self.name.clone(), ..Self::empty(&self.sha256) };
+        let mut all =
+            Self { quality: self.quality.clone(), name: self.name.clone(), ..Self::empty(&self.sha256, &self.choice) };
         let quality = &mut all.quality;
         quality.breaks.clear();
         for range in self.unbroken() {
@@ -109,7 +110,7 @@ impl Recording {
         Ok(all)
     }
 
-    fn empty(sha256: &str) -> Self {
+    fn empty(sha256: &str, choice: &Choice) -> Self {
         Self {
             name: String::new(),
             sha256: sha256.to_owned(),
@@ -118,6 +119,7 @@ impl Recording {
             force: Vec::new(),
             velocity: None,
             quality: super::Quality::default(),
+            choice: choice.clone(),
         }
     }
 }

@@ -46,6 +46,17 @@ impl Rows<'static> {
     /// # Errors
     /// As for [`read`](crate::read), as far as they are detected before the first row.
     pub fn open(path: &Path, choice: &Choice, needed: &[Quantity], hash: bool) -> Result<Self, RecordingError> {
+        let opened = Self::open_with(path, choice, needed, hash);
+        let (Some(own), true) = (choice.by_own_header(), path.is_file()) else { return opened };
+        opened.or_else(|_| {
+            let mut rows = Self::open_with(path, &own, needed, hash)?;
+            let note = "the columns of the model's recordings are not in this file: read by its own header";
+            rows.layout_mut().notes.push(note.to_owned());
+            Ok(rows)
+        })
+    }
+
+    fn open_with(path: &Path, choice: &Choice, needed: &[Quantity], hash: bool) -> Result<Self, RecordingError> {
         let file = path.display().to_string();
         if file != "-"
             && let Some(container) = registry::open(path)?

@@ -26,6 +26,9 @@ use object::{Object, members};
 mod friction;
 mod object;
 
+/// Name of the model file in the folder of a result.
+pub const FILE_NAME: &str = "model.json";
+
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
 /// Version written. Files of versions 1 to 7 are also read: they differ only in the names of some
@@ -126,7 +129,7 @@ pub enum OriginKind {
 }
 
 /// Origin of a model.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
     /// How the model was created.
@@ -164,13 +167,37 @@ impl Origin {
 }
 
 /// A recording used for a model.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordingInfo {
     /// File name.
     pub name: String,
     /// SHA-256 of the file's bytes, 64 lower-case hexadecimal digits.
     pub sha256: String,
+    /// How the file was read, if not by its own header alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub read_with: Option<ReadWith>,
+}
+
+/// Options a recording was read with; other recordings of the same test bench need the same.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReadWith {
+    /// Names of the columns, in the syntax of `--columns`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub columns: Option<String>,
+    /// Topics, groups or other tables searched.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub topics: Vec<String>,
+    /// Whether the sign of the force was reversed.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub flip_force: bool,
+    /// Lines skipped before the header of a text.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub skip_rows: u64,
+    /// Rows per second of a file without a column of times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
 }
 
 /// The sensor of the recordings used for a model.
@@ -312,14 +339,24 @@ impl ModelFile {
         Ok(Self::new(element, origin))
     }
 
-    /// Reads the file at `path`.
+    /// Reads the file at `path`, or the [`FILE_NAME`] of the folder there.
     ///
     /// # Errors
     /// [`ModelFileError::InFile`] with the error of [`ModelFile::from_json`] or of the operating
     /// system.
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
+        let inside = path.join(FILE_NAME);
+        let path = if path.is_dir() && inside.is_file() { &inside } else { path };
         let read = || Self::from_json(&fs::read_to_string(path)?);
         read().map_err(|error| error.in_file(path))
+    }
+
+    /// How the recordings of the model were read, if all in the same way and not by their own
+    /// headers alone.
+    pub fn read_with(&self) -> Option<&ReadWith> {
+        let mut all = self.origin.recordings.iter().map(|recording| recording.read_with.as_ref());
+        let first = all.next()?;
+        if all.all(|other| other == first) { first } else { None }
     }
 
     /// Reads and checks the text of a model file.
@@ -440,8 +477,8 @@ struct Document<F> {
     force_error: Option<ForceError>,
 }
 
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
+fn is_zero<T: PartialEq + Default>(value: &T) -> bool {
+    *value == T::default()
 }
 
 members!(ElementMembers [ALL_NUMBERS = false] {

@@ -9,11 +9,11 @@ use serde::Serialize;
 
 use crate::identify::{
     DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Parameter, Phase, PositionDelay,
-    SteadyFit, StickSlip, Warning,
+    SteadyFit, StickSlip, Subject, Warning,
 };
-use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, RecordingInfo, SensorInfo};
+use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo};
 use crate::profile::ProfileFit;
-use crate::recording::{Quality, Recording};
+use crate::recording::{Choice, Quality, Recording};
 use crate::validate::{Validation, validate};
 use crate::workflow::{MovingMass, Workflow};
 
@@ -167,11 +167,8 @@ impl Workflow {
     fn validation_warnings(&self) -> impl Iterator<Item = Warning> + '_ {
         let recordings = self.validation.iter().flat_map(|validation| &validation.recordings);
         recordings.flat_map(|r| {
-            r.warnings.iter().map(|message| Warning {
-                subject: r.path.clone(),
-                message: message.clone(),
-                doubtful: true,
-            })
+            let subject = Subject::Recording(r.path.clone());
+            r.warnings.iter().map(move |message| Warning::doubt(subject.clone(), message.clone()))
         })
     }
 
@@ -256,9 +253,21 @@ fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
     }
 }
 
-/// Name and hash of a recording for a model file.
+/// A recording for a model file.
 pub(crate) fn origin_of(recording: &Recording) -> RecordingInfo {
-    RecordingInfo { name: recording.name.clone(), sha256: recording.sha256.clone() }
+    let Choice { columns, topics, flip_force, skip_rows, rate_hz, .. } = recording.choice.clone();
+    let read_with = ReadWith { columns, topics, flip_force, skip_rows, rate_hz };
+    RecordingInfo {
+        name: recording.name.clone(),
+        sha256: recording.sha256.clone(),
+        read_with: Some(read_with).filter(|own| *own != ReadWith::default()),
+    }
+}
+
+/// How to read another recording for a model; `None` if by its own header.
+pub fn choice_for(model: &ModelFile) -> Option<Choice> {
+    let ReadWith { columns, topics, flip_force, skip_rows, rate_hz } = model.read_with()?.clone();
+    Some(Choice { columns, topics, flip_force, skip_rows, rate_hz, from_another_file: true, ..Choice::default() })
 }
 
 /// Estimates in the form used in a model file.

@@ -115,7 +115,7 @@ fn full_strokes_leave_the_terms_of_partial_reversals_untried() {
         assert!(fit.terms.iter().all(|trial| trial.term != term), "{term:?}");
     }
     assert!(
-        found.warnings.iter().any(|w| w.subject == "optional terms" && w.message.contains("partial")),
+        found.warnings.iter().any(|w| w.subject.to_string() == "optional terms" && w.message.contains("partial")),
         "{:?}",
         found.warnings
     );
@@ -166,7 +166,11 @@ fn a_seal_that_sticks_and_slips_is_found_to_do_so_between_the_same_forces() {
     for seed in [5, 6] {
         let found = found(&[record(Protocol::Steady, seed), record(Protocol::Surgeon, seed)]);
         let seen = found.stick_slip.as_ref().expect("it sticks and slips");
-        assert!(found.warnings.iter().any(|w| w.subject == "stick-slip" && w.doubtful), "{:?}", found.warnings);
+        assert!(
+            found.warnings.iter().any(|w| w.subject.to_string() == "stick-slip" && w.doubtful),
+            "{:?}",
+            found.warnings
+        );
         let [slow, fast] = seen.speed_m_s;
         assert!((slow - 3e-3).abs() < 3e-4 && fast < 1.4e-2, "{seen:?}: only the slowest speeds swing");
         let (force, frequency) = swing(&truth, slow);
@@ -200,7 +204,7 @@ fn swings_of_the_rig_are_not_called_stick_slip() {
         }
         let found = found(&[recording]);
         assert!(found.stick_slip.is_none(), "{subject}: {:?}", found.stick_slip);
-        let warning = found.warnings.iter().find(|w| w.subject == subject && w.doubtful);
+        let warning = found.warnings.iter().find(|w| w.subject.to_string() == subject && w.doubtful);
         assert!(warning.is_some_and(|w| w.message.contains(words)), "{subject}: {:?}", found.warnings);
     }
 }

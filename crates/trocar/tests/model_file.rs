@@ -4,7 +4,8 @@
 use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
 use trocar::model_file::{
-    ErrorSource, ForceError, Interval, ModelFile, ModelFileError, Origin, OriginKind, RecordingInfo, SensorInfo,
+    ErrorSource, ForceError, Interval, ModelFile, ModelFileError, Origin, OriginKind, ReadWith, RecordingInfo,
+    SensorInfo,
 };
 use trocar_model::Classical;
 use trocar_model::{
@@ -39,7 +40,11 @@ fn complete() -> ModelFile {
     let mut origin = Origin::new(OriginKind::Identified);
     origin.seed = Some(u64::MAX);
     origin.note = Some("a \"quoted\" note, µ and \n".to_owned());
-    origin.recordings = vec![RecordingInfo { name: "steady.csv".to_owned(), sha256: "0123456789abcdef".repeat(4) }];
+    origin.recordings = vec![RecordingInfo {
+        name: "steady.csv".to_owned(),
+        sha256: "0123456789abcdef".repeat(4),
+        read_with: Some(ReadWith { columns: Some("time_s=t".to_owned()), skip_rows: 3, ..ReadWith::default() }),
+    }];
     let mut model = ModelFile::new(stages(elements), origin);
     model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.0 });
     for (name, high) in [("coulomb_force_n", Some(3.1)), ("stribeck_velocity_m_s", None)] {
@@ -280,8 +285,8 @@ fn plausible_model_says_so() {
 #[test]
 fn every_number_says_its_unit() {
     fn walk(key: &str, value: &Value) {
-        let units = ["_n", "_m", "_s", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg"];
-        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95", "gain"];
+        let units = ["_n", "_m", "_s", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg", "_hz"];
+        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95", "gain", "skip_rows"];
         match value {
             Value::Object(inner) => inner.iter().for_each(|(key, value)| walk(key, value)),
             Value::Array(inner) => inner.iter().for_each(|value| walk(key, value)),

@@ -115,7 +115,8 @@ fn a_validation_that_contradicts_is_doubtful() {
             assert!(!outcome.identification.is_doubtful() && outcome.is_doubtful());
             let summary = outcome.summary();
             assert!(summary.doubtful);
-            let warning = summary.warnings.iter().find(|w| w.subject == "validation.csv").expect("a warning");
+            let warning =
+                summary.warnings.iter().find(|w| w.subject.to_string() == "validation.csv").expect("a warning");
             assert!(warning.doubtful);
             let times = outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
             println!("friction {friction}: {times:.1} times: {}", warning.message);
@@ -139,7 +140,7 @@ fn an_offset_is_named() {
     moved.force.iter_mut().for_each(|force| *force += 1.0);
     with_outcome(&[moved], |outcome| {
         let warnings = outcome.summary().warnings;
-        let message = &warnings.iter().find(|w| w.subject == "validation.csv").expect("a warning").message;
+        let message = &warnings.iter().find(|w| w.subject.to_string() == "validation.csv").expect("a warning").message;
         assert!(message.contains("check the sensor offset"), "{message}");
         let named = message.split("is mostly an offset of ").nth(1).and_then(|rest| rest.split(' ').next());
         let named: f64 = named.expect("an offset is named").parse().expect("a number");

@@ -176,10 +176,9 @@ fn table(entries: &[Entry]) -> Table {
 /// The warnings of a model; those about undetermined parameters are combined, and the JSON contains
 /// the reason of each.
 fn in_brief(entry: &Entry) -> Vec<String> {
-    let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
-        entry.warnings.iter().partition(|w| w.is_undetermined());
+    let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) = entry.warnings.iter().partition(|w| w.undetermined);
     let mut lines: Vec<String> = others.iter().map(|w| format!("{}: {}", w.subject, w.message)).collect();
-    let names: Vec<&str> = undetermined.iter().map(|w| w.subject.as_str()).collect();
+    let names: Vec<String> = undetermined.iter().map(|w| w.subject.to_string()).collect();
     match names.len() {
         0 => {}
         1..=MOST_NAMES => lines.push(format!("not determined: {}", names.join(", "))),

@@ -8,6 +8,7 @@ use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 use crate::Completion;
 use crate::console::Console;
 use crate::input::{Choosing, finite, not_negative, positive};
+use crate::models::read_model;
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -20,7 +21,7 @@ use crate::table::number;
 /// saturated, frozen), the value is nan and the exit code 3.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Model file (model.json)
+    /// Model: model.json, or the folder of a result
     model: PathBuf,
     /// Recording: CSV with time, position and force columns, '-' for standard input
     recording: PathBuf,
@@ -51,7 +52,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
-    let model = ModelFile::read(&args.model)?;
+    let model = read_model(&args.model, std::slice::from_ref(&args.recording))?;
+    let choice = args.choosing.choice_for(console, &model);
     let options = CompensateOptions {
         offset_n: args.offset_n,
         moving_mass_kg: args.moving_mass_kg,
@@ -64,7 +66,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     say_what_it_rests_on(console, args, &model);
     let is_file = std::fs::metadata(&args.recording).is_ok_and(|data| data.is_file());
     let is_stream = args.recording.as_os_str() == "-" || (args.recording.exists() && !is_file);
-    let stream = StreamOptions { choice: &args.choosing.choice(), live: is_stream };
+    let stream = StreamOptions { choice: &choice, live: is_stream };
     let progress = Progress::new(console);
     let report = |part, rows| progress.report_rows("compensating", part, rows);
     let tell = |fault: Fault, line: u64| {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::identify::{Identification, IdentifyOptions, Parameter, Term, Warning};
+use trocar::identify::{Identification, IdentifyOptions, Parameter, Subject, Term, Warning};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
@@ -184,15 +184,20 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     }
 }
 
-/// Warnings about files were printed when they were read; a common reason of several parameters is
-/// printed once.
+/// Whether a warning about a file was printed when it was read; remarks about files are in the report.
+fn was_printed(done: &Workflow, warning: &Warning) -> bool {
+    let Subject::Recording(_) = warning.subject else { return false };
+    let mut at_reading = done.recordings.iter().flat_map(|recording| &recording.quality.warnings);
+    !warning.doubtful || at_reading.any(|w| w.message == warning.message)
+}
+
+/// A common reason of several parameters is printed once.
 fn print_warnings(console: &Console, done: &Workflow) {
-    let read = |subject: &str| done.recordings.iter().any(|recording| recording.name == subject);
-    let mut left: Vec<&Warning> = done.identification.warnings.iter().filter(|w| !read(&w.subject)).collect();
+    let mut left: Vec<&Warning> = done.identification.warnings.iter().filter(|w| !was_printed(done, w)).collect();
     while let Some(&first) = left.first() {
         let (same, others): (Vec<&Warning>, Vec<&Warning>) =
             left.into_iter().partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
-        let subjects: Vec<&str> = same.iter().map(|w| w.subject.as_str()).collect();
+        let subjects: Vec<String> = same.iter().map(|w| w.subject.to_string()).collect();
         let text = format!("{}: {}", subjects.join(", "), first.message);
         if first.doubtful {
             console.warn(&text)

@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use trocar::model_file::ModelFile;
 use trocar::profile::Departure;
-use trocar::recording::position_resolution;
+use trocar::recording::{Choice, position_resolution};
 use trocar::simulate::{Beginning, SimulateOptions, simulate_file};
 use trocar_model::BacklashFilter;
 
 use crate::Completion;
 use crate::console::{BadArgument, Console};
 use crate::input::{Choosing, finite, not_negative};
+use crate::models::read_model;
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -22,7 +22,7 @@ use crate::table::number;
 /// file may be of any size. With several elements the deflection is their mean.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Model file (model.json, or one of those that compare writes)
+    /// Model: model.json, one of those that compare writes, or the folder of a result
     model: PathBuf,
     /// Motion: CSV with time and position columns, '-' for standard input
     motion: PathBuf,
@@ -59,7 +59,8 @@ fn backlash_width(text: &str) -> Result<BacklashWidth, String> {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
-    let model = ModelFile::read(&args.model)?;
+    let model = read_model(&args.model, std::slice::from_ref(&args.motion))?;
+    let choice = args.choosing.choice_for(console, &model);
     let kind = model.trocar.seal().kind();
     if args.initial_deflection_mm.is_some() && model.stages().is_err() {
         let file = args.model.display();
@@ -69,11 +70,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let options = SimulateOptions {
         initial_deflection: args.initial_deflection_mm.map(|mm| 1e-3 * mm),
         offset: model.offset(),
-        filter: filter(console, args)?,
+        filter: filter(console, args, &choice)?,
     };
     let progress = Progress::new(console);
     let report = |part, rows| progress.report_rows("simulating", part, rows);
-    let done = simulate_file(&args.motion, &args.choosing.choice(), &model.trocar, &options, &args.out, report)?;
+    let done = simulate_file(&args.motion, &choice, &model.trocar, &options, &args.out, report)?;
     drop(progress);
     if let Some(beginning) = done.beginning.filter(|_| options.initial_deflection.is_none()) {
         console.remark(&start_in_words(&beginning, options.offset));
@@ -101,16 +102,16 @@ fn start_in_words(beginning: &Beginning, offset: f64) -> String {
 }
 
 /// The requested backlash filter, if any.
-fn filter(console: &Console, args: &Args) -> anyhow::Result<Option<BacklashFilter>> {
+fn filter(console: &Console, args: &Args, choice: &Choice) -> anyhow::Result<Option<BacklashFilter>> {
     match args.backlash_m {
         BacklashWidth::Given(width) => Ok(if width > 0.0 { Some(BacklashFilter::new(width)?) } else { None }),
-        BacklashWidth::Auto => Ok(Some(filter_for_resolution(console, args)?)),
+        BacklashWidth::Auto => Ok(Some(filter_for_resolution(console, args, choice)?)),
     }
 }
 
 /// The filter for the resolution of the first rows: possible only for a file that can be read
 /// twice.
-fn filter_for_resolution(console: &Console, args: &Args) -> anyhow::Result<BacklashFilter> {
+fn filter_for_resolution(console: &Console, args: &Args, choice: &Choice) -> anyhow::Result<BacklashFilter> {
     let refuse = |why: &str| {
         let motion = args.motion.display();
         let hint = "give the width in metres, 1.5 resolutions of the encoder: --backlash-m 6e-6 for 4 um";
@@ -119,7 +120,7 @@ fn filter_for_resolution(console: &Console, args: &Args) -> anyhow::Result<Backl
     if args.motion.as_os_str() == "-" || std::fs::metadata(&args.motion).is_ok_and(|data| !data.is_file()) {
         return Err(refuse("which is not known beforehand for a stream").into());
     }
-    let resolution = position_resolution(&args.motion, &args.choosing.choice())?;
+    let resolution = position_resolution(&args.motion, choice)?;
     if resolution == 0.0 {
         return Err(refuse("but they are whole multiples of no step").into());
     }

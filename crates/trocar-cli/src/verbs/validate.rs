@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
-use trocar::model_file::{ModelFile, SensorInfo};
+use trocar::model_file::SensorInfo;
 use trocar::validate::{PhaseError, Phases, Scored, Validation, validate_one};
 use trocar::workflow::MovingMass;
 
 use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::{Reading, finite, not_negative};
+use crate::models::read_model;
 use crate::table::{Table, number};
 
 /// Compare a model with recordings it has not seen
@@ -20,7 +21,7 @@ use crate::table::{Table, number};
 /// recording: no model of the motion can be more accurate.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Model file (model.json, or one of those that compare writes)
+    /// Model: model.json, one of those that compare writes, or the folder of a result
     model: PathBuf,
     /// Recordings: CSV with time, position and force columns, '-' for standard input
     #[arg(required = true, value_name = "RECORDING")]
@@ -39,7 +40,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
-    let model = ModelFile::read(&args.model)?;
+    let model = read_model(&args.model, &args.recordings)?;
+    let choice = args.reading.choosing.choice_for(console, &model);
     let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_delay_s: 0.0 });
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
@@ -52,7 +54,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let mut scored = Vec::with_capacity(args.recordings.len());
     for path in &args.recordings {
         let mut all: Option<Scored> = None;
-        args.reading.pieces(console, path, |piece| {
+        args.reading.pieces(console, path, &choice, |piece| {
             lost |= !piece.quality.warnings.is_empty();
             // The weight of the mass is part of the offset.
             let piece = MovingMass { mass, gravity: 0.0 }

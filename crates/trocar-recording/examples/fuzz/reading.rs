@@ -95,6 +95,7 @@ fn options(tables: &[Table], random: &mut Random) -> ReadOptions {
             flip_force: random.below(2) == 0,
             skip_rows: [0, 0, 0, 1, 5, u64::MAX][random.below(6)],
             rate_hz: odd(random),
+            from_another_file: random.below(4) == 0,
         },
         sensor_limit: odd(random),
         most_samples: [None, Some(0), Some(8), Some(100)][random.below(4)],

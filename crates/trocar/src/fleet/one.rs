@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::row::{DEGREES, FleetCell, FleetRow};
 use crate::cancel;
-use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Warning, identify};
+use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Subject, Warning, identify};
 use crate::recording::rows::Crop;
 use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
 use crate::summary::PROGRAM;
@@ -357,9 +357,9 @@ fn result(row: &mut FleetRow, found: &Identification, recording: &Recording, met
     row.set("status", FleetCell::text(status));
     row.set("method", FleetCell::text(method));
     // Without the recording's name, which has its own column.
-    let message = |w: &Warning| match w.subject == recording.name {
-        true => w.message.clone(),
-        false => format!("{}: {}", w.subject, w.message),
+    let message = |w: &Warning| match &w.subject {
+        Subject::Recording(_) => w.message.clone(),
+        subject => format!("{subject}: {}", w.message),
     };
     warnings(row, found.warnings.iter().map(message).collect());
     quality_of_fit(row, found);

@@ -14,6 +14,7 @@ use trocar_model::{ParameterId, Quantity, Trocar};
 use super::candidate::Candidate;
 use super::element::Input;
 use super::estimate::t_p_value;
+use super::findings::Warning;
 use super::scale::FrictionScale;
 use super::stick_slip::{StickSlip, Swings};
 use crate::recording::{Recording, local_velocity};
@@ -87,7 +88,7 @@ pub(super) struct Adequacy {
     /// Parameters that are not determined, and why.
     pub(super) undetermined: Vec<(Group, String)>,
     /// Why the result is doubtful.
-    pub(super) doubts: Vec<(String, String)>,
+    pub(super) doubts: Vec<Warning>,
     pub(super) stick_slip: Option<StickSlip>,
     /// Root mean square error, N, without the friction scale of strokes.
     pub(super) residual_rms: f64,
@@ -139,7 +140,7 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     undetermined.extend(speeds.slow_enough(model.candidate));
     undetermined.extend(speeds.fast_enough(model.candidate));
     let phases = phases(input, model, &seen);
-    let mut doubts: Vec<(String, String)> = phases.iter().filter_map(doubt).collect();
+    let mut doubts: Vec<Warning> = phases.iter().filter_map(doubt).collect();
     let swings = Swings::of(input.recordings, input.segments, input.two.candidate.offset).filter(|_| model.has_shape);
     doubts.extend(swings.iter().map(Swings::warning));
     let stick_slip = swings.and_then(Swings::stick_slip);
@@ -312,14 +313,14 @@ fn phases(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<Phase> {
     [(0, "deforming"), (1, "sliding")].into_iter().filter_map(of).collect()
 }
 
-fn doubt(phase: &Phase) -> Option<(String, String)> {
+fn doubt(phase: &Phase) -> Option<Warning> {
     (phase.rms_n > EXCESS * phase.expected_n).then(|| {
         let message = format!(
             "while {} the model is off by {:.3} N rms, sensor noise and the scatter between strokes explain {:.3} N: the seal is no EMS \
              element, or the recording holds something else (another load, a late signal); see the residuals in the report",
             phase.phase, phase.rms_n, phase.expected_n
         );
-        (phase.phase.to_owned(), message)
+        Warning::doubt(phase.phase, message)
     })
 }
 

@@ -162,80 +162,82 @@ fn warnings(
 ) -> Vec<Warning> {
     let mut all = Vec::new();
     for recording in input.recordings {
-        let of =
-            |message: &String| Warning { subject: recording.name.clone(), message: message.clone(), doubtful: true };
-        all.extend(recording.quality.warnings.iter().map(|w| of(&w.message)));
+        let lost = recording.quality.warnings.iter();
+        all.extend(lost.map(|w| Warning::doubt(recording, w.message.clone())));
     }
     // One line for all coefficients of a polynomial.
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.is_coefficient());
     all.extend(undetermined.map(|p| Warning::undetermined(p, p.id != Quantity::Offset.id())));
-    let mut say = |subject: &str, message: String, doubtful: bool| {
-        all.push(Warning { subject: subject.to_owned(), message, doubtful });
-    };
-    for (subject, message) in &judged.doubts {
-        say(subject, message.clone(), true);
-    }
-    let changed = !scale.jumps.is_empty() || scale.drift > TOO_FAR;
-    if let Some(line) = scale.in_words(&adequacy::names(input.recordings)) {
-        say("friction", line, changed);
+    all.extend(judged.doubts.iter().cloned());
+    if let Some(message) = scale.in_words(&adequacy::names(input.recordings)) {
+        let changed = !scale.jumps.is_empty() || scale.drift > TOO_FAR;
+        all.push(Warning { doubtful: changed, ..Warning::remark("friction", message) });
     }
     match fit {
-        None => fallback(input, model, &mut say),
+        None => all.extend(fallback(input, model)),
         Some(fit) => {
             if !fit.fitted.best.layout.shape {
-                unresolved(model, &mut say);
+                all.push(unresolved(model));
             }
-            if input.options.free_motion && !element::has_partial_reversals(input, model.half_width) {
-                let message = "not tried (fewer than 4 partial reversals): minor-loop stiffness, second relaxation time, second stage";
-                say("optional terms", message.to_owned(), false);
-            }
-            if !acceleration_is_resolved(input.recordings) {
-                let message = "not tried (the sampling is too coarse to resolve the acceleration at a reversal): unmodelled mass, delay of \
-                               the positions";
-                say("optional terms", message.to_owned(), false);
-            }
-            left_unexplained(input, fit, &mut say);
-            of_fit(fit, &mut say);
+            all.extend(not_tried(input, model));
+            all.extend(left_unexplained(input, fit));
+            all.extend(of_fit(fit));
         }
     }
     for (recording, segments) in input.recordings.iter().zip(input.segments) {
         if segments.turn_at_same_places(recording) && fit.is_some_and(|_| input.options.along) {
-            let message = "all strokes turn at the same places: a dependence on the position cannot be distinguished from one on the deflection \
-                           within 2c of the turning points";
-            say(&recording.name, message.to_owned(), false);
+            let message = "all strokes turn at the same places: a dependence on the position cannot be distinguished \
+                           from one on the deflection within 2c of the turning points";
+            all.push(Warning::remark(recording, message.to_owned()));
         }
     }
     if model.unmodelled_mass > 0.0 {
         let message = format!(
-            "the readings follow the acceleration, as from an unmodelled mass of {:.3} kg between sensor and seal; if there is one, \
-             declare it with --moving-mass-kg",
+            "the readings follow the acceleration, as from an unmodelled mass of {:.3} kg between sensor and seal; if \
+             there is one, declare it with --moving-mass-kg",
             model.unmodelled_mass
         );
-        say("unmodelled_mass_kg", message, false);
+        all.push(Warning::remark(Quantity::UnmodelledMass, message));
     }
     all
 }
 
-/// Without a fit the model is the result of the two steps.
-fn fallback(input: &Input, model: &Candidate, say: &mut impl FnMut(&str, String, bool)) {
-    if input.two.is_assumed {
-        unresolved(model, say);
-    }
-    if !input.options.paper {
-        say(
-            "fit",
-            "fewer than 4 cycles, or an axis without a seal: the numbers are those of the paper's two steps".to_owned(),
-            false,
+/// Optional terms that the recordings cannot show.
+fn not_tried(input: &Input, model: &Candidate) -> Vec<Warning> {
+    let mut all = Vec::new();
+    if input.options.free_motion && !element::has_partial_reversals(input, model.half_width) {
+        all.push(
+            "not tried (fewer than 4 partial reversals): minor-loop stiffness, second relaxation time, second stage",
         );
     }
+    if !acceleration_is_resolved(input.recordings) {
+        all.push(
+            "not tried (the sampling is too coarse to resolve the acceleration at a reversal): unmodelled mass, delay \
+             of the positions",
+        );
+    }
+    all.into_iter().map(|message| Warning::remark("optional terms", message.to_owned())).collect()
 }
 
-fn unresolved(model: &Candidate, say: &mut impl FnMut(&str, String, bool)) {
+/// Without a fit the model is the result of the two steps.
+fn fallback(input: &Input, model: &Candidate) -> Vec<Warning> {
+    let mut all = Vec::new();
+    if input.two.is_assumed {
+        all.push(unresolved(model));
+    }
+    if !input.options.paper {
+        let message = "fewer than 4 cycles, or an axis without a seal: the numbers are those of the paper's two steps";
+        all.push(Warning::remark("fit", message.to_owned()));
+    }
+    all
+}
+
+fn unresolved(model: &Candidate) -> Warning {
     let message = format!(
         "the deformation of the seal is not resolved; the model holds a straight spring of half width {:.3} mm in its place",
         1e3 * model.half_width
     );
-    say("half_width_m", message, true);
+    Warning::doubt(Quantity::HalfWidth, message)
 }
 
 /// Least remaining delay that counts, as a fraction of the sampling interval, and largest step of
@@ -244,8 +246,9 @@ const LATE: f64 = 0.5;
 const FINE: f64 = 0.05;
 
 /// Effects in the readings that the model does not include.
-fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
+fn left_unexplained(input: &Input, fit: &ElementFit) -> Vec<Warning> {
     let Input { recordings, options, .. } = input;
+    let mut all = Vec::new();
     let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
     if let Some(lag) = fit.left.lag.filter(|lag| lag.is_clear() && lag.delay_s > LATE * interval) {
         let message = format!(
@@ -254,7 +257,7 @@ fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, 
             1e3 * lag.delay_s,
             1e3 * lag.standard_error_s
         );
-        say("delay", message, true);
+        all.push(Warning::doubt("delay", message));
     }
     let is_coarse = !acceleration_is_resolved(recordings) && !options.inertia_removed;
     if let Some(mass) = fit.left.mass.filter(|_| is_coarse) {
@@ -262,7 +265,7 @@ fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, 
             "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to subtract \
              it: declare it with --moving-mass-kg, or record at 200 Hz or faster"
         );
-        say("unmodelled_mass_kg", message, true);
+        all.push(Warning::doubt(Quantity::UnmodelledMass, message));
     }
     let force = fit.fitted.best.candidate.insertion.coulomb_force;
     for recording in *recordings {
@@ -273,12 +276,14 @@ fn left_unexplained(input: &Input, fit: &ElementFit, say: &mut impl FnMut(&str, 
                  intervals; use a finer range of the sensor",
                 1e2 * step / force
             );
-            say(&recording.name, message, true);
+            all.push(Warning::doubt(recording, message));
         }
     }
+    all
 }
 
-fn of_fit(fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
+fn of_fit(fit: &ElementFit) -> Vec<Warning> {
+    let mut all = Vec::new();
     let remaining = element::remaining(&fit.fitted);
     if remaining > UNFINISHED {
         let message = format!(
@@ -286,7 +291,7 @@ fn of_fit(fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
              for what the model does not have in the residuals of the report",
             fit.fitted.iterations,
         );
-        say("fit", message, true);
+        all.push(Warning::doubt("fit", message));
     }
     for trial in fit.trials.iter().filter(|t| !t.kept && t.p_value < 0.05) {
         let why = trial.why_not.unwrap_or("needed: 1 % over all terms tried");
@@ -295,11 +300,12 @@ fn of_fit(fit: &ElementFit, say: &mut impl FnMut(&str, String, bool)) {
             1e2 * trial.gain,
             trial.p_value
         );
-        say(trial.term.words(), message, false);
+        all.push(Warning::remark(trial.term.words(), message));
     }
     if !fit.trials.iter().any(|t| t.term == Term::MinorLoops && t.kept) {
         let message =
             "the minor-loop stiffness is the default (1.01 times the steepest change of the gap between the branches)";
-        say("yield_stiffness_n_m", message.to_owned(), false);
+        all.push(Warning::remark(Quantity::YieldStiffness, message.to_owned()));
     }
+    all
 }

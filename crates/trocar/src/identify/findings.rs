@@ -1,9 +1,12 @@
 //! What the stages report: errors, warnings, parameters, progress.
 
-use serde::Serialize;
+use std::fmt;
+
+use serde::{Serialize, Serializer};
 use trocar_model::{ParameterId, Quantity};
 
 use super::estimate::Estimate;
+use crate::recording::Recording;
 
 /// Why the identification failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -61,30 +64,81 @@ pub enum IdentifyError {
     Degree(usize),
 }
 
+/// What a warning concerns; displayed and serialised as its name.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Subject {
+    /// A parameter (`viscous_damping_n_s_m`).
+    Parameter(ParameterId),
+    /// A recording, by its name (`steady.csv`).
+    Recording(String),
+    /// A part of the fit or of the readings (`fit`, `ripple`).
+    Topic(&'static str),
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Parameter(id) => id.fmt(f),
+            Self::Recording(name) => name.fmt(f),
+            Self::Topic(name) => name.fmt(f),
+        }
+    }
+}
+
+impl Serialize for Subject {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl From<Quantity> for Subject {
+    fn from(quantity: Quantity) -> Self {
+        Self::Parameter(quantity.id())
+    }
+}
+
+impl From<&Recording> for Subject {
+    fn from(recording: &Recording) -> Self {
+        Self::Recording(recording.name.clone())
+    }
+}
+
+impl From<&'static str> for Subject {
+    fn from(topic: &'static str) -> Self {
+        Self::Topic(topic)
+    }
+}
+
 /// A warning about the result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Warning {
-    /// What it concerns (`viscous_damping_n_s_m`, `steady.csv`).
-    pub subject: String,
+    /// What it concerns.
+    pub subject: Subject,
     /// The problem and its remedy.
     pub message: String,
     /// Whether the result is doubtful or incomplete because of it (exit code 3).
     pub doubtful: bool,
+    /// Whether it reports that the data do not determine a parameter.
+    #[serde(skip)]
+    pub undetermined: bool,
 }
 
 impl Warning {
-    /// Start of the message about an undetermined parameter.
-    const UNDETERMINED: &str = "not determined: ";
-
-    /// Warning that the data do not determine `parameter`.
-    pub(crate) fn undetermined(parameter: &Parameter, doubtful: bool) -> Self {
-        let why = parameter.estimate.note.as_deref().unwrap_or("not identifiable from these data");
-        Self { subject: parameter.id.to_string(), message: format!("{}{why}", Self::UNDETERMINED), doubtful }
+    /// A reason to doubt the result.
+    pub(crate) fn doubt(subject: impl Into<Subject>, message: String) -> Self {
+        Self { subject: subject.into(), message, doubtful: true, undetermined: false }
     }
 
-    /// Whether it reports that the data do not determine a parameter.
-    pub fn is_undetermined(&self) -> bool {
-        self.message.starts_with(Self::UNDETERMINED)
+    /// A remark.
+    pub(crate) fn remark(subject: impl Into<Subject>, message: String) -> Self {
+        Self { subject: subject.into(), message, doubtful: false, undetermined: false }
+    }
+
+    /// The data do not determine `parameter`.
+    pub(crate) fn undetermined(parameter: &Parameter, doubtful: bool) -> Self {
+        let why = parameter.estimate.note.as_deref().unwrap_or("not identifiable from these data");
+        let message = format!("not determined: {why}");
+        Self { subject: Subject::Parameter(parameter.id), message, doubtful, undetermined: true }
     }
 }
 

@@ -9,6 +9,7 @@
 
 use serde::Serialize;
 
+use super::findings::Warning;
 use super::segments::Segments;
 use crate::recording::{Recording, median, range};
 use crate::segment::SteadySegment;
@@ -93,8 +94,8 @@ impl Swings {
         (all.len() >= FEWEST_PLATEAUS).then_some(swings)
     }
 
-    /// Warning: subject and message.
-    pub(super) fn warning(&self) -> (String, String) {
+    /// The warning about them.
+    pub(super) fn warning(&self) -> Warning {
         let (subject, text) = match self {
             Self::StickSlip(found) => ("stick-slip", found.in_words()),
             Self::Position { period } => (
@@ -114,7 +115,7 @@ impl Swings {
                 ),
             ),
         };
-        (subject.to_owned(), text)
+        Warning::doubt(subject, text)
     }
 
     /// The oscillation of the seal itself.

@@ -8,7 +8,7 @@ use super::document::{Document, Section, Tile};
 use super::figures::comparison::{self as figures, model_name};
 use super::figures::{sampling, with};
 use super::number::significant;
-use crate::compare::{Comparison, Entry, Outcome};
+use crate::compare::{Choice, Comparison, Entry, Outcome};
 use crate::recording::Recording;
 
 /// The claim of EMS on the number of elements that a model needs.
@@ -55,7 +55,7 @@ fn tiles(comparison: &Comparison) -> Vec<Tile> {
         let fit = format!("fit {} %", significant(best.scores.fit_percent, 3));
         tiles.push(Tile::new("Its error (rms)", newtons(best.scores.validate_rms_n), fit));
     }
-    let rank = comparison.entries.iter().position(|entry| entry.name == "ems");
+    let rank = comparison.entries.iter().position(|entry| entry.choice == Choice::Ems);
     if let Some((rank, ems)) = rank.map(|rank| (rank, &comparison.entries[rank])) {
         let note = format!("{} rms, {}", newtons(ems.scores.validate_rms_n), parameters_in_words(ems));
         tiles.push(Tile::new("Rank of EMS", format!("{} of {}", rank + 1, comparison.entries.len()), note));

@@ -281,8 +281,6 @@ pub enum Family {
     MaxwellSlip,
     /// Generalized Maxwell-Slip.
     Gms,
-    /// Any other.
-    Other,
 }
 
 /// Drawing style of a series.

@@ -4,6 +4,7 @@ use trocar_model::Element;
 
 use super::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use super::{Document, ReportError, stage_document};
+use crate::model_file::FILE_NAME;
 use crate::output::StagedFolder;
 use crate::workflow::Workflow;
 
@@ -39,7 +40,7 @@ impl Workflow {
         choice: FigureChoice,
     ) -> Result<(), ReportError> {
         let document = self.document(truth, choice)?;
-        staged.write("model.json", self.model_file().to_json().as_bytes())?;
+        staged.write(FILE_NAME, self.model_file().to_json().as_bytes())?;
         staged.write("summary.json", self.summary().to_json().as_bytes())?;
         stage_document(staged, &document)
     }

@@ -181,7 +181,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
 pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> Vec<Warning> {
     let mut all = Vec::new();
     if let Some(message) = unrest(found) {
-        all.push(Warning { subject: "fit".to_owned(), message, doubtful: true });
+        all.push(Warning::doubt("fit", message));
     }
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined);
     all.extend(undetermined.map(|p| Warning::undetermined(p, true)));
@@ -218,5 +218,5 @@ fn energy_warning(model: &Classical) -> Option<Warning> {
         }
         _ => return None,
     };
-    Some(Warning { subject: "energy".to_owned(), message, doubtful: false })
+    Some(Warning::remark("energy", message))
 }

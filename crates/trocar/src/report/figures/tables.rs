@@ -3,7 +3,7 @@
 use trocar_model::{Element, ParameterId, Quantity, Unit};
 
 use super::MM;
-use crate::identify::{Estimate, Identification, Parameter};
+use crate::identify::{Estimate, Identification, Parameter, Subject};
 use crate::recording::{Quality, Recording};
 use crate::report::document::{Cell, Table};
 
@@ -32,13 +32,12 @@ fn capitalised(words: &str) -> String {
     letters.next().into_iter().flat_map(char::to_uppercase).chain(letters).collect()
 }
 
-/// The subject of a warning: a parameter or part of the model in words; the name of a recording
-/// unchanged.
-pub(in super::super) fn subject_in_words(subject: &str) -> String {
-    match subject.parse::<ParameterId>() {
-        Ok(id) => name_of(id),
-        Err(_) if matches!(subject, "fit" | "sliding friction") => capitalised(subject),
-        Err(_) => subject.to_owned(),
+/// The subject of a warning in words; the name of a recording unchanged.
+pub(in super::super) fn subject_in_words(subject: &Subject) -> String {
+    match subject {
+        Subject::Parameter(id) => name_of(*id),
+        Subject::Recording(name) => name.clone(),
+        Subject::Topic(topic) => capitalised(topic),
     }
 }
 

@@ -5,7 +5,8 @@ mod runs;
 mod tables;
 
 use super::Drawn;
-use crate::compare::{Comparison, Entry};
+use crate::compare::{Choice, Comparison, Entry};
+use crate::identify::classical::Kind;
 use crate::report::document::{Family, Role};
 
 pub(in super::super) use errors::error_by_parameters;
@@ -46,15 +47,14 @@ pub(in super::super) fn model_name(entry: &Entry) -> String {
 }
 
 fn family(entry: &Entry) -> Family {
-    match entry.name {
-        name if name.starts_with("ems") => Family::Ems,
-        "coulomb" | "coulomb-viscous" | "stribeck" => Family::Static,
-        "dahl" => Family::Dahl,
-        "lugre" | "lugre-rational" => Family::LuGre,
-        "leuven" => Family::Leuven,
-        "maxwell-slip" => Family::MaxwellSlip,
-        "gms" => Family::Gms,
-        _ => Family::Other,
+    let Choice::Classical(kind) = entry.choice else { return Family::Ems };
+    match kind {
+        Kind::Coulomb | Kind::CoulombViscous | Kind::Stribeck => Family::Static,
+        Kind::Dahl => Family::Dahl,
+        Kind::LuGre | Kind::LuGreRational => Family::LuGre,
+        Kind::Leuven(_) => Family::Leuven,
+        Kind::MaxwellSlip(_) => Family::MaxwellSlip,
+        Kind::Gms(_) => Family::Gms,
     }
 }
 

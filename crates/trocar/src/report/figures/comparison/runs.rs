@@ -17,14 +17,13 @@ use crate::report::figures::validation::{Cycle, cycles};
 use crate::report::figures::{MM, MOST_POINTS};
 
 /// Families that share a panel, and its title.
-const PANELS: [(&str, &[Family]); 7] = [
+const PANELS: [(&str, &[Family]); 6] = [
     ("Static", &[Family::Static]),
     ("Dahl and LuGre", &[Family::Dahl, Family::LuGre]),
     ("Leuven", &[Family::Leuven]),
     ("Maxwell-Slip", &[Family::MaxwellSlip]),
     ("Generalized Maxwell-Slip", &[Family::Gms]),
     ("Extended Maxwell-Slip", &[Family::Ems]),
-    ("Others", &[Family::Other]),
 ];
 /// Margins before and after the reversal, in units of the travel over which the error of a reversal
 /// is evaluated.

@@ -2,11 +2,11 @@
 
 use super::{best, by_name, family_name, model_name};
 use crate::compare::{Comparison, Entry};
-use crate::identify::Warning;
+use crate::identify::{Subject, Warning};
 use crate::report::document::{Cell, Table};
 use crate::report::figures::tables::{cells_of, name_of, subject_in_words};
 use crate::validate::PhaseError;
-use trocar_model::{ParameterId, Unit};
+use trocar_model::Unit;
 
 /// The parameters of banks with more elements than this are only in the JSON.
 const MOST_ELEMENTS: usize = 4;
@@ -113,13 +113,10 @@ fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
 pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Option<Table> {
     let row = |entry: &Entry| {
         let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
-            entry.warnings.iter().partition(|w| w.is_undetermined());
-        let symbols: Vec<String> = undetermined.iter().map(|w| symbol_or_name(&w.subject)).collect();
+            entry.warnings.iter().partition(|w| w.undetermined);
+        let symbols: Vec<String> = undetermined.iter().map(|w| symbol_or_words(&w.subject)).collect();
         let undetermined = (!symbols.is_empty()).then(|| format!("not determined: {}", symbols.join(", ")));
-        let others = others.iter().map(|w| match subject_in_words(&w.subject) {
-            name if is_own_name(entry, &name) => w.message.clone(),
-            name => format!("{name}: {}", w.message),
-        });
+        let others = others.iter().map(|w| format!("{}: {}", subject_in_words(&w.subject), w.message));
         vec![Cell::Text(model_name(entry)), Cell::Text(others.chain(undetermined).collect::<Vec<_>>().join("; "))]
     };
     let mut doubted = comparison.entries.iter().filter(|entry| !entry.warnings.is_empty()).peekable();
@@ -127,11 +124,9 @@ pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Opt
     Some(table("Warnings by model", &["Model", "Warnings"], doubted.map(row)))
 }
 
-fn symbol_or_name(subject: &str) -> String {
-    subject.parse::<ParameterId>().map_or_else(|_| subject_in_words(subject), |id| id.symbol().to_string())
-}
-
-/// Whether a warning's subject is the model itself: `gms:4`.
-fn is_own_name(entry: &Entry, subject: &str) -> bool {
-    subject.split(':').next() == Some(entry.name)
+fn symbol_or_words(subject: &Subject) -> String {
+    match subject {
+        Subject::Parameter(id) => id.symbol().to_string(),
+        other => subject_in_words(other),
+    }
 }
