@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use crate::identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
 use crate::recording::{Recording, RecordingError};
+use crate::simpler;
 use crate::validate::{Validation, validate};
 
 /// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
@@ -89,10 +90,12 @@ impl Workflow {
     ) -> Result<Self, WorkflowError> {
         let options = IdentifyOptions { inertia_removed: moving_mass.mass > 0.0, ..options };
         let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
-        let identification = identify(&recordings, &options, progress)?;
+        let mut identification = identify(&recordings, &options, progress)?;
         let recordings = identification.without_delay(recordings)?;
         let held_out = moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
         let held_out = identification.without_delay(held_out)?;
+        let doubt = simpler::doubt(&identification, &options, &recordings, &held_out)?;
+        identification.warnings.extend(doubt);
         Ok(Self::of(identification, options, recordings, held_out, moving_mass))
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::compare::{CompareOptions, Comparison, Entry, Outcome, compare, split};
+use trocar::compare::{CompareOptions, Comparison, Entry, Outcome, best_of, compare, split};
 use trocar::identify::{IdentifyOptions, Warning};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
@@ -23,8 +23,8 @@ const MOST_NAMES: usize = 8;
 /// Compare friction models: fit them all to the same recordings, score them on the same others
 ///
 /// The EMS element and the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven, Maxwell-Slip and
-/// Generalized Maxwell-Slip. Fits each to the training recordings and simulates it along the validation recordings.
-/// Prints a table, sorted by validation error; --out writes every model to a file. All models are scored on the samples at
+/// Generalized Maxwell-Slip. Fits each to the training recordings and simulates it along the validation recordings. Prints the best model of each family, least error first, and by how many standard errors over the strokes it wins; --all
+/// prints everything, and --out writes every model to a file. All models are scored on the samples at
 /// which the state of the EMS element is known. Exit code 3: a recording lost data, or the seal never slides in a
 /// validation recording. Parameters that the recordings do not determine are reported as such.
 #[derive(clap::Args)]
@@ -44,6 +44,9 @@ pub(crate) struct Args {
     /// need not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print every model, criteria, times and warnings after the best of each family
+    #[arg(long)]
+    all: bool,
     /// Do not measure times: equal recordings then give equal bytes
     #[arg(long)]
     no_timing: bool,
@@ -97,9 +100,17 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     }
     let unknown = outcome.unknown_states();
     unknown.iter().for_each(|warning| console.warn(warning));
-    console::print(&if args.json { json } else { text(&comparison) })?;
-    if let Some(folder) = &args.out {
-        console.remark(&format!("report: {}", folder.join("report.html").display()));
+    console::print(&match args {
+        Args { json: true, .. } => json,
+        Args { all: true, .. } => format!("{}\n{}", answer(&comparison), text(&comparison)),
+        _ => answer(&comparison),
+    })?;
+    match &args.out {
+        Some(folder) => console.remark(&format!("report: {}", folder.join("report.html").display())),
+        None if !args.all => {
+            console.remark("every model, criteria and warnings: --all; report and model files: --out DIR")
+        }
+        None => {}
     }
     Ok(Completion::doubtful_if(lost || !unknown.is_empty()))
 }
@@ -118,7 +129,28 @@ fn refuse_twice(recordings: &[Recording]) -> Result<(), BadArgument> {
     Ok(())
 }
 
-/// The table, the test of the paper's claim, and the warnings.
+/// The best of each family, and who wins by how much.
+fn answer(comparison: &Comparison) -> String {
+    let columns = ["model", "parameters", "validate N", "fit %", "worst reversal N", "standard errors behind"];
+    let mut table = Table::headed(columns);
+    let behind = |entry: &Entry| {
+        comparison.margin(entry).map_or_else(|| "-".to_owned(), |m| format!("{:.1}", m.standard_errors))
+    };
+    for family in comparison.families() {
+        let entry = best_of(&family);
+        table.row([
+            entry.title(),
+            entry.parameters.to_string(),
+            number(entry.scores.validate_rms_n),
+            format!("{:.2}", entry.scores.fit_percent),
+            number(entry.scores.worst_reversal_n),
+            behind(entry),
+        ]);
+    }
+    format!("{}\n{}\n", table.to_text(), comparison.verdict())
+}
+
+/// Every model, the test of the paper's claim, and the warnings.
 fn text(comparison: &Comparison) -> String {
     let mut text = table(&comparison.entries).to_text();
     text.push('\n');
@@ -131,7 +163,7 @@ fn text(comparison: &Comparison) -> String {
     ));
     for entry in &comparison.entries {
         for warning in in_brief(entry) {
-            text.push_str(&format!("{} {}: {warning}\n", entry.name, entry.elements));
+            text.push_str(&format!("{}: {warning}\n", entry.title()));
         }
     }
     text

@@ -10,6 +10,9 @@ use super::Comparison;
 pub struct ReversalMatch {
     /// The family.
     pub name: &'static str,
+    /// Its name in texts.
+    #[serde(skip)]
+    pub title: &'static str,
     /// Error of the EMS element after reversals, N.
     pub ems_reversal_rms_n: f64,
     /// Parameters of the EMS element.
@@ -47,6 +50,7 @@ pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<R
     let best = own.iter().min_by(|a, b| a.scores.reversal_rms_n.total_cmp(&b.scores.reversal_rms_n))?;
     Some(ReversalMatch {
         name: family,
+        title: own.last()?.choice.title(),
         ems_reversal_rms_n: level,
         ems_parameters: ems.parameters,
         elements: matched.map(|e| e.elements),
@@ -71,12 +75,12 @@ impl ReversalMatch {
                 let plural = if elements == 1 { "" } else { "s" };
                 format!(
                     "{} matches {ems} with {elements} element{plural} and {parameters} parameters{again}.",
-                    self.name
+                    self.title
                 )
             }
             _ => format!(
                 "{} does not match {ems} with up to {} elements; its best is {:.3} N with {}.",
-                self.name, self.most_elements, self.best_reversal_rms_n, self.best_elements
+                self.title, self.most_elements, self.best_reversal_rms_n, self.best_elements
             ),
         }
     }

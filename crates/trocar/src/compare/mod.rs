@@ -21,9 +21,11 @@ use crate::identify::classical::{ClassicalData, ClassicalFit, Kind, RelatedFits}
 use crate::identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
 };
+use crate::margin::Margin;
+use crate::model_file::{ErrorSource, ForceError};
 use crate::recording::{Recording, RecordingError};
 use crate::replay::forces;
-use crate::validate::Phases;
+use crate::validate::{Phases, validate};
 
 pub use claim::{ReversalMatch, reversal_match};
 pub use split::split;
@@ -91,6 +93,15 @@ impl Choice {
         matches!(self, Self::Classical(Kind::Leuven(_) | Kind::MaxwellSlip(_) | Kind::Gms(_)))
     }
 
+    /// Name of the family in texts.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Ems => "EMS",
+            Self::EmsOutputError => "EMS, output error",
+            Self::Classical(kind) => kind.title(),
+        }
+    }
+
     /// Number of elements; 1 for models without that choice.
     pub fn elements(self) -> usize {
         match self {
@@ -131,12 +142,38 @@ pub struct Entry {
     pub estimates: Vec<Parameter>,
     /// Errors.
     pub scores: Scores,
+    /// Mean squared error of each stroke of the validation, N².
+    pub by_stroke: Vec<f64>,
+    /// Error of the model's force by phase: over training and validation, the larger of both.
+    pub force_error: ForceError,
     /// Time of one step over the motion of the validation, ns; `None` without timing.
     pub ns_per_sample: Option<f64>,
     /// Time of the fit, s; `None` without timing.
     pub fit_s: Option<f64>,
     /// Warnings about the fit.
     pub warnings: Vec<Warning>,
+}
+
+impl Entry {
+    /// Name in texts, with the number of elements if the family has several.
+    pub fn title(&self) -> String {
+        let title = self.choice.title();
+        if self.choice.is_bank() { format!("{title} {}", self.elements) } else { title.to_owned() }
+    }
+}
+
+/// Relative difference below which two errors count as equal.
+const NO_ODDS: f64 = 0.01;
+
+/// Standard errors from which a difference is clear.
+const CLEAR: f64 = 2.0;
+
+/// The best model of one family, least error first: the fewest elements whose validation error
+/// equals the least one within 1 %.
+pub fn best_of<'a>(family: &[&'a Entry]) -> &'a Entry {
+    let least = family[0].scores.validate_rms_n;
+    let as_good = family.iter().filter(|entry| entry.scores.validate_rms_n <= (1.0 + NO_ODDS) * least);
+    as_good.min_by_key(|entry| entry.elements).unwrap_or(&family[0])
 }
 
 /// Errors of one model.
@@ -189,6 +226,44 @@ impl Comparison {
     pub fn ems_entry(&self) -> Option<&Entry> {
         let of = |choice| self.entries.iter().find(|entry| entry.choice == choice);
         of(Choice::EmsOutputError).or_else(|| of(Choice::Ems))
+    }
+
+    /// The entries by family, each family at the position of its best model.
+    pub fn families(&self) -> Vec<Vec<&Entry>> {
+        let mut families: Vec<Vec<&Entry>> = Vec::new();
+        for entry in &self.entries {
+            match families.iter_mut().find(|own| own[0].name == entry.name) {
+                Some(own) => own.push(entry),
+                None => families.push(vec![entry]),
+            }
+        }
+        families
+    }
+
+    /// By how much the first entry predicts the validation better than `entry`; `None` for too few
+    /// strokes.
+    pub fn margin(&self, entry: &Entry) -> Option<Margin> {
+        Margin::of(&self.entries.first()?.by_stroke, &entry.by_stroke)
+    }
+
+    /// Which model has the least error, and by how much. Empty without a second family.
+    pub fn verdict(&self) -> String {
+        let families = self.families();
+        let [first, second, ..] = &families[..] else { return String::new() };
+        let (first, second) = (first[0], best_of(second));
+        let name = |entry: &Entry| format!("{} ({:.3} N)", entry.title(), entry.scores.validate_rms_n);
+        let (first_name, second_name) = (name(first), name(second));
+        match self.margin(second) {
+            None => format!("least error: {first_name}, next {second_name}; too few strokes for a standard error"),
+            Some(Margin { strokes, standard_errors }) if standard_errors < CLEAR => format!(
+                "no clear winner: {first_name} and {second_name} differ by {standard_errors:.1} standard errors over \
+                 {strokes} strokes"
+            ),
+            Some(Margin { strokes, standard_errors }) => format!(
+                "least error: {first_name}; next {second_name}, {standard_errors:.1} standard errors behind over \
+                 {strokes} strokes"
+            ),
+        }
     }
 }
 
@@ -261,8 +336,15 @@ pub fn compare(
     let times: Vec<Option<f64>> =
         models.iter().map(|m| options.timing.then(|| nanoseconds_per_step(&m.trocar, &validation[0]))).collect();
     let entry = |((fitted, raw), ns): ((Fitted, &score::Raw), Option<f64>)| {
-        let scores = grounds.scores(raw, fitted.parameters, effective_samples);
-        fitted.into_entry(scores, ns, options.timing)
+        let of_model = |recordings| validate(&fitted.trocar, recordings, fitted.offset);
+        let own = of_model(&training).force_error(ErrorSource::Identification);
+        let others = of_model(&validation).force_error(ErrorSource::Validation);
+        let scored = Scored {
+            scores: grounds.scores(raw, fitted.parameters, effective_samples),
+            by_stroke: grounds.by_stroke(raw),
+            force_error: own.worse(&others, ErrorSource::Validation),
+        };
+        fitted.into_entry(scored, ns, options.timing)
     };
     let mut entries: Vec<Entry> = models.into_iter().zip(&raw).zip(times).map(entry).collect();
     entries.sort_by(|a, b| a.scores.validate_rms_n.total_cmp(&b.scores.validate_rms_n));
@@ -286,6 +368,13 @@ struct Fitted {
     estimates: Vec<Parameter>,
     warnings: Vec<Warning>,
     fit_s: f64,
+}
+
+/// Errors of one model in all forms.
+struct Scored {
+    scores: Scores,
+    by_stroke: Vec<f64>,
+    force_error: ForceError,
 }
 
 impl Fitted {
@@ -325,7 +414,8 @@ impl Fitted {
         }
     }
 
-    fn into_entry(self, scores: Scores, ns_per_sample: Option<f64>, timing: bool) -> Entry {
+    fn into_entry(self, scored: Scored, ns_per_sample: Option<f64>, timing: bool) -> Entry {
+        let Scored { scores, by_stroke, force_error } = scored;
         let stages = self.trocar.seal().stages();
         let elements = stages.map_or_else(|| self.choice.elements(), |stages| stages.elements().len());
         Entry {
@@ -337,6 +427,8 @@ impl Fitted {
             offset: self.offset,
             estimates: self.estimates,
             scores,
+            by_stroke,
+            force_error,
             ns_per_sample,
             fit_s: timing.then_some(self.fit_s),
             warnings: self.warnings,

@@ -3,6 +3,7 @@
 use trocar_model::Trocar;
 
 use crate::identify::Identification;
+use crate::margin::by_stroke;
 use crate::recording::Recording;
 use crate::replay::{forces, replay};
 use crate::segment::{reversal_threshold, strokes, travel};
@@ -123,6 +124,12 @@ impl<'a> Grounds<'a> {
             by_phase: self.by_phase(raw),
             by_recording_n: own.iter().map(Sums::rms).collect(),
         }
+    }
+
+    /// Mean squared error of each stroke of the validation, N².
+    pub(super) fn by_stroke(&self, raw: &Raw) -> Vec<f64> {
+        let errors = self.validation.iter().zip(&raw.validation);
+        errors.flat_map(|(g, errors)| by_stroke(g.recording, &g.scored, errors)).collect()
     }
 
     fn by_phase(&self, raw: &Raw) -> Phases {

@@ -10,6 +10,7 @@ use serde::Serialize;
 use trocar_model::Trocar;
 
 use crate::identify::{Estimate, Identification, Warning};
+use crate::margin::Margin;
 use crate::model_file::{ModelFile, Origin};
 use crate::recording::Recording;
 use crate::summary::{PROGRAM, by_name, intervals, origin_of};
@@ -54,6 +55,8 @@ pub struct Summary<'a> {
     pub moving_mass: MovingMass,
     /// Unmodelled mass found in the readings, also subtracted from them, kg.
     pub unmodelled_mass_kg: f64,
+    /// Which model has the least error, and by how much; empty for a single family.
+    pub verdict: String,
     /// One entry per model, least validation error first.
     pub models: Vec<ModelSummary<'a>>,
     /// The claim of EMS section II-C for each family of banks that was compared.
@@ -85,6 +88,9 @@ pub struct ModelSummary<'a> {
     pub reversal_rms_n: f64,
     /// The same for the worst single reversal, N.
     pub worst_reversal_n: f64,
+    /// By how much the first model predicts the strokes of the validation better; `None` for too few
+    /// strokes.
+    pub behind_best: Option<Margin>,
     /// Error on the validation recordings by phase.
     pub by_phase: &'a Phases,
     /// Error of each validation recording.
@@ -166,6 +172,7 @@ impl<'a> Outcome<'a> {
             }
             model.sensor = Some(moving_mass.sensor(entry.offset, comparison.ems.model.unmodelled_mass));
             model.intervals = intervals(&entry.estimates);
+            model.force_error = Some(entry.force_error);
             (format!("models/{}.json", entry.choice.file_stem()), model)
         };
         comparison.entries.iter().map(file).collect()
@@ -185,7 +192,8 @@ impl<'a> Outcome<'a> {
             reversal_travel_m: comparison.reversal_travel,
             moving_mass,
             unmodelled_mass_kg: comparison.ems.model.unmodelled_mass,
-            models: comparison.entries.iter().map(|entry| model(entry, &comparison.validation)).collect(),
+            verdict: comparison.verdict(),
+            models: comparison.entries.iter().map(|entry| model(entry, comparison)).collect(),
             reversal_claim: comparison.claims().into_iter().map(claim).collect(),
             recordings: recordings("training", &comparison.training)
                 .chain(recordings("validation", &comparison.validation))
@@ -204,9 +212,9 @@ impl Summary<'_> {
     }
 }
 
-fn model<'a>(entry: &'a Entry, validation: &'a [Recording]) -> ModelSummary<'a> {
+fn model<'a>(entry: &'a Entry, comparison: &'a Comparison) -> ModelSummary<'a> {
     let scores = &entry.scores;
-    let errors = validation.iter().zip(&scores.by_recording_n);
+    let errors = comparison.validation.iter().zip(&scores.by_recording_n);
     ModelSummary {
         name: entry.name,
         elements: entry.elements,
@@ -218,6 +226,7 @@ fn model<'a>(entry: &'a Entry, validation: &'a [Recording]) -> ModelSummary<'a> 
         bic: scores.bic,
         reversal_rms_n: scores.reversal_rms_n,
         worst_reversal_n: scores.worst_reversal_n,
+        behind_best: comparison.margin(entry),
         by_phase: &scores.by_phase,
         by_recording: errors.map(|(r, rms_n)| RecordingError { name: &r.name, rms_n: *rms_n }).collect(),
         ns_per_sample: entry.ns_per_sample,

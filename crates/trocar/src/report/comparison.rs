@@ -5,10 +5,10 @@
 //! contain scores but no time series.
 
 use super::document::{Document, Section, Tile};
-use super::figures::comparison::{self as figures, model_name};
+use super::figures::comparison as figures;
 use super::figures::{sampling, with};
 use super::number::significant;
-use crate::compare::{Choice, Comparison, Entry, Outcome};
+use crate::compare::{Choice, Comparison, Entry, Outcome, ReversalMatch};
 use crate::recording::Recording;
 
 /// The claim of EMS on the number of elements that a model needs.
@@ -51,7 +51,7 @@ fn tiles(comparison: &Comparison) -> Vec<Tile> {
     let newtons = |value: f64| format!("{} N", significant(value, 3));
     let mut tiles = Vec::new();
     if let Some(best) = comparison.entries.first() {
-        tiles.push(Tile::new("Least validation error", model_name(best), parameters_in_words(best)));
+        tiles.push(Tile::new("Least validation error", best.title(), parameters_in_words(best)));
         let fit = format!("fit {} %", significant(best.scores.fit_percent, 3));
         tiles.push(Tile::new("Its error (rms)", newtons(best.scores.validate_rms_n), fit));
     }
@@ -102,7 +102,10 @@ fn sections(outcome: &Outcome) -> Vec<Section> {
         .table(figures::errors_by_phase(comparison));
     errors.tables.extend(figures::by_recording(comparison));
     let mut all = vec![
-        Section::new("Summary").paragraph(method(comparison)).table(figures::best_of_each(comparison)),
+        Section::new("Summary")
+            .paragraph(verdict(comparison))
+            .paragraph(method(comparison))
+            .table(figures::best_of_each(comparison)),
         with(Section::new("One reversal"), figures::one_reversal(comparison, shown.as_ref())),
         with(Section::new("One cycle"), figures::one_cycle(shown.as_ref())),
         claim(comparison).figure(figures::error_by_parameters(comparison)),
@@ -115,6 +118,13 @@ fn sections(outcome: &Outcome) -> Vec<Section> {
     }
     all.push(Section::new("Recordings").table(sampling(recordings(comparison))));
     all
+}
+
+/// Which model is best, as a sentence.
+fn verdict(comparison: &Comparison) -> String {
+    let mut letters = comparison.verdict();
+    letters.get_mut(..1).into_iter().for_each(str::make_ascii_uppercase);
+    if letters.is_empty() { letters } else { letters + "." }
 }
 
 /// What is equal for all models, and what differs.
@@ -138,14 +148,11 @@ fn claim(comparison: &Comparison) -> Section {
     if claims.is_empty() {
         return section.paragraph("The EMS element or the banks were not compared, so the claim is not tested.");
     }
-    let sentence = |claim: &crate::compare::ReversalMatch| {
-        claim.sentence().replacen(claim.name, figures::family_name(claim.name), 1)
-    };
-    claims.iter().map(sentence).fold(section, Section::paragraph)
+    claims.iter().map(ReversalMatch::sentence).fold(section, Section::paragraph)
 }
 
 fn criteria(comparison: &Comparison) -> Section {
-    let name = |entry: Option<&Entry>| entry.map_or_else(String::new, model_name);
+    let name = |entry: Option<&Entry>| entry.map_or_else(String::new, Entry::title);
     let [aic, bic]: [fn(&Entry) -> f64; 2] = [|e| e.scores.aic, |e| e.scores.bic];
     let [aic, bic] = [aic, bic].map(|of| name(least_by(comparison, of)));
     let section = Section::new("Criteria and cost")

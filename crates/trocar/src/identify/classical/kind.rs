@@ -47,6 +47,21 @@ impl Kind {
         }
     }
 
+    /// Name of the family in texts.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Coulomb => "Coulomb",
+            Self::CoulombViscous => "Coulomb and viscous",
+            Self::Stribeck => "Stribeck",
+            Self::Dahl => "Dahl",
+            Self::LuGre => "LuGre",
+            Self::LuGreRational => "LuGre, rational",
+            Self::Leuven(_) => "Leuven",
+            Self::MaxwellSlip(_) => "Maxwell-Slip",
+            Self::Gms(_) => "GMS",
+        }
+    }
+
     /// Number of elements; 1 for models with a fixed structure.
     pub fn elements(self) -> usize {
         match self {

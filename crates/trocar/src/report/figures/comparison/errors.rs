@@ -1,6 +1,6 @@
 //! Errors against the number of parameters.
 
-use super::{by_name, family, family_name, model_name};
+use super::family;
 use crate::compare::{Comparison, Entry};
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 
@@ -28,7 +28,7 @@ pub(in super::super::super) fn error_by_parameters(comparison: &Comparison) -> F
 fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) -> Panel {
     let axes = Panel::new(Axis::new("parameters", "").logarithmic(), Axis::new("rms error", "N").logarithmic());
     let mut panel = axes.title(title).aspect(0.45);
-    let mut names = by_name(comparison);
+    let mut names = comparison.families();
     names.iter_mut().for_each(|own| own.sort_by_key(|entry| entry.elements));
     let (lines, singles): (Vec<_>, Vec<_>) =
         names.into_iter().partition(|own| own.len() > 1 && own[0].choice.is_bank());
@@ -36,14 +36,14 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
         let x: Vec<f64> = own.iter().map(|entry| entry.parameters as f64).collect();
         let y: Vec<f64> = own.iter().map(|entry| error(entry)).collect();
         let (first, last) = (own[0].elements, own[own.len() - 1].elements);
-        let name = format!("{}, {first} to {last} elements", family_name(own[0].name));
+        let name = format!("{}, {first} to {last} elements", own[0].choice.title());
         let role = Role::Friction(family(own[0]), 0);
         panel = panel
             .series(Series::line(name.clone(), role, x.clone(), y.clone()))
             .series(Series::points(name, role, x, y));
     }
     for same in coincident(singles.into_iter().flatten(), &error) {
-        let label = joined(same.iter().map(|entry| model_name(entry)).collect());
+        let label = joined(same.iter().map(|entry| entry.title()).collect());
         let role = Role::Friction(family(same[0]), 0);
         let (x, y) = (vec![same[0].parameters as f64], vec![error(same[0])]);
         panel = panel.series(Series::labelled("", role, x, y, vec![label]));

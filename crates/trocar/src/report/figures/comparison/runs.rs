@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Drawn, by_name, family, model_name, of_interest, role, variant};
+use super::{Drawn, family, of_interest, role, variant};
 use trocar_model::Trocar;
 
 use crate::compare::{Comparison, Entry};
@@ -56,7 +56,7 @@ pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_
     let run = |(entry, place): &(&Entry, usize)| {
         let force = forces(&entry.trocar, recording, entry.offset).into_iter();
         Run {
-            name: model_name(entry),
+            name: entry.title(),
             role: role(entry, *place),
             force: force.map(|f| f + entry.offset - offset).collect(),
         }
@@ -72,7 +72,7 @@ pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_
 
 /// The models of some families with their places; of banks, the best and those that EMS discusses.
 fn models<'a>(comparison: &'a Comparison, families: &[Family]) -> Vec<(&'a Entry, usize)> {
-    let own = by_name(comparison).into_iter().filter(|own| families.contains(&family(own[0])));
+    let own = comparison.families().into_iter().filter(|own| families.contains(&family(own[0])));
     let numbered = own.flat_map(|own| {
         let chosen = if own[0].choice.is_bank() { of_interest(&own) } else { own };
         chosen.into_iter().enumerate().map(|(place, entry)| (entry, place)).collect::<Vec<_>>()

@@ -1,7 +1,6 @@
 //! Tables of a comparison.
 
-use super::{best, by_name, family_name, model_name};
-use crate::compare::{Comparison, Entry};
+use crate::compare::{Comparison, Entry, best_of};
 use crate::identify::{Subject, Warning};
 use crate::report::document::{Cell, Table};
 use crate::report::figures::tables::{cells_of, name_of, subject_in_words};
@@ -22,7 +21,7 @@ fn whole(value: f64) -> Cell {
 }
 
 fn head(entry: &Entry) -> [Cell; 2] {
-    [Cell::Text(model_name(entry)), whole(entry.parameters as f64)]
+    [Cell::Text(entry.title()), whole(entry.parameters as f64)]
 }
 
 fn table(caption: &str, columns: &[&str], rows: impl Iterator<Item = Vec<Cell>>) -> Table {
@@ -33,12 +32,12 @@ fn table(caption: &str, columns: &[&str], rows: impl Iterator<Item = Vec<Cell>>)
 pub(in super::super::super) fn best_of_each(comparison: &Comparison) -> Table {
     let columns = ["Model", "Parameters", "Validation (N)", "Fit (%)", "After reversals (N)", "Worst reversal (N)"];
     let row = |own: Vec<&Entry>| {
-        let s = &best(&own).scores;
+        let s = &best_of(&own).scores;
         let scores = [s.validate_rms_n, s.fit_percent, s.reversal_rms_n, s.worst_reversal_n];
-        head(best(&own)).into_iter().chain(scores.map(|value| number(value, 3))).collect()
+        head(best_of(&own)).into_iter().chain(scores.map(|value| number(value, 3))).collect()
     };
     let caption = "Each family's fewest elements within 1 % of its least validation error (root mean squares)";
-    table(caption, &columns, by_name(comparison).into_iter().map(row))
+    table(caption, &columns, comparison.families().into_iter().map(row))
 }
 
 /// The best model of each family on each validation recording; `None` where there is only one recording.
@@ -46,10 +45,10 @@ pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<T
     let names: Vec<&str> = comparison.validation.iter().map(|r| r.name.as_str()).collect();
     let columns: Vec<&str> = std::iter::once("Model").chain(names.iter().copied()).collect();
     let row = |own: Vec<&Entry>| {
-        let errors = best(&own).scores.by_recording_n.iter().map(|rms| number(*rms, 3));
-        std::iter::once(Cell::Text(model_name(best(&own)))).chain(errors).collect()
+        let errors = best_of(&own).scores.by_recording_n.iter().map(|rms| number(*rms, 3));
+        std::iter::once(Cell::Text(best_of(&own).title())).chain(errors).collect()
     };
-    let rows = by_name(comparison).into_iter().map(row);
+    let rows = comparison.families().into_iter().map(row);
     (names.len() > 1).then(|| table("The models of the summary by validation recording (rms in N)", &columns, rows))
 }
 
@@ -82,7 +81,7 @@ pub(in super::super::super) fn criteria(comparison: &Comparison) -> Table {
             time(entry.fit_s),
             whole(entry.warnings.len() as f64),
         ];
-        std::iter::once(Cell::Text(model_name(entry))).chain(cells).collect()
+        std::iter::once(Cell::Text(entry.title())).chain(cells).collect()
     };
     table("Errors after reversals, criteria and cost", &columns, comparison.entries.iter().map(row))
 }
@@ -93,10 +92,10 @@ pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> 
     let family = |mut own: Vec<&Entry>| {
         own.sort_by_key(|entry| entry.elements);
         own.retain(|entry| !entry.choice.is_bank() || entry.elements <= MOST_ELEMENTS);
-        let caption = family_name(own.first()?.name);
+        let caption = own.first()?.choice.title();
         Some(table(caption, &columns, own.into_iter().flat_map(parameters)))
     };
-    by_name(comparison).into_iter().filter_map(family).collect()
+    comparison.families().into_iter().filter_map(family).collect()
 }
 
 fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
@@ -104,7 +103,7 @@ fn parameters(entry: &Entry) -> impl Iterator<Item = Vec<Cell>> {
         let Unit { scale, shown, .. } = p.id.unit();
         let [value, interval] = cells_of(&p.estimate, scale);
         let [words, symbol] = [name_of(p.id), p.id.symbol().to_string()].map(Cell::Text);
-        vec![Cell::Text(model_name(entry)), words, symbol, value, interval, Cell::from(shown)]
+        vec![Cell::Text(entry.title()), words, symbol, value, interval, Cell::from(shown)]
     })
 }
 
@@ -117,7 +116,7 @@ pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Opt
         let symbols: Vec<String> = undetermined.iter().map(|w| symbol_or_words(&w.subject)).collect();
         let undetermined = (!symbols.is_empty()).then(|| format!("not determined: {}", symbols.join(", ")));
         let others = others.iter().map(|w| format!("{}: {}", subject_in_words(&w.subject), w.message));
-        vec![Cell::Text(model_name(entry)), Cell::Text(others.chain(undetermined).collect::<Vec<_>>().join("; "))]
+        vec![Cell::Text(entry.title()), Cell::Text(others.chain(undetermined).collect::<Vec<_>>().join("; "))]
     };
     let mut doubted = comparison.entries.iter().filter(|entry| !entry.warnings.is_empty()).peekable();
     doubted.peek()?;
