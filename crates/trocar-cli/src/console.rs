@@ -6,6 +6,8 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
 
+use clap::builder::styling::AnsiColor;
+use terminal_size::{Width, terminal_size_of};
 use trocar::identify::IdentifyError;
 use trocar::output::OutputError;
 use trocar::recording::RecordingError;
@@ -45,18 +47,35 @@ impl Console {
 
     /// Prints a warning about a loss or doubt, even with `--quiet`.
     pub(crate) fn warn(&self, text: &str) {
-        to_stderr(&labelled("warning", text));
+        print_labelled(WARNING, text);
     }
 }
 
-/// Text and its hint, each on its own line.
-fn labelled(label: &str, text: &str) -> String {
+/// A label with its colour, as those of clap.
+type Label = (&'static str, AnsiColor);
+
+const ERROR: Label = ("error", AnsiColor::Red);
+const WARNING: Label = ("warning", AnsiColor::Yellow);
+const WAY_OUT: Label = ("hint", AnsiColor::Green);
+
+/// Prints text and its hint, each on lines of its own, with coloured labels on a terminal.
+fn print_labelled(label: Label, text: &str) {
     let (what, hint) = text.split_once(HINT).map_or((text, None), |(what, hint)| (what, Some(hint)));
-    let mut lines = format!("{label}: {what}");
-    if let Some(hint) = hint {
-        let _ = write!(lines, "\nhint: {hint}");
+    let hint = hint.map(|hint| (WAY_OUT, hint));
+    for ((label, colour), text) in std::iter::once((label, what)).chain(hint) {
+        let style = colour.on_default().bold();
+        let lines = wrapped(&format!("{label}: {text}"));
+        let rest = lines.strip_prefix(label).unwrap_or(&lines);
+        let _ = writeln!(anstream::stderr().lock(), "{style}{label}{style:#}{rest}");
     }
-    lines
+}
+
+/// The text in lines of the terminal's width, 80 to 200 columns; unchanged if standard error is no
+/// terminal.
+fn wrapped(text: &str) -> String {
+    let Some((Width(width), _)) = terminal_size_of(io::stderr()) else { return text.to_owned() };
+    let options = textwrap::Options::new(usize::from(width.clamp(80, 200))).break_words(false);
+    textwrap::fill(text, options.word_splitter(textwrap::WordSplitter::NoHyphenation))
 }
 
 /// Message printed when an interruption ends the process; none if empty.
@@ -77,7 +96,7 @@ pub(crate) fn say_farewell() {
 
 /// Ignores errors: they cannot be reported if standard error is closed.
 fn to_stderr(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{}", wrapped(text));
 }
 
 /// Prints data to standard output, nothing else.
@@ -93,7 +112,7 @@ pub(crate) fn fail(error: &anyhow::Error) -> ExitCode {
         // The reader of the output has closed it.
         return ExitCode::SUCCESS;
     }
-    to_stderr(&labelled("error", &whole_message(error)));
+    print_labelled(ERROR, &whole_message(error));
     ExitCode::from(if is_bad_argument(error) { 2 } else { 1 })
 }
 

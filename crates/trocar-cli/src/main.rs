@@ -6,6 +6,7 @@
 //! 2 invalid arguments, 3 success with lost or doubtful data.
 
 mod console;
+mod examples;
 mod input;
 mod models;
 mod progress;
@@ -15,7 +16,7 @@ mod verbs;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{Parser, Subcommand};
+use clap::{FromArgMatches, Parser, Subcommand};
 
 use console::Console;
 
@@ -24,7 +25,7 @@ use console::Console;
 /// The model is the Extended Maxwell-Slip (EMS) element: a seal that first deforms with the instrument, then lets it
 /// slide. Position and force are positive on insertion. Not a medical device.
 #[derive(Parser)]
-#[command(name = "trocar", version, after_help = AFTER_HELP, max_term_width = 110)]
+#[command(name = "trocar", version, after_help = AFTER_HELP, max_term_width = 200)]
 struct Cli {
     /// No progress and no remarks; warnings and errors stay
     #[arg(long, global = true)]
@@ -74,7 +75,7 @@ impl Completion {
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&examples::command().get_matches()).unwrap_or_else(|error| error.exit());
     let console = Console::new(cli.quiet);
     let interruptible = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);

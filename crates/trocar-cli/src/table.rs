@@ -1,6 +1,12 @@
 //! Plain-text tables: columns aligned, numbers right-aligned.
 
 use std::fmt::Write as _;
+use std::ops::Range;
+
+use terminal_size::{Width, terminal_size_of};
+
+/// Blanks before a column.
+const GAP: usize = 2;
 
 /// Rows with equal numbers of cells; the first column is text.
 #[derive(Default)]
@@ -17,18 +23,45 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
+    /// The table as text. On a terminal, columns that do not fit beside the others follow below, with
+    /// the first column again.
     pub(crate) fn to_text(&self) -> String {
+        let width = terminal_size_of(std::io::stdout()).map(|(Width(width), _)| usize::from(width).clamp(80, 200));
+        self.in_width(width.unwrap_or(usize::MAX))
+    }
+
+    fn in_width(&self, most: usize) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let cell_width = |column: usize| {
             let cells = self.rows.iter().filter_map(|row| row.get(column));
             cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
         };
         let widths: Vec<usize> = (0..columns).map(cell_width).collect();
+        let mut parts: Vec<String> = Vec::new();
+        let mut from = 1;
+        while from < columns || parts.is_empty() {
+            let mut used = GAP + widths.first().copied().unwrap_or(0);
+            let fits = |width: &&usize| {
+                used += GAP + **width;
+                used <= most
+            };
+            let count = widths.iter().skip(from).take_while(fits).count().max(1);
+            parts.push(self.part(&widths, from..(from + count).min(columns)));
+            from += count;
+        }
+        parts.join("\n")
+    }
+
+    /// The first column and those of `range`.
+    fn part(&self, widths: &[usize], range: Range<usize>) -> String {
         let mut text = String::new();
         for row in &self.rows {
             let mut line = String::new();
-            for (k, (cell, width)) in row.iter().zip(&widths).enumerate() {
-                let _ = if k == 0 { write!(line, "  {cell:<width$}") } else { write!(line, "  {cell:>width$}") };
+            if let (Some(cell), Some(width)) = (row.first(), widths.first()) {
+                let _ = write!(line, "  {cell:<width$}");
+            }
+            for (cell, width) in row.iter().zip(widths).take(range.end).skip(range.start) {
+                let _ = write!(line, "  {cell:>width$}");
             }
             text.push_str(line.trim_end());
             text.push('\n');
@@ -58,4 +91,21 @@ pub(crate) fn interval([low, high]: [f64; 2]) -> String {
         return "not determined".to_owned();
     }
     format!("[{}, {}]", number(low), number(high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_that_do_not_fit_follow_below_with_the_first_again() {
+        let mut table = Table::headed(["model", "error", "parameters", "fit"]);
+        table.row(["EMS", "0.1", "12", "98"].map(str::to_owned));
+        let wide = "  model  error  parameters  fit\n  EMS      0.1          12   98\n";
+        assert_eq!(table.in_width(usize::MAX), wide);
+        assert_eq!(table.in_width(31), wide);
+        let narrow = "  model  error  parameters\n  EMS      0.1          12\n\n  model  fit\n  EMS     98\n";
+        assert_eq!(table.in_width(30), narrow);
+        assert_eq!(table.in_width(1).matches("model").count(), 3, "never without a column");
+    }
 }

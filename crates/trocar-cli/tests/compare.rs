@@ -91,7 +91,10 @@ fn json_holds_every_model_with_all_keys_least_error_first() {
     assert_eq!(models(&json)[0]["name"], "ems", "the bench is made with an EMS element");
     assert_eq!(json["held_out"], false);
     assert_eq!(json["reversal_claim"].as_array().unwrap().len(), 1, "one family of banks");
-    assert!(json["reversal_claim"][0]["sentence"].as_str().unwrap().contains("maxwell-slip"));
+    assert!(json["reversal_claim"][0]["sentence"].as_str().unwrap().contains("Maxwell-Slip"));
+    assert!(json["verdict"].as_str().unwrap().contains("least error: EMS ("), "{}", json["verdict"]);
+    assert_eq!(models(&json)[0]["behind_best"]["standard_errors"], 0.0);
+    assert!(models(&json)[1..].iter().all(|model| model["behind_best"]["standard_errors"].as_f64().unwrap() > 2.0));
     let used: Vec<&str> =
         json["recordings"].as_array().unwrap().iter().map(|r| r["used_for"].as_str().unwrap()).collect();
     assert_eq!(used, ["training", "validation"]);
@@ -138,11 +141,19 @@ fn without_validation_the_last_third_is_held_out_and_it_is_said() {
     assert!(page.contains("The last third of each recording was held out"));
 }
 
+/// The answer is one row for each family; everything else is asked for.
 #[test]
-fn the_table_is_for_people_and_holds_every_model() {
+fn the_best_of_each_family_comes_first_and_all_models_on_demand() {
     let place = recorded();
-    let ran = place.compare("--validate validation.csv --models ems,gms:2,gms:2-3,leuven:1").ends_with(0);
-    let mut lines = ran.stdout.lines();
+    let compared = "--validate validation.csv --models ems,gms:2,gms:2-3,leuven:1";
+    let brief = place.compare(compared).ends_with(0);
+    let rows: Vec<&str> = brief.stdout.lines().take_while(|line| !line.is_empty()).collect();
+    assert_eq!(rows.len(), 4, "a header and three families: {rows:#?}");
+    assert!(rows[0].contains("standard errors behind") && rows[1].contains("EMS"), "{rows:#?}");
+    assert!(brief.stdout.contains("least error: EMS ("), "{}", brief.stdout);
+    let ran = place.compare(&format!("{compared} --all")).ends_with(0);
+    let table = ran.stdout.strip_prefix(&brief.stdout).expect("the answer first");
+    let mut lines = table.lines().skip(1);
     let head = lines.next().unwrap();
     for column in
         ["model", "elements", "parameters", "validate N", "fit %", "AIC", "BIC", "worst reversal N", "warnings"]
@@ -152,7 +163,7 @@ fn the_table_is_for_people_and_holds_every_model() {
     let rows: Vec<&str> = lines.take_while(|line| !line.is_empty()).collect();
     assert_eq!(rows.len(), 4, "gms:2 is named twice and counts once: {rows:#?}");
     assert!(rows.iter().all(|row| row.contains("  -  ")), "no times: {rows:#?}");
-    assert!(ran.stdout.contains("gms "), "the claim and the warnings: {}", ran.stdout);
+    assert!(ran.stdout.contains("GMS matches") || ran.stdout.contains("GMS does not match"), "{}", ran.stdout);
 }
 
 #[test]
@@ -304,4 +315,18 @@ fn classical_models_simulate_their_force_and_are_no_ems_elements() {
         place.run(&format!("simulate {model} validation.csv --out other.csv --initial-deflection-mm 1")).ends_with(2);
     ran.says(&["--initial-deflection-mm", "is for EMS elements", model, "lugre"]);
     assert_eq!(place.names(), before);
+}
+
+/// A model that was compared states its error, so compensation takes it without further options.
+#[test]
+fn models_that_were_compared_compensate() {
+    let place = recorded();
+    place.compare("--validate validation.csv --models maxwell-slip:2 --out out").ends_with(0);
+    let model = place.fitted("out/models/maxwell-slip-2.json");
+    let error = model.force_error.expect("an error");
+    let json: Value = serde_json::from_str(&fs::read_to_string(place.path("out/compare.json")).unwrap()).unwrap();
+    let overall = models(&json)[0]["validate_rms_n"].as_f64().unwrap();
+    let phases = [error.deforming_n, error.sliding_n].map(Option::unwrap);
+    assert!(phases[0] >= phases[1] && phases.iter().all(|rms| *rms > 0.3 * overall), "{phases:?} {overall}");
+    place.run("compensate out/models/maxwell-slip-2.json validation.csv --out tissue.csv").ends_with(0);
 }

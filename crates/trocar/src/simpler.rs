@@ -15,7 +15,7 @@ const SIMPLER: [Kind; 2] = [Kind::LuGre, Kind::Dahl];
 /// A model is clearly better with an error below this fraction of the other's ...
 const CLEARLY: f64 = 0.9;
 /// ... that is this many standard errors away.
-const STANDARD_ERRORS: f64 = 3.0;
+const STANDARD_ERRORS: f64 = 2.0;
 
 /// Error of one model over several recordings.
 struct Errors {

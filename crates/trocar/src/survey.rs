@@ -86,22 +86,14 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
     let all = |of: fn(&RecordingSurvey) -> &Vec<f64>| different(recordings.iter().flat_map(of).copied().collect());
     let (insertion, withdrawal) = (all(|r| &r.insertion_speeds), all(|r| &r.withdrawal_speeds));
     let reversals: usize = recordings.iter().map(|r| r.reversals).sum();
-    let stroke = recordings.iter().map(|r| r.stroke).fold(0.0, f64::max);
     let mut found = Vec::new();
     if reversals == 0 {
         found.push(
             "no reversal: the deformation of the seal (its half width and its branches) cannot be seen".to_owned(),
         );
-    } else {
-        found.push(format!(
-            "the longest stroke is {:.1} mm: a seal that needs more travel to snap through cannot be resolved",
-            1e3 * stroke
-        ));
     }
     match (insertion.len(), withdrawal.len()) {
-        (0, 0) => {
-            found.push("no constant velocity: the sliding force is seen only where the velocity is constant".to_owned())
-        }
+        (0, 0) => {}
         (0, _) | (_, 0) => found.push(
             "steady sliding in one direction only: the sensor offset cannot be distinguished from the Coulomb force"
                 .to_owned(),
@@ -117,7 +109,8 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
     }
     if let Some(slowest) = insertion.iter().chain(&withdrawal).copied().reduce(f64::min) {
         found.push(format!(
-            "no constant velocity below {:.1} mm/s: a rise of the friction at lower speeds (Stribeck) cannot be seen",
+            "no constant velocity below {:.1} mm/s: a rise of the friction at lower speeds (Stribeck) cannot be seen; \
+             if it matters, record slower strokes",
             1e3 * slowest
         ));
     }

@@ -8,6 +8,7 @@ use trocar::compare::{Choice, CompareOptions, Entry, compare};
 use trocar::identify::IdentifyOptions;
 use trocar::identify::classical::Kind;
 use trocar::recording::Recording;
+use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::Classical;
 use trocar_model::friction::Friction;
 use trocar_model::{
@@ -366,5 +367,22 @@ fn larger_models_fit_no_worse() {
         if let Some(smaller) = Kind::MaxwellSlip(n).smaller() {
             assert!(rms(Kind::MaxwellSlip(n)) <= (1.0 + TOGETHER) * rms(smaller), "{n} against {smaller}");
         }
+    }
+}
+
+/// On a LuGre seal, identification itself doubts the EMS element: with recordings held out and
+/// without.
+#[test]
+fn a_seal_that_a_simpler_model_predicts_better_is_doubted() {
+    let mut draw = Draw::new(5);
+    let truth = truth(Kind::LuGre, &mut draw);
+    let [training, held_out] = [2, 1].map(|repetitions| record(&truth.model, &mut draw, repetitions));
+    for (held_out, whose) in [(vec![held_out], "the held-out recordings"), (vec![], "the recordings themselves")] {
+        let options = IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() };
+        let done = Workflow::run(vec![training.clone()], held_out, MovingMass::default(), options, &|_, _| {});
+        let warnings = done.expect("there is steady sliding").identification.warnings;
+        let doubt = warnings.iter().find(|w| w.subject.to_string() == "simpler model" && w.doubtful);
+        let message = &doubt.unwrap_or_else(|| panic!("{warnings:?}")).message;
+        assert!(message.contains(&format!("LuGre with 6 parameters predicts {whose} better")), "{message}");
     }
 }

@@ -1,9 +1,8 @@
 //! `trocar completions`
 
-use clap::CommandFactory;
 use clap_complete::Shell;
 
-use crate::{Cli, Completion, console};
+use crate::{Completion, console, examples};
 
 /// Print completions for a shell
 #[derive(clap::Args)]
@@ -14,7 +13,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "trocar", &mut script);
+    clap_complete::generate(args.shell, &mut examples::command(), "trocar", &mut script);
     console::print(&String::from_utf8_lossy(&script))?;
     Ok(Completion::Clean)
 }

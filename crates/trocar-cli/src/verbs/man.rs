@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use clap::{Command, CommandFactory};
+use clap::Command;
 use clap_mangen::Man;
 use trocar::output::StagedFolder;
 
-use crate::{Cli, Completion, console};
+use crate::{Completion, console, examples};
 
 /// Print the man page, or write it and one page per command into a folder
 #[derive(clap::Args)]
@@ -17,21 +17,28 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
-    let mut command = Cli::command();
+    let mut command = examples::command();
     command.build();
     match &args.out {
         None => console::print(&String::from_utf8_lossy(&page(&command)?))?,
         Some(folder) => {
             let staged = StagedFolder::create(folder)?;
             staged.write("trocar.1", &page(&command)?)?;
-            for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
-                let name = format!("trocar-{}", verb.get_name());
-                staged.write(format!("{name}.1"), &page(verb)?)?;
-            }
+            write_inner(&staged, &command, "trocar")?;
             staged.commit()?;
         }
     }
     Ok(Completion::Clean)
+}
+
+/// A page for each command inside `command`, at all depths.
+fn write_inner(staged: &StagedFolder, command: &Command, name: &str) -> anyhow::Result<()> {
+    for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+        let name = format!("{name}-{}", verb.get_name());
+        staged.write(format!("{name}.1"), &page(verb)?)?;
+        write_inner(staged, verb, &name)?;
+    }
+    Ok(())
 }
 
 fn page(command: &Command) -> std::io::Result<Vec<u8>> {

@@ -1,0 +1,168 @@
+//! Examples of every command, for its help and its man page.
+
+use clap::{Command, CommandFactory};
+
+use crate::Cli;
+
+/// Command, and lines of a purpose and a command line.
+type Example = (&'static str, &'static [(&'static str, &'static str)]);
+
+const EXAMPLES: [Example; 15] = [
+    (
+        "inspect",
+        &[
+            ("What is in a file, and which columns would be used", "trocar inspect recording.csv"),
+            ("The topics of a robot log", "trocar inspect session.mcap"),
+        ],
+    ),
+    (
+        "bench",
+        &[
+            ("The paper's steady cycles with a made-up seal", "trocar bench steady --out steady.csv"),
+            ("A rig of your own: change the file, then record with it", "trocar bench --print-config"),
+            ("", "trocar bench surgeon --rig rig.toml --seal model.json --out surgeon.csv"),
+        ],
+    ),
+    (
+        "identify",
+        &[
+            ("From one recording", "trocar identify steady.csv --out result"),
+            (
+                "From two, validated on others",
+                "trocar identify steady.csv dynamic.csv --validate surgeon.csv --out result",
+            ),
+            (
+                "Columns with other names, and a sensor that carries a mass of 40 g",
+                "trocar identify log.csv --columns time_s=t,position_mm=pos,force_n=Fz --moving-mass-kg 0.04 --out result",
+            ),
+        ],
+    ),
+    (
+        "fleet",
+        &[
+            ("Every recording of a folder", "trocar fleet recordings --out fleet.parquet"),
+            ("Recordings that are rows of one file", "trocar fleet all.parquet --group-by trial --out fleet.csv"),
+        ],
+    ),
+    (
+        "validate",
+        &[
+            ("The error of a model on recordings it has not seen", "trocar validate result surgeon.csv"),
+            ("As JSON", "trocar validate result surgeon.csv --json"),
+        ],
+    ),
+    (
+        "compare",
+        &[
+            ("The best model of each family", "trocar compare steady.csv --validate surgeon.csv"),
+            ("Some models, with a report", "trocar compare steady.csv --models ems,lugre,gms:4-10 --out compared"),
+        ],
+    ),
+    (
+        "simulate",
+        &[
+            ("The force along a motion", "trocar simulate result motion.csv --out force.csv"),
+            ("In a pipe", "trocar simulate result - --out -"),
+        ],
+    ),
+    (
+        "compensate",
+        &[
+            (
+                "The tissue force from a sensor outside the body",
+                "trocar compensate result recording.csv --out tissue.csv",
+            ),
+            ("Row by row, as a sensor sends them", "trocar compensate result - --out -"),
+        ],
+    ),
+    (
+        "sweep",
+        &[
+            ("A documented example; change it, then run it", "trocar sweep --print-config"),
+            ("", "trocar sweep sweep.toml --out runs.parquet"),
+            ("The parameters that can be varied", "trocar sweep --list result"),
+        ],
+    ),
+    ("analyze", &[("The paper's propositions for a model", "trocar analyze result")]),
+    ("export c", &[("One C99 file for a microcontroller", "trocar export c result --out trocar_seal.c")]),
+    (
+        "export fmu",
+        &[
+            ("For most simulation programs", "trocar export fmu result --out seal.fmu"),
+            ("FMI 3.0, driven by the velocity", "trocar export fmu result --fmi 3 --input velocity --out seal.fmu"),
+        ],
+    ),
+    ("demo", &[("Record, identify, validate and report", "trocar demo --out trocar-demo")]),
+    (
+        "completions",
+        &[
+            ("bash: for this user", "trocar completions bash > ~/.local/share/bash-completion/completions/trocar"),
+            ("zsh: into a folder of $fpath", "trocar completions zsh > ~/.zfunc/_trocar"),
+            ("fish", "trocar completions fish > ~/.config/fish/completions/trocar.fish"),
+        ],
+    ),
+    (
+        "man",
+        &[
+            ("Read the page", "trocar man | man -l -"),
+            ("Install all pages", "trocar man --out ~/.local/share/man/man1"),
+        ],
+    ),
+];
+
+/// The command line with the examples in its help.
+pub(crate) fn command() -> Command {
+    EXAMPLES.iter().fold(Cli::command(), |all, (path, examples)| {
+        let path: Vec<&str> = path.split(' ').collect();
+        with_text(all, &path, &text(examples))
+    })
+}
+
+fn with_text(command: Command, path: &[&str], text: &str) -> Command {
+    match path {
+        [] => command.after_help(text.to_owned()),
+        [verb, rest @ ..] => command.mut_subcommand(verb, |own| with_text(own, rest, text)),
+    }
+}
+
+fn text(examples: &[(&str, &str)]) -> String {
+    let lines = examples.iter().map(|(purpose, line)| match *purpose {
+        "" => format!("  {line}"),
+        purpose => format!("  # {purpose}\n  {line}"),
+    });
+    format!("Examples:\n{}", lines.collect::<Vec<_>>().join("\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Words of a line up to a redirection or a pipe.
+    fn words(line: &str) -> impl Iterator<Item = &str> {
+        line.split_whitespace().take_while(|word| !matches!(*word, ">" | "|"))
+    }
+
+    #[test]
+    fn every_example_is_a_valid_command_line() {
+        for (path, examples) in EXAMPLES {
+            for (_, line) in examples {
+                let parsed = command().try_get_matches_from(words(line));
+                assert!(parsed.is_ok(), "{line}: {}", parsed.unwrap_err());
+                assert!(line.starts_with(&format!("trocar {path}")), "{line} is none of {path}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_command_has_examples() {
+        fn check(command: &Command) {
+            let mut inner = command.get_subcommands().filter(|own| own.get_name() != "help").peekable();
+            if inner.peek().is_none() {
+                let help = command.clone().render_help().to_string();
+                assert!(help.contains("Examples:"), "{}", command.get_name());
+            }
+            inner.for_each(check);
+        }
+        check(&command());
+    }
+}
