@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::console::Console;
 
@@ -25,8 +25,8 @@ impl Progress {
     /// A bar for a known amount of work.
     pub(crate) fn new(console: &Console) -> Self {
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden());
-        let style = ProgressStyle::with_template("{spinner} {msg:22} {wide_bar} {percent:>3} %  {elapsed}, {eta} left");
-        bar.set_style(style.expect("the template is well formed"));
+        let style = ProgressStyle::with_template("{spinner} {msg:22} {wide_bar} {percent:>3} %  {elapsed}{left}");
+        bar.set_style(style.expect("the template is well formed").with_key("left", left));
         let visible = !console.quiet && std::io::stderr().is_terminal();
         Self { waiting: visible.then(|| appear_later(bar.clone())), bar }
     }
@@ -42,6 +42,16 @@ impl Progress {
     pub(crate) fn report(&self, stage: &str, part: f64) {
         self.bar.set_message(stage.to_owned());
         self.bar.set_position((STEPS * part.clamp(0.0, 1.0)) as u64);
+    }
+}
+
+/// Time left, from the work done so far and its time: a stage that takes long makes it grow, never
+/// 0 s. Nothing before a twentieth of the work.
+fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
+    let part = f64::from(state.fraction());
+    if (0.05..1.0).contains(&part) {
+        let seconds = (state.elapsed().as_secs_f64() * (1.0 - part) / part).ceil();
+        let _ = write!(out, ", about {seconds} s left");
     }
 }
 

@@ -290,6 +290,9 @@ pub enum CompareError {
     },
 }
 
+/// Part of the work that the identification of the EMS element is, beside all other models.
+const EMS_PART: f64 = 0.4;
+
 /// Fits all models to `training` and scores them on `validation`.
 ///
 /// # Errors
@@ -306,7 +309,7 @@ pub fn compare(
     let clock = Instant::now();
     // Only the seal is compared, without a position profile.
     let alone = IdentifyOptions { along: false, ..options.identify.clone() };
-    let ems = identify(training, &alone, &|stage, part| progress(stage, 0.03 * part))?;
+    let ems = identify(training, &alone, &|stage, part| progress(stage, EMS_PART * part))?;
     let ems_s = clock.elapsed().as_secs_f64();
     let without_unmodelled_mass = |r: &Recording| r.clone().without_moving_mass(ems.model.unmodelled_mass, 0.0);
     let prepared = |recordings: &[Recording]| {
@@ -468,7 +471,7 @@ fn fit_all(
                 .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
             fits.push((fit, clock.elapsed().as_secs_f64()));
             let part = done.fetch_add(work(kind), Ordering::Relaxed) + work(kind);
-            progress(&format!("fitted {kind}"), 0.03 + 0.94 * part as f64 / total as f64);
+            progress(&format!("fitted {kind}"), EMS_PART + (0.97 - EMS_PART) * part as f64 / total as f64);
         }
         Ok(fits)
     };

@@ -90,7 +90,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     let starts = starts(input);
     let widest = starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
     let plain = training(input, &widest.candidate)?;
-    progress("fitting the element", 0.3);
+    progress("fitting the element", 0.02);
     let best = unresolved(best_of(&plain, &starts, is_assumed(input))?, input);
     let (mut training, mut fitted) = fitted_from(input, &best)?;
     // A wider element forgets its unknown initial state later and needs longer strokes.
@@ -99,7 +99,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     }
     fitted = restarted(input, &training, fitted);
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
-    progress("friction scale", 0.4);
+    progress("friction scale", 0.15);
     let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
 }
@@ -172,23 +172,23 @@ fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsT
 pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
     let Begun { training, fitted } = begun;
     let paper_rms = fitted.rms[1];
-    progress("optional terms", 0.5);
+    progress("optional terms", terms::TERMS_FROM);
     let mut excluded = excluded(input, fitted.best.candidate.half_width);
     if !training.scale.is_free {
         // Differences between few strokes cannot be separated from their scatter.
         excluded.push(Term::Stribeck);
     }
-    let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input));
+    let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
     if is_assumed(input) && chosen.fitted.best.layout.shape {
         // The width was found without the terms: with them another may fit better.
         let other = other_width(&training, &chosen.fitted);
         if let Some(other) = other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost()) {
-            chosen = terms::choose(&training, other, &excluded, speeds(input));
+            chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
         }
     }
     let Chosen { fitted, trials } = chosen;
     let fitted = restarted(input, &training, fitted);
-    progress("last fit", 0.7);
+    progress("last fit", terms::TERMS_TO);
     let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
     Some(scaled(training, without_drift, LAST)?.with(input, trials, paper_rms))
 }

@@ -96,7 +96,7 @@ pub fn identify(
         }
     }
     recordings.iter().try_for_each(shows_force)?;
-    progress("steady state", 0.1);
+    progress("steady state", 0.0);
     let (in_time, fit) = delay::fitted(recordings, options, progress)?;
     let (input, lag) = (in_time.input(options), in_time.lag);
     if fit.is_none() && input.two.steady.means.is_empty() {
@@ -105,9 +105,9 @@ pub fn identify(
             steady_segments: input.segments.iter().map(|s| s.steady_segments.len()).sum(),
         });
     }
-    progress("position profile", 0.8);
+    progress("position profile", 0.93);
     let (fit, profile) = along::profiled(&input, fit);
-    progress("intervals", 0.9);
+    progress("intervals", 0.96);
     conclude::conclude(&input, fit, profile, lag)
 }
 

@@ -22,6 +22,7 @@ use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::estimate::{f_p_value, t_p_value};
+use super::findings::Progress;
 use super::likelihood::{self, Extra, Fitted, Normal, Stop};
 use super::numbers;
 use super::spread::variance;
@@ -307,11 +308,22 @@ struct Score {
     start: EmsTrial,
 }
 
+/// Parts of the work of an identification after which the terms are tried, and after which they have
+/// been: medians over recordings of all kinds.
+pub(super) const TERMS_FROM: f64 = 0.2;
+pub(super) const TERMS_TO: f64 = 0.85;
+
 /// Adds terms except those `excluded` as long as the data support one, and removes those that
 /// others make unnecessary.
 ///
 /// `speeds` are the slowest and fastest of the sliding, m/s.
-pub(super) fn choose(training: &Training, fitted: Fitted<EmsTrial>, excluded: &[Term], speeds: [f64; 2]) -> Chosen {
+pub(super) fn choose(
+    training: &Training,
+    fitted: Fitted<EmsTrial>,
+    excluded: &[Term],
+    speeds: [f64; 2],
+    progress: Progress,
+) -> Chosen {
     let from_start = Term::ALL.into_iter().filter(|t| t.is_in(&fitted.best.layout));
     let trials =
         from_start.map(|term| TermTrial { term, kept: true, p_value: 0.0, gain: 1.0, why_not: None }).collect();
@@ -319,7 +331,7 @@ pub(super) fn choose(training: &Training, fitted: Fitted<EmsTrial>, excluded: &[
     chosen.take_out_needless(training);
     let mut excluded = excluded.to_vec();
     loop {
-        chosen.add_needed(training, &excluded, speeds);
+        chosen.add_needed(training, &excluded, speeds, progress);
         let needless = chosen.take_out_needless(training);
         if needless.is_empty() {
             return chosen;
@@ -329,7 +341,7 @@ pub(super) fn choose(training: &Training, fitted: Fitted<EmsTrial>, excluded: &[
 }
 
 impl Chosen {
-    fn add_needed(&mut self, training: &Training, excluded: &[Term], speeds: [f64; 2]) {
+    fn add_needed(&mut self, training: &Training, excluded: &[Term], speeds: [f64; 2], progress: Progress) {
         let mut failed: Vec<(Term, &'static str)> = Vec::new();
         while let Some((mut scores, columns)) = scores(training, &self.fitted, excluded, speeds) {
             scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -349,6 +361,9 @@ impl Chosen {
             else {
                 break;
             };
+            let decided = failed.len() + self.trials.iter().filter(|t| t.kept).count();
+            let part = decided as f64 / Term::ALL.len() as f64;
+            progress(best.term.words(), TERMS_FROM + (TERMS_TO - TERMS_FROM) * part);
             // The static force of a Stribeck curve is often determined only by later terms; creep
             // too slow to be measured may be present.
             let may_be_open = |l: &Fitted<EmsTrial>| match best.term {
