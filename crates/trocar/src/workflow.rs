@@ -62,6 +62,8 @@ pub struct Workflow {
     pub validation: Option<Validation>,
     /// Mass that was subtracted.
     pub moving_mass: MovingMass,
+    /// The command line, for the report.
+    pub command: Option<String>,
 }
 
 /// Why there is no result.
@@ -112,6 +114,6 @@ impl Workflow {
             let scores = validate(&identification.trocar(), &held_out, identification.model.offset);
             scores.beside_identification(identification.residual_rms, &held_out)
         });
-        Self { identification, options, recordings, held_out, validation, moving_mass }
+        Self { identification, options, recordings, held_out, validation, moving_mass, command: None }
     }
 }

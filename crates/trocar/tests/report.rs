@@ -253,6 +253,7 @@ fn document() -> Document {
             Tile::new("Validation RMS", "0.051 N", "sensor noise 0.025 N"),
             Tile::new("Fit", "97.1 %", ""),
         ],
+        notes: Vec::new(),
         warnings: vec![
             "The Stribeck velocity is not determined: the slowest stroke is at 15 mm/s.".into(),
             HOSTILE.into(),

@@ -222,7 +222,7 @@ fn held_out_parts_and_a_missing_cycle_are_said_in_words() {
     let stroke = validation[0].part(0..validation[0].len() / 8, "one stroke").unwrap();
     validation = vec![stroke];
     let document = report(&compared(models, &training, &validation), true);
-    assert!(document.warnings.iter().any(|warning| warning.contains("last third")), "{:?}", document.warnings);
+    assert!(document.notes.iter().any(|warning| warning.contains("last third")), "{:?}", document.notes);
     assert!(document.subtitle.contains("one stroke"), "{}", document.subtitle);
     let ids: Vec<&str> = figures(&document).iter().map(|figure| figure.id.as_str()).collect();
     assert_eq!(ids, ["error-by-parameters"]);

@@ -11,7 +11,10 @@ use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use trocar::report::{Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document};
 use trocar::validate::{Validation, validate};
+use trocar::workflow::MovingMass;
 use trocar_model::{Element, ElementParams, Seal, Stages, Trocar};
+
+static OPTIONS: LazyLock<IdentifyOptions> = LazyLock::new(IdentifyOptions::default);
 
 /// A bench, what was identified on it, and the scores on another recording.
 struct Bench {
@@ -55,8 +58,9 @@ fn plain_input<'a>(identification: &'a Identification, training: &'a [Recording]
         training,
         validation: None,
         truth: None,
-        seed: 7,
-        bootstrap: 0,
+        options: &OPTIONS,
+        moving_mass: MovingMass::default(),
+        command: None,
         title: "A seal",
         choice: FigureChoice::default(),
     }

@@ -119,7 +119,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     };
     // Fails before the computation if nothing can be written there.
     let staged = StagedFolder::create(&args.out)?;
-    let done = run_workflow(console, recordings, held_out, moving_mass, options)?;
+    let mut done = run_workflow(console, recordings, held_out, moving_mass, options)?;
+    done.command = Some(command_line());
     let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
     let (deflections, speeds) = (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
     done.write(&staged, None, FigureChoice { deflections: &deflections, speeds: &speeds })?;
@@ -128,6 +129,23 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     console::print(&text)?;
     console.remark(&format!("report: {}", args.out.join("report.html").display()));
     Ok(Completion::doubtful_if(overlaps || done.is_doubtful()))
+}
+
+/// The command line with the names of files instead of their paths, and without the folder of the
+/// results: the same inputs and options give the same line.
+fn command_line() -> String {
+    let mut words = std::env::args().skip(1);
+    let mut line = "trocar".to_owned();
+    while let Some(word) = words.next() {
+        if word == "--out" {
+            words.next();
+        } else if !word.starts_with("--out=") {
+            let name = word.rsplit(['/', '\\']).next().unwrap_or_default();
+            let quote = if name.contains([' ', '[', ';']) { "'" } else { "" };
+            line.push_str(&format!(" {quote}{name}{quote}"));
+        }
+    }
+    line
 }
 
 /// Runs the workflow; prints first what the recordings can determine, and finally what is doubtful.

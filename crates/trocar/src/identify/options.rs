@@ -49,3 +49,25 @@ impl Default for IdentifyOptions {
         }
     }
 }
+
+impl IdentifyOptions {
+    /// All options but the tolerances of the segmentation, in words.
+    pub fn in_words(&self) -> String {
+        let yes_no = |value: bool| if value { "yes" } else { "no" };
+        let without: Vec<&str> = self.without.iter().map(|term| term.name()).collect();
+        format!(
+            "seed {}, bootstrap {}, degrees {},{}, offset {}, the paper's procedure alone {}, terms of free motion {}, \
+             terms not tried: {}, position profile {}, unmodelled mass {}",
+            self.seed,
+            self.bootstrap,
+            self.degrees[0],
+            self.degrees[1],
+            self.offset.map_or_else(|| "estimated".to_owned(), |offset| format!("{offset} N")),
+            yes_no(self.paper),
+            yes_no(self.free_motion),
+            if without.is_empty() { "none".to_owned() } else { without.join(", ") },
+            yes_no(self.along),
+            yes_no(self.estimate_unmodelled_mass)
+        )
+    }
+}

@@ -29,6 +29,7 @@ pub fn document(outcome: &Outcome, title: &str) -> Document {
         subtitle: subtitle(outcome),
         tiles: tiles(comparison),
         warnings: warnings(outcome),
+        notes: notes(outcome),
         sections: sections(outcome),
         provenance: provenance(outcome),
     };
@@ -77,18 +78,18 @@ fn least_by(comparison: &Comparison, of: impl Fn(&Entry) -> f64) -> Option<&Entr
 fn warnings(outcome: &Outcome) -> Vec<String> {
     let comparison = outcome.comparison;
     let mut lines = Vec::new();
-    if outcome.held_out {
-        lines.push(
-            "No recordings were given to score on. The last third of each recording was held out from the fits and scored on: the \
-             same seal in the same session, so the errors on other recordings may be larger."
-                .to_owned(),
-        );
-    }
     for recording in comparison.training.iter().chain(&comparison.validation) {
         lines.extend(recording.quality.warnings.iter().map(|warning| format!("{}: {warning}", recording.name)));
     }
     lines.extend(outcome.unknown_states());
     lines
+}
+
+/// On what the scores rest.
+fn notes(outcome: &Outcome) -> Vec<String> {
+    let note = "No recordings were given to score on. The last third of each recording was held out from the fits and \
+                scored on: the same seal in the same session, so the errors on other recordings may be larger.";
+    if outcome.held_out { vec![note.to_owned()] } else { Vec::new() }
 }
 
 fn sections(outcome: &Outcome) -> Vec<Section> {

@@ -1,6 +1,7 @@
 //! The contents of a report: plain data, filled from results.
 //!
 //! Numbers in these types have the unit of their axis or row; the drawing code converts nothing.
+use std::ops::Range;
 
 /// Default height of a panel's axes relative to their width.
 pub const DEFAULT_ASPECT: f64 = 0.56;
@@ -379,12 +380,16 @@ pub struct Table {
     pub columns: Vec<String>,
     /// Rows, each as long as `columns`.
     pub rows: Vec<Vec<Cell>>,
+    /// Whether the reader has to open it.
+    pub collapsed: bool,
+    /// Columns that the reader has to switch on, and the words beside the switch.
+    pub optional: Option<(Range<usize>, &'static str)>,
 }
 
 impl Table {
     /// A table without rows.
     pub fn new<S: Into<String>>(caption: impl Into<String>, columns: impl IntoIterator<Item = S>) -> Self {
-        Self { caption: caption.into(), columns: columns.into_iter().map(Into::into).collect(), rows: Vec::new() }
+        Self { caption: caption.into(), columns: columns.into_iter().map(Into::into).collect(), ..Self::default() }
     }
 
     /// Appends a row.
@@ -565,6 +570,8 @@ pub struct Document {
     pub tiles: Vec<Tile>,
     /// What the reader must know before relying on the numbers.
     pub warnings: Vec<String>,
+    /// Remarks that leave the numbers as they are.
+    pub notes: Vec<String>,
     /// Sections.
     pub sections: Vec<Section>,
     /// Origin: label and value, such as the program's version and the hashes of the inputs.

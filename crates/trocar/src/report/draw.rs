@@ -294,7 +294,11 @@ impl Sheet {
             self.series(series, frame);
         }
         self.mark_lines(panel, frame);
-        for series in panel.series.iter().filter(|series| !is_band(series)) {
+        // Measured curves lie over those of models, which are wider.
+        let is_measured =
+            |series: &&Series| series.role == super::document::Role::Measured && matches!(series.kind, Kind::Line);
+        let curves = || panel.series.iter().filter(|series| !is_band(series));
+        for series in curves().filter(|series| !is_measured(series)).chain(curves().filter(is_measured)) {
             self.series(series, frame);
         }
         self.axes(panel, frame);

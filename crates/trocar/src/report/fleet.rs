@@ -54,6 +54,7 @@ pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
         subtitle: subtitle(fleet, config, &roles),
         tiles: tiles(fleet),
         warnings: Vec::new(),
+        notes: Vec::new(),
         sections: vec![
             Section::new("Distributions").figure(figures::distributions(&types)),
             drift(&types, &roles),

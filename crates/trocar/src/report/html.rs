@@ -49,7 +49,8 @@ pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str, live: Opt
     contents(&mut page, &document.sections);
     page.push_str("<main id=\"main\">\n");
     tiles(&mut page, document);
-    warnings(&mut page, &document.warnings);
+    messages(&mut page, ["warnings", "Warnings"], &document.warnings);
+    messages(&mut page, ["notes", "Notes"], &document.notes);
     let mut drawn = drawn.iter();
     for (index, part) in document.sections.iter().enumerate() {
         section(&mut page, index, part, &mut drawn, live);
@@ -111,7 +112,29 @@ fn role_colours() -> String {
 }
 
 fn element(page: &mut String, name: &str, text: &str) {
-    let _ = writeln!(page, "<{name}>{}</{name}>", escape(text));
+    let _ = writeln!(page, "<{name}>{}</{name}>", typeset(text));
+}
+
+/// Escapes `text` and sets the indices of symbols low: `F_c`, `θ_12`, but not `force_n`.
+fn typeset(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = rest.find('_') {
+        let (before, after) = (&rest[..at], &rest[at + 1..]);
+        let mut letters = before.chars().rev();
+        let is_letter = letters.next().is_some_and(char::is_alphabetic);
+        let stands_alone = is_letter && !letters.next().is_some_and(|c| c.is_alphanumeric() || c == '_');
+        let end = after.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(after.len());
+        out.push_str(&escape(before));
+        if stands_alone && (1..=2).contains(&end) && !after[end..].starts_with('_') {
+            let _ = write!(out, "<sub>{}</sub>", &after[..end]);
+            rest = &after[end..];
+        } else {
+            out.push('_');
+            rest = after;
+        }
+    }
+    out + &escape(rest)
 }
 
 fn contents(page: &mut String, sections: &[Section]) {
@@ -131,7 +154,7 @@ fn tiles(page: &mut String, document: &Document) {
     }
     page.push_str("<dl class=\"tiles\" aria-label=\"Summary\">\n");
     for tile in &document.tiles {
-        let _ = write!(page, "<div><dt>{}</dt><dd>{}", escape(&tile.label), escape(&tile.value));
+        let _ = write!(page, "<div><dt>{}</dt><dd>{}", typeset(&tile.label), typeset(&tile.value));
         if !tile.note.is_empty() {
             let _ = write!(page, " <small>{}</small>", escape(&tile.note));
         }
@@ -140,15 +163,14 @@ fn tiles(page: &mut String, document: &Document) {
     page.push_str("</dl>\n");
 }
 
-fn warnings(page: &mut String, warnings: &[String]) {
-    if warnings.is_empty() {
+fn messages(page: &mut String, [class, heading]: [&str; 2], messages: &[String]) {
+    if messages.is_empty() {
         return;
     }
-    page.push_str(
-        "<section class=\"warnings\" aria-labelledby=\"warnings\">\n<h2 id=\"warnings\">Warnings</h2>\n<ul>\n",
-    );
-    for warning in warnings {
-        element(page, "li", warning);
+    let _ = writeln!(page, "<section class=\"{class}\" aria-labelledby=\"{class}\">");
+    let _ = write!(page, "<h2 id=\"{class}\">{heading}</h2>\n<ul>\n");
+    for message in messages {
+        element(page, "li", message);
     }
     page.push_str("</ul>\n</section>\n");
 }
@@ -201,39 +223,65 @@ fn figure(page: &mut String, figure: &Figure, drawn: &Drawn) {
     let _ = write!(
         page,
         "<strong>Figure {number}. {title}.</strong> {}</figcaption>\n</figure>\n",
-        escape(&figure.caption)
+        typeset(&figure.caption)
     );
 }
 
 fn table(page: &mut String, table: &Table) {
-    let caption = escape(&table.caption);
-    let _ = write!(page, "<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{caption}\">\n<table>\n");
-    let _ = write!(page, "<caption>{caption}</caption>\n<thead><tr>");
-    let numeric = |column: usize| table.rows.iter().any(|row| row.get(column).is_some_and(is_numeric));
+    let caption = typeset(&table.caption);
+    if table.collapsed {
+        let _ = writeln!(page, "<details><summary>{caption}</summary>");
+    }
+    if let Some((_, words)) = &table.optional {
+        let _ = writeln!(page, "<label class=\"switch\"><input type=\"checkbox\"> {}</label>", escape(words));
+    }
+    let label = escape(&table.caption);
+    let _ = write!(page, "<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{label}\">\n<table>\n");
+    if !table.collapsed {
+        let _ = writeln!(page, "<caption>{caption}</caption>");
+    }
+    page.push_str("<thead><tr>");
     for (column, heading) in table.columns.iter().enumerate() {
-        let class = if numeric(column) { " class=\"number\"" } else { "" };
-        let _ = write!(page, "<th scope=\"col\"{class}>{}</th>", escape(heading));
+        let is_number = table.rows.iter().any(|row| row.get(column).is_some_and(is_numeric));
+        let class = class(is_number, is_optional(table, column));
+        let _ = write!(page, "<th scope=\"col\"{class}>{}</th>", typeset(heading));
     }
     page.push_str("</tr></thead>\n<tbody>\n");
     for row in &table.rows {
         page.push_str("<tr>");
         for (column, content) in row.iter().enumerate() {
-            cell(page, content, column == 0);
+            cell(page, content, column == 0, is_optional(table, column));
         }
         page.push_str("</tr>\n");
     }
     page.push_str("</tbody>\n</table>\n</div>\n");
+    if table.collapsed {
+        page.push_str("</details>\n");
+    }
+}
+
+fn is_optional(table: &Table, column: usize) -> bool {
+    table.optional.as_ref().is_some_and(|(columns, _)| columns.contains(&column))
+}
+
+fn class(is_number: bool, is_optional: bool) -> &'static str {
+    match (is_number, is_optional) {
+        (true, true) => " class=\"number optional\"",
+        (true, false) => " class=\"number\"",
+        (false, true) => " class=\"optional\"",
+        (false, false) => "",
+    }
 }
 
 const fn is_numeric(cell: &Cell) -> bool {
     matches!(cell, Cell::Number { .. } | Cell::Estimate { .. } | Cell::Interval { .. })
 }
 
-fn cell(page: &mut String, cell: &Cell, is_first: bool) {
+fn cell(page: &mut String, cell: &Cell, is_first: bool, is_optional: bool) {
     let (open, close) = if is_first { ("<th scope=\"row\"", "</th>") } else { ("<td", "</td>") };
-    let class = if is_numeric(cell) { " class=\"number\"" } else { "" };
+    let class = class(is_numeric(cell), is_optional);
     let content = match cell {
-        Cell::Text(text) => escape(text),
+        Cell::Text(text) => typeset(text),
         Cell::Code(text) => format!("<code>{}</code>", escape(text)),
         Cell::Number { value, digits } => significant(*value, *digits),
         Cell::Estimate { value, interval: [low, high] } => rounded(*value, *low, *high),

@@ -9,9 +9,10 @@ use trocar_model::{Element, Quantity};
 use super::document::{Document, Section, Tile};
 use super::figures::{self, Scored};
 use super::number::{fixed, significant};
-use crate::identify::{Identification, Warning};
+use crate::identify::{Identification, IdentifyOptions, Warning};
 use crate::recording::Recording;
 use crate::validate::Validation;
+use crate::workflow::MovingMass;
 
 /// Inputs of an identification report.
 #[derive(Debug, Clone, Copy)]
@@ -27,10 +28,12 @@ pub struct IdentificationReport<'a> {
     pub validation: Option<(&'a [Recording], &'a Validation)>,
     /// The elements of the virtual bench, if the data come from one.
     pub truth: Option<&'a [Element]>,
-    /// Seed of the identification.
-    pub seed: u64,
-    /// Resamples of its bootstrap; 0 for the jackknife.
-    pub bootstrap: usize,
+    /// Options of the identification.
+    pub options: &'a IdentifyOptions,
+    /// Mass that was subtracted from the readings.
+    pub moving_mass: MovingMass,
+    /// The command line, if there was one.
+    pub command: Option<&'a str>,
     /// Title of the report.
     pub title: &'a str,
     /// Contents of two of the figures.
@@ -154,6 +157,7 @@ pub fn document(input: &IdentificationReport) -> Document {
         subtitle: subtitle(input),
         tiles: tiles(found, &scored),
         warnings: warnings(found, &scored),
+        notes: lines(found.warnings.iter().filter(|w| !w.doubtful)),
         sections: sections(input, &scored),
         provenance: provenance(input),
     };
@@ -200,21 +204,24 @@ fn error_note(scored: &Scored) -> String {
     format!("{}; {ERROR_OF_EMS}", each.collect::<Vec<_>>().join(", "))
 }
 
-/// One line per message, beginning with its subject; doubts come before remarks.
+/// Reasons to doubt the identification or its validation.
 fn warnings(found: &Identification, scored: &Scored) -> Vec<String> {
+    let mut all = lines(found.warnings.iter().filter(|w| w.doubtful));
+    if scored.held_out {
+        let results = &scored.validation.recordings;
+        all.extend(results.iter().flat_map(|r| r.warnings.iter().map(move |w| format!("{}: {w}", r.path))));
+    }
+    all
+}
+
+/// One line per message, beginning with its subjects.
+fn lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
     let mut lines: Vec<(Vec<String>, &str)> = Vec::new();
-    let doubts = found.warnings.iter().filter(|w| w.doubtful);
-    let remarks = found.warnings.iter().filter(|w| !w.doubtful);
-    for Warning { subject, message, .. } in doubts.chain(remarks) {
+    for Warning { subject, message, .. } in warnings {
         let subject = figures::subject_in_words(subject);
         match lines.iter_mut().find(|(_, said)| said == message) {
             Some((subjects, _)) => subjects.push(subject),
             None => lines.push((vec![subject], message)),
-        }
-    }
-    if scored.held_out {
-        for recording in &scored.validation.recordings {
-            lines.extend(recording.warnings.iter().map(|w| (vec![recording.path.clone()], w.as_str())));
         }
     }
     lines.into_iter().map(|(subjects, message)| format!("{}: {message}", subjects.join("; "))).collect()
@@ -231,6 +238,7 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
         .figure(figures::residuals(scored));
     let errors = figures::with(errors, figures::residual_statistics(scored));
     let mut all = vec![
+        live(input, scored),
         parameters(input),
         Section::new("Recordings")
             .table(figures::sampling(recordings(input)))
@@ -247,7 +255,6 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
     if let Some(table) = figures::branch_coefficients(found) {
         all.push(Section::new("Coefficients of the branches").table(table));
     }
-    all.push(live(input, scored));
     all
 }
 
@@ -303,9 +310,9 @@ fn of_all_motion(found: &Identification) -> (String, String) {
 
 /// The same for the paper's two steps.
 fn of_two_steps(input: &IdentificationReport) -> (String, String) {
-    let branches = match input.bootstrap {
+    let branches = match input.options.bootstrap {
         0 => "by the jackknife over strokes".to_owned(),
-        n => format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.seed),
+        n => format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.options.seed),
     };
     let intervals = format!(
         "Intervals of the sliding force come from the scatter between strokes, those of the joins and of the coefficients of the \
@@ -323,10 +330,12 @@ fn recordings<'a>(input: &IdentificationReport<'a>) -> impl Iterator<Item = (&'a
 fn provenance(input: &IdentificationReport) -> Vec<(String, String)> {
     let mut all = vec![
         ("Program".to_owned(), concat!("trocar ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("Seed".to_owned(), input.seed.to_string()),
-        ("Bootstrap resamples".to_owned(), input.bootstrap.to_string()),
         ("EMS".to_owned(), "J. Verspecht et al., Modeling of the interaction force between the instrument and the trocar in minimally invasive surgery".to_owned()),
     ];
+    all.extend(input.command.map(|command| ("Command".to_owned(), command.to_owned())));
+    let MovingMass { mass, gravity } = input.moving_mass;
+    let options = format!("moving mass {mass} kg, gravity {gravity} m/s², {}", input.options.in_words());
+    all.push(("Options".to_owned(), options));
     all.extend(
         recordings(input).map(|(r, used_for)| (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))),
     );

@@ -71,14 +71,12 @@ const MAXWELL_SLIP: [&str; 2] = ["#c04a00", "#ff9a55"];
 const MAXWELL_SLIP_DEEP: [&str; 2] = ["#4d1d00", "#ffe0c8"];
 const GMS: [&str; 2] = ["#a32020", "#ff7a70"];
 const GMS_DEEP: [&str; 2] = ["#3d0505", "#ffd9d5"];
-const OTHER: [&str; 2] = ["#5a5a5a", "#b0b0b0"];
-const OTHER_DEEP: [&str; 2] = ["#101010", "#f4f4f4"];
 
 // Okabe and Ito's hues, darkened (brightened) to a contrast of 3:1 with white (the dark page).
 // Lightness differs between roles in the same panel; where it cannot, dashes and markers differ.
-const STYLES: [Style; 16 + 3 * 8 + 1] = [
+const STYLES: [Style; 16 + 3 * 7 + 1] = [
     style("measured", ["#4a4a4a", "#bdbdbd"], 1.0, &[], Marker::Circle),
-    style("model", ["#0064b0", "#5db3ff"], 1.8, &[], Marker::Square),
+    style("model", ["#0064b0", "#5db3ff"], 2.4, &[], Marker::Square),
     style("fit", ["#c8420a", "#ff9a66"], 1.8, &[], Marker::Diamond),
     style("alternative", ["#00785a", "#4fd1a5"], 1.5, &[6.0, 3.0], Marker::Triangle),
     style("lower", ["#0064b0", "#5db3ff"], 1.3, &[6.0, 3.0], Marker::Triangle),
@@ -114,9 +112,6 @@ const STYLES: [Style; 16 + 3 * 8 + 1] = [
     style("gms-0", GMS, 1.6, SOLID, Marker::Circle),
     style("gms-1", GMS_DEEP, 1.6, DASHED, Marker::Circle),
     style("gms-2", GMS_DEEP, 1.6, DOTTED, Marker::Circle),
-    style("other-0", OTHER, 1.6, SOLID, Marker::Circle),
-    style("other-1", OTHER_DEEP, 1.6, DASHED, Marker::Circle),
-    style("other-2", OTHER_DEEP, 1.6, DOTTED, Marker::Circle),
     style("backdrop", ["#a9afb5", "#6f777f"], 3.2, SOLID, Marker::Circle),
 ];
 
@@ -139,7 +134,7 @@ pub(super) fn of(role: Role) -> Style {
         Role::Reference => 8,
         Role::Neutral => 9,
         Role::Category(n) => 10 + usize::from(n) % 6,
-        Role::Backdrop => 16 + 3 * 8,
+        Role::Backdrop => 16 + 3 * 7,
         Role::Friction(family, variant) => 16 + 3 * family as usize + usize::from(variant) % 3,
     };
     STYLES[index]

@@ -20,8 +20,9 @@ impl Workflow {
             training: &self.recordings,
             validation: self.validation.as_ref().map(|scores| (self.held_out.as_slice(), scores)),
             truth,
-            seed: self.options.seed,
-            bootstrap: self.options.bootstrap,
+            options: &self.options,
+            moving_mass: self.moving_mass,
+            command: self.command.as_deref(),
             title: "Force between instrument and trocar",
             choice,
         };

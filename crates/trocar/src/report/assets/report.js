@@ -194,7 +194,9 @@ class Panel {
       const visible = this.series.filter((series) => series.visible);
       for (const series of visible) if (series.kind === "band") drawBand(u, ctx, series);
       this.drawMarkLines(u, ctx, ratio);
-      for (const series of visible) {
+      // Measured curves lie over those of models, which are wider.
+      const isMeasured = (series) => series.kind === "line" && series.style === "measured";
+      for (const series of visible.filter((own) => !isMeasured(own)).concat(visible.filter(isMeasured))) {
         if (series.kind === "line") drawLine(u, ctx, series, ratio);
         if (series.kind === "bars") drawBars(u, ctx, series, ratio);
         if (["points", "bars", "labels"].includes(series.kind)) drawMarkers(u, ctx, series, ratio);

@@ -47,12 +47,27 @@ pub(in super::super) fn parameters(found: &Identification, truth: Option<&[Eleme
     table("Parameters with 95 % intervals", found, found.parameters.iter().filter(main), truth)
 }
 
-/// The coefficients of the branches, EMS (25), about z = 0.
+/// The coefficients of the branches, EMS (25), times the power of c: forces at z = c.
 pub(in super::super) fn branch_coefficients(found: &Identification) -> Option<Table> {
-    let mut all = found.parameters.iter().filter(|p| p.is_coefficient()).peekable();
-    all.peek()?;
-    let caption = "Polynomial coefficients θ of the branches, EMS (25), with z in m";
-    Some(table(caption, found, all, None))
+    let all: Vec<&Parameter> = found.parameters.iter().filter(|p| p.is_coefficient()).collect();
+    all.first()?;
+    let c = found.model.half_width;
+    let caption =
+        "Coefficients θ of the branches, EMS (25), as forces θ c^k at z = c (θ itself in SI units: summary.json)";
+    let table = Table::new(caption, ["Branch", "Symbol", "k", "θ c^k (N)", "95 % interval (N)"]);
+    let row = |table: Table, p: &Parameter| {
+        let Quantity::Coefficient { power, .. } = p.id.quantity else { return table };
+        let [value, interval] = cells_of(&p.estimate, c.powi(power.into()));
+        let branch = p.id.direction.map_or("", |direction| direction.name());
+        table.row([
+            branch.into(),
+            Cell::Text(p.id.symbol().to_string()),
+            power.to_string().as_str().into(),
+            value,
+            interval,
+        ])
+    };
+    Some(Table { collapsed: true, ..all.into_iter().fold(table, row) })
 }
 
 fn table<'a>(
@@ -64,13 +79,15 @@ fn table<'a>(
     let two_steps_made = !found.steady.means.is_empty();
     let refined = found.fit.is_some() && two_steps_made;
     let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
+    let optional = refined.then(|| (columns.len()..columns.len() + 2, "values of the paper's two steps, too"));
     if refined {
         columns.extend(["Two-step value", "Two-step 95 % interval"]);
     }
     if truth.is_some() {
         columns.push("Truth");
     }
-    parameters.fold(Table::new(caption, columns), |table, p| {
+    let empty = Table { optional, ..Table::new(caption, columns) };
+    parameters.fold(empty, |table, p| {
         let Unit { scale, shown, .. } = p.id.unit();
         let mut cells = vec![Cell::Text(name_of(p.id)), Cell::Text(p.id.symbol().to_string()), Cell::from(shown)];
         cells.extend(cells_of(&p.estimate, scale));
