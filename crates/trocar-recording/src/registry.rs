@@ -86,6 +86,8 @@ enum Kind {
     Hdf5,
     Mcap,
     Rosbag,
+    Ros1,
+    Xlsx,
 }
 
 impl Kind {
@@ -96,9 +98,11 @@ impl Kind {
             _ if head.starts_with(b"PAR1") || head.starts_with(b"PARE") => Self::Parquet,
             _ if head.starts_with(b"ARROW1") => Self::Arrow,
             _ if head.starts_with(b"\x89MCAP0\r\n") => Self::Mcap,
+            _ if head.starts_with(b"#ROSBAG V") => Self::Ros1,
             _ if head.starts_with(b"SQLite format 3\0") => Self::Rosbag,
             _ if head.starts_with(HDF5) || head.get(512..).is_some_and(|head| head.starts_with(HDF5)) => Self::Hdf5,
             _ if version == b"\x00\x01IM" || version == b"\x01\x00MI" => Self::Mat5,
+            _ if head.starts_with(b"PK\x03\x04") => Self::Xlsx,
             _ if head.starts_with(&[0xff; 4]) && is_arrow_message(head) => Self::ArrowStream,
             _ if mat5::is_version_4(head) => Self::Mat4,
             _ => return None,
@@ -115,6 +119,8 @@ impl Kind {
             Self::Hdf5 => "HDF5",
             Self::Mcap => "MCAP",
             Self::Rosbag => "SQLite",
+            Self::Ros1 => "ROS 1 bag",
+            Self::Xlsx => "Excel workbook",
         }
     }
 
@@ -139,6 +145,14 @@ impl Kind {
             Self::Mcap => super::formats::mcap::open(path),
             #[cfg(feature = "rosbag")]
             Self::Rosbag => super::formats::rosbag::open(path),
+            #[cfg(feature = "ros1")]
+            Self::Ros1 => super::formats::ros1::open(path),
+            #[cfg(not(feature = "ros1"))]
+            Self::Ros1 => lacks("ros1"),
+            #[cfg(feature = "xlsx")]
+            Self::Xlsx => Ok(Box::new(super::formats::xlsx::Xlsx::open(path, source)?)),
+            #[cfg(not(feature = "xlsx"))]
+            Self::Xlsx => lacks("xlsx"),
             #[cfg(not(feature = "mcap"))]
             Self::Mcap => lacks("mcap"),
             #[cfg(not(feature = "rosbag"))]
