@@ -250,7 +250,7 @@ fn a_sheet_becomes_a_recording_as_a_text_file_does() {
         assert!(recording.quality.notes.iter().any(|own| own.contains(note)), "{:?}", recording.quality.notes);
     }
     let error = read(&fixture("openpyxl.xlsx"), &ReadOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("could come from Data, Dates, Fault") && error.contains("--topic"), "{error}");
+    assert!(error.contains("could come from Data, Fault") && error.contains("--topic"), "{error}");
 }
 
 #[test]
@@ -262,6 +262,38 @@ fn an_archive_that_is_no_workbook_is_refused() {
     std::fs::write(&path, end).unwrap();
     let error = tables(&path).unwrap_err().to_string();
     assert!(error.contains("hint: "), "{error}");
+}
+
+#[test]
+fn decimals_and_half_floats_of_parquet() {
+    // The first file holds decimals in whole numbers where they fit, the second in bytes of one length.
+    for file in ["pyarrow_decimal.parquet", "pyarrow_fixed_decimal.parquet"] {
+        compare(file, "", "time_s", ROWS, 0.0, time);
+        // 10 bits of fraction, of numbers up to 60.
+        compare(file, "", "position_mm", ROWS, 0.016, position);
+        compare(file, "", "force_n", ROWS, 0.6e-9, force);
+        compare(file, "", "wide", ROWS, SINES, force);
+        compare(file, "", "gappy", ROWS, 0.0, gappy);
+    }
+}
+
+#[test]
+fn numbers_of_another_byte_order_are_refused() {
+    let error = refusal("big_endian.arrows");
+    assert!(
+        error.contains("numbers in big-endian byte order, which is not read") && error.contains("hint: "),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_later_version_in_the_text_of_a_matlab_file_changes_nothing() {
+    assert_eq!(all_tables("mat74.mat"), all_tables("mat73.mat"));
+    signal("mat74.mat", "");
+    // The block of text may be longer.
+    let whole = std::fs::read(fixture("h5py_block.mat")).unwrap();
+    assert_eq!(whole.iter().position(|byte| *byte == 0x89), Some(2048));
+    signal("h5py_block.mat", "");
 }
 
 #[test]

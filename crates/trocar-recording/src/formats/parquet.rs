@@ -319,6 +319,15 @@ fn scale(column: &ColumnDescriptor, arrow: Option<&DataType>) -> Option<Scale> {
     match (column.physical_type(), column.logical_type_ref()) {
         (Physical::BOOLEAN | Physical::FLOAT | Physical::DOUBLE, _) => Some(Scale::One),
         (Physical::INT96, _) => Some(Scale::Since { origin: 0, per_second: 1e9 }),
+        (Physical::FIXED_LEN_BYTE_ARRAY, Some(LogicalType::Float16)) => Some(Scale::Half),
+        (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, Some(LogicalType::Decimal(decimal))) => {
+            Some(Scale::Decimal(10_f64.powi(decimal.scale)))
+        }
+        (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, None)
+            if column.converted_type() == ConvertedType::DECIMAL =>
+        {
+            Some(Scale::Decimal(10_f64.powi(column.type_scale())))
+        }
         (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, _) => None,
         (_, Some(LogicalType::Timestamp(time))) => Some(Scale::Since { origin: 0, per_second: parts(&time.unit) }),
         (_, Some(LogicalType::Time(time))) => Some(Scale::Part(parts(&time.unit))),
@@ -393,6 +402,12 @@ impl Cursor {
             }
             ColumnReader::Int96ColumnReader(reader) => {
                 convert(reader, rows, present, levels, numbers, |value| scale.number(value.to_nanos()))?;
+            }
+            ColumnReader::ByteArrayColumnReader(reader) if matches!(scale, Scale::Decimal(_)) => {
+                convert(reader, rows, present, levels, numbers, |value| scale.number_of(value.data()))?;
+            }
+            ColumnReader::FixedLenByteArrayColumnReader(reader) if matches!(scale, Scale::Decimal(_) | Scale::Half) => {
+                convert(reader, rows, present, levels, numbers, |value| scale.number_of(value.data()))?;
             }
             _ => return Err(ParquetError::General("bytes where numbers should be".into())),
         }

@@ -14,6 +14,7 @@ import re
 import sys
 import zipfile
 
+import flatbuffers
 import h5py
 import numpy as np
 import openpyxl
@@ -239,6 +240,51 @@ def more_parquet():
     pq.write_table(table, HERE / "pyarrow_fixed_decimal.parquet")
 
 
-for write in [parquet, arrow, matlab, hdf5, mat73, xlsx, more_parquet]:
+def big_endian():
+    """The beginning of an Arrow stream with numbers in big endian: one column of floats, no rows. pyarrow writes none."""
+    make = flatbuffers.Builder(256)
+    name = make.CreateString("time_s")
+    make.StartObject(1)  # FloatingPoint
+    make.PrependInt16Slot(0, 2, 0)
+    kind = make.EndObject()
+    make.StartVector(4, 0, 4)
+    children = make.EndVector()
+    make.StartObject(7)  # Field
+    make.PrependUOffsetTRelativeSlot(0, name, 0)
+    make.PrependUint8Slot(2, 3, 0)
+    make.PrependUOffsetTRelativeSlot(3, kind, 0)
+    make.PrependUOffsetTRelativeSlot(5, children, 0)
+    field = make.EndObject()
+    make.StartVector(4, 1, 4)
+    make.PrependUOffsetTRelative(field)
+    fields = make.EndVector()
+    make.StartObject(4)  # Schema
+    make.PrependInt16Slot(0, 1, 0)
+    make.PrependUOffsetTRelativeSlot(1, fields, 0)
+    schema = make.EndObject()
+    make.StartObject(5)  # Message
+    make.PrependInt16Slot(0, 4, 0)
+    make.PrependUint8Slot(1, 1, 0)
+    make.PrependUOffsetTRelativeSlot(2, schema, 0)
+    make.Finish(make.EndObject())
+    message = bytes(make.Output())
+    message += bytes(-len(message) % 8)
+    start = b"\xff" * 4
+    (HERE / "big_endian.arrows").write_bytes(start + len(message).to_bytes(4, "little") + message + start + bytes(4))
+
+
+def mat74():
+    """As mat73, with another version in its text, and with a longer block of text."""
+    whole = (HERE / "mat73.mat").read_bytes().replace(b"MATLAB 7.3 MAT", b"MATLAB 7.4 MAT", 1)
+    (HERE / "mat74.mat").write_bytes(whole)
+    path = HERE / "h5py_block.mat"
+    with h5py.File(path, "w", userblock_size=2048, libver=("earliest", "v108")) as file:
+        for name, values in SIGNAL.items():
+            file[name] = values[None, :]
+    with open(path, "r+b") as file:
+        file.write(whole[:512].ljust(2048, b"\0"))
+
+
+for write in [parquet, arrow, matlab, hdf5, mat73, xlsx, more_parquet, big_endian, mat74]:
     if len(sys.argv) == 1 or write.__name__ in sys.argv:
         write()
