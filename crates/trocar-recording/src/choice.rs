@@ -184,6 +184,7 @@ fn layout_of(
     needed: &[Quantity],
 ) -> Result<Layout, RecordingError> {
     let needed = &choice.needed_columns(needed)[..];
+    let dates = container.dates(table);
     let (table, first_rows) = (&container.tables()[table], || first_rows(container, table));
     let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
     let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };
@@ -200,7 +201,7 @@ fn layout_of(
             let units: Vec<String> = table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
             let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
             let (names, units) = (&names, &units);
-            let header = Header { file, place: &place, names, units, timestamps: &[], first_rows: &first_rows };
+            let header = Header { file, place: &place, names, units, timestamps: &dates, first_rows: &first_rows };
             header.layout(&given, needed)?
         }
     };

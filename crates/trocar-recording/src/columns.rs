@@ -163,6 +163,29 @@ pub(crate) fn is_related(name: &str) -> bool {
     words_of(&lower(name)).iter().any(|word| NOT_MEASURED.contains(word))
 }
 
+/// Units of angles.
+const ANGLES: [&str; 13] =
+    ["deg", "degs", "degree", "degrees", "grad", "rad", "rads", "radian", "radians", "mrad", "rev", "revs", "turns"];
+
+/// Whether the unit of a column, declared or at the end of its name, is that of an angle: no
+/// position along the instrument, whatever the name says.
+pub(crate) fn is_angle(name: &str, declared: &str) -> bool {
+    let (own, declared) = (lower(name), lower(declared));
+    let has_unit = |text: &str| text.contains('°') || words_of(text).last().is_some_and(|word| ANGLES.contains(word));
+    // Without a unit in the name the declared one counts; `deg/s` and `N m/rad` are no angles.
+    let unit_of_name = |text: &str| !text.contains(['/', '·', '^']) || text.contains('°');
+    let is_alone = |text: &str| words_of(text).len() == 1 || text.contains('°');
+    (has_unit(&own) && unit_of_name(&own) && !own.ends_with("c)") && !own.contains("°c"))
+        || (is_alone(&declared) && has_unit(&declared) && !declared.contains("°c"))
+}
+
+/// Why a column of angles is refused.
+pub(crate) const AN_ANGLE: &str = "is an angle, expected a position in m, mm, cm, um or in";
+
+/// The remedy for a column of angles.
+pub(crate) const CONVERT_ANGLE: &str = "convert the angle before: position_m = lever_arm_m * angle_rad with 1 deg = 0.0174533 rad; \
+     the lever arm of a spindle is its lead / (2 pi)";
+
 /// Units that are also something else: a mass, a minimum, an inlet.
 const WEAK_UNITS: [&str; 6] = ["g", "kg", "lb", "lbs", "min", "in"];
 
@@ -343,6 +366,31 @@ impl Layout {
         self
     }
 
+    /// The value of `--columns` that reverses the sign of the position and leaves the rest as it was
+    /// chosen with `given`.
+    pub(crate) fn reversed_position(&self, given: Option<&str>) -> Option<String> {
+        let is_position = |word: &&str| {
+            let quantity = recognise(word.split('=').next().unwrap_or_default());
+            quantity.is_some_and(|reading| reading.quantity == Quantity::Position)
+        };
+        if let Some(in_order) = given.filter(|given| !given.contains('=')) {
+            let turn = |word: &str| match word.trim().strip_prefix('-') {
+                Some(front) if is_position(&front) => front.to_owned(),
+                None if is_position(&word) => format!("-{}", word.trim()),
+                _ => word.to_owned(),
+            };
+            return Some(in_order.split(',').map(turn).collect::<Vec<_>>().join(","));
+        }
+        let mut turned = self.clone();
+        let slots = turned.slots.iter_mut().flatten();
+        slots.filter(|slot| slot.is(Quantity::Position)).for_each(|slot| slot.per_si = -slot.per_si);
+        let mut words = turned.words();
+        if given.is_none() {
+            words.retain(|word| is_position(&&**word));
+        }
+        (!words.is_empty()).then(|| words.join(","))
+    }
+
     /// Reverses the sign of the force.
     pub(crate) fn flip_force(&mut self) {
         let slots = self.slots.iter_mut().flatten();
@@ -445,12 +493,19 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
         return Ok(None);
     }
     let bad = |problem: String| RecordingError::BadColumns { entry: name.to_owned(), problem };
+    let (name, reversed) = match name.strip_prefix('-') {
+        Some(front) => (front.trim(), true),
+        None => (name, false),
+    };
+    if is_angle(name, "") {
+        return Err(bad(format!("an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}")));
+    }
     let reading =
         recognise(name).ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
     let per_si = reading
         .per_si
         .ok_or_else(|| bad(format!("without a unit, expected one of {}", reading.quantity.unit_list())))?;
-    Ok(Some(Slot::of(reading.quantity, per_si)))
+    Ok(Some(Slot::of(reading.quantity, if reversed { -per_si } else { per_si })))
 }
 
 /// The entries of `--columns`, separated by commas except within a name that begins and ends with
@@ -539,6 +594,15 @@ impl Given {
                 Err(RecordingError::BadColumns { entry: self.column.clone(), problem })
             }
         }
+    }
+
+    /// Rejects a column of angles, with its declared unit, as a position.
+    pub(crate) fn check_angle(&self, name: &str, declared: &str) -> Result<(), RecordingError> {
+        if self.quantity != Quantity::Position || !is_angle(name, declared) {
+            return Ok(());
+        }
+        let problem = format!("an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}");
+        Err(RecordingError::BadColumns { entry: format!("position={name}"), problem })
     }
 
     /// Slot with the unit of the entry, otherwise with that of `name`.
@@ -670,6 +734,47 @@ mod tests {
         ] {
             assert_eq!(reading(name), Some((quantity, true, Some(per_si))), "{name}");
         }
+    }
+
+    #[test]
+    fn angles_are_known_by_their_units() {
+        for (name, declared) in [
+            ("position_deg", ""),
+            ("Position [rad]", ""),
+            ("pos (°)", ""),
+            ("encoder angle deg", ""),
+            ("position", "deg"),
+            ("position", "rad"),
+            ("x", "°"),
+        ] {
+            assert!(is_angle(name, declared), "{name} {declared}");
+        }
+        for (name, declared) in [
+            ("position_mm", ""),
+            ("radius_mm", ""),
+            ("temperature (°C)", ""),
+            ("velocity_deg/s", ""),
+            ("stiffness", "N m/rad"),
+            ("position", "mm"),
+        ] {
+            assert!(!is_angle(name, declared), "{name} {declared}");
+        }
+    }
+
+    #[test]
+    fn a_minus_reverses_the_sign_in_order_and_by_name() {
+        let layout = Layout::from_mapping("time_s,-position_mm,force_n", &[]).unwrap();
+        assert_eq!(layout.slots[1], Some(Slot::of(Quantity::Position, -1e3)));
+        let given = Given::parse("position_mm=-\"load, filtered\"").unwrap();
+        assert_eq!((&*given[0].column, given[0].reversed), ("load, filtered", true));
+        assert_eq!(
+            layout.reversed_position(Some("time_s,-position_mm,-,force_n")).unwrap(),
+            "time_s,position_mm,-,force_n"
+        );
+        assert_eq!(
+            layout.reversed_position(Some("time_s, position_mm,force_n")).unwrap(),
+            "time_s,-position_mm,force_n"
+        );
     }
 
     #[test]

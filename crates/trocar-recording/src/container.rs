@@ -68,6 +68,12 @@ pub trait Container {
         0
     }
 
+    /// Columns of a table that are dates in the file: their numbers are seconds, whatever their
+    /// names say.
+    fn dates(&self, _table: usize) -> Vec<usize> {
+        Vec::new()
+    }
+
     /// Starts to read some columns of one table, by their indices, from the first row.
     ///
     /// # Errors

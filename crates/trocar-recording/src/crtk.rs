@@ -14,6 +14,8 @@ use super::formats::{HEADER_STAMP, LOG_TIME};
 pub(crate) enum Certainty {
     /// Possible; must be confirmed by the user.
     Unclear,
+    /// Measured by something else than a sensor of the quantity; used if there is no such sensor.
+    Indirect,
     /// Used if there is nothing better, with a note.
     Likely,
     /// Follows from the names.
@@ -116,8 +118,11 @@ fn joint(field: &str, measured: bool) -> Option<Candidate> {
         let why = "the message does not name its joints; the third of an instrument's arm is its insertion in m, the others turn";
         return Some(candidate(quantity, unit, Certainty::Unclear, why));
     }
-    let is_sure = measured && quantity != Quantity::Force;
-    let certainty = if is_sure { Certainty::Clear } else { Certainty::Likely };
+    let certainty = match quantity {
+        Quantity::Force => Certainty::Indirect,
+        _ if measured => Certainty::Clear,
+        _ => Certainty::Likely,
+    };
     Some(candidate(quantity, unit, certainty, &format!("{what}, by its name {label}")))
 }
 
@@ -164,7 +169,7 @@ mod tests {
             ("/psm1/measured_js", JOINTS, "position[insertion]", (Quantity::Position, "m", Clear)),
             ("/PSM1/measured_js", JOINTS, "position[outer_insertion]", (Quantity::Position, "m", Clear)),
             ("/psm1/measured_js", JOINTS, "velocity[insertion]", (Quantity::Velocity, "m/s", Clear)),
-            ("/psm1/measured_js", JOINTS, "effort[insertion]", (Quantity::Force, "N", Likely)),
+            ("/psm1/measured_js", JOINTS, "effort[insertion]", (Quantity::Force, "N", Indirect)),
             ("/psm1/measured_js", JOINTS, "position[2]", (Quantity::Position, "m", Unclear)),
             ("/joint_states", JOINTS, "position[arm_insertion]", (Quantity::Position, "m", Likely)),
             ("/psm1/body/measured_cf", "geometry_msgs/WrenchStamped", "wrench.force.z", (Quantity::Force, "N", Clear)),

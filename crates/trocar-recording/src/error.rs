@@ -199,6 +199,22 @@ pub enum RecordingError {
         /// Remedy, with its own line break, or empty.
         hint: &'static str,
     },
+    /// A cell of a used column of a spreadsheet is not a number.
+    #[error(
+        "{file} sheet '{sheet}' cell {cell}: found '{found}' in column {column}, expected a number\n\nhint: correct the cell, or clear it: an empty cell is a missing number"
+    )]
+    CellNotANumber {
+        /// File name as given by the caller.
+        file: String,
+        /// Name of the sheet.
+        sheet: Box<str>,
+        /// The cell, such as `B17`.
+        cell: Box<str>,
+        /// Name of the column.
+        column: Box<str>,
+        /// Its content, shortened.
+        found: Box<str>,
+    },
     /// A cell is empty, NaN or infinite where every row is required (`simulate`).
     #[error(
         "{file} {place}: {quantity} is {found}, expected a finite number\n\nhint: remove the row or fill it in; a replay needs every position"

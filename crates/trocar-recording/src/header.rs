@@ -3,7 +3,10 @@
 //! Doubt is an error with all that is unclear at once, and with the option that settles it.
 
 use super::RecordingError;
-use super::columns::{Given, Layout, Quantity, Reading, Slot, entry, is_related, listed, reading_with, unit_alone};
+use super::columns::{
+    AN_ANGLE, CONVERT_ANGLE, Given, Layout, Quantity, Reading, Slot, entry, is_angle, is_related, listed, reading_with,
+    unit_alone,
+};
 
 /// The names of the columns, and what else tells their meaning.
 pub(crate) struct Header<'a> {
@@ -76,6 +79,10 @@ impl Header<'_> {
         let mut notes = Vec::new();
         let mut readings: Vec<Option<Reading>> =
             names.iter().enumerate().map(|(k, name)| reading_with(name, self.unit(k), &mut notes)).collect();
+        // An angle is no position, even if nothing else is.
+        for (k, reading) in readings.iter_mut().enumerate() {
+            reading.take_if(|own| own.quantity == Quantity::Position && self.is_angle(k));
+        }
         for k in self.timestamps {
             // The unit of a date is known.
             let own = readings[*k].as_mut().filter(|own| own.quantity == Quantity::Time);
@@ -83,6 +90,7 @@ impl Header<'_> {
         }
         for named in given {
             let index = named.find(names)?;
+            named.check_angle(&names[index], self.unit(index))?;
             if slots[index].is_some() {
                 let problem = "a column named for two quantities, expected one".to_owned();
                 return Err(RecordingError::BadColumns { entry: names[index].clone(), problem });
@@ -124,6 +132,17 @@ impl Header<'_> {
             return Err(self.unclear(&doubts, &readings, &slots));
         }
         Ok(Layout { names: names.to_vec(), slots, source: "the header", notes, by_unit, ..Layout::default() })
+    }
+
+    fn is_angle(&self, column: usize) -> bool {
+        is_angle(&self.names[column], self.unit(column))
+    }
+
+    /// A column of angles where a position is needed.
+    fn angle(&self, doubts: &[(Quantity, Doubt)]) -> Option<usize> {
+        let lacks =
+            |(quantity, doubt): &(Quantity, Doubt)| *quantity == Quantity::Position && matches!(doubt, Doubt::Missing);
+        doubts.iter().any(lacks).then(|| (0..self.names.len()).find(|k| self.is_angle(*k)))?
     }
 
     /// Declared unit of a column; empty without one.
@@ -189,6 +208,7 @@ impl Header<'_> {
                 }
             }
         }
+        problems.extend(self.angle(doubts).map(|k| format!("column '{}' {AN_ANGLE}", self.names[k])));
         RecordingError::UnclearColumns {
             file: self.file.to_owned(),
             place: self.place.into(),
@@ -224,6 +244,9 @@ impl Header<'_> {
             let option = in_shell(&entries.join(","));
             let caution = caution(&proposed, &rows);
             sentences.push(format!("say which column is which, for example --columns {option}{caution}"));
+        }
+        if self.angle(doubts).is_some() {
+            sentences.push(CONVERT_ANGLE.to_owned());
         }
         if !left_out.is_empty() {
             let names: Vec<String> = left_out.iter().map(|quantity| quantity.name().to_owned()).collect();
@@ -275,7 +298,7 @@ impl Header<'_> {
         let known = rows.iter().any(|column| !column.is_empty());
         let numeric = |k: usize| !known || rows.get(k).is_some_and(|column| !column.is_empty());
         let named = |k: usize| !self.names[k].is_empty() && !is_related(&self.names[k]);
-        let of_none = |k: usize| readings[k].is_none();
+        let of_none = |k: usize| readings[k].is_none() && !self.is_angle(k);
         (0..self.names.len()).filter(|k| !taken.contains(k) && of_none(*k) && named(*k) && numeric(*k)).collect()
     }
 }

@@ -5,8 +5,8 @@
 //! - Rows are at the stamps of one topic, by default that of the position. Its values are
 //!   unchanged.
 //! - The values of every other topic are interpolated linearly between the two samples around the
-//!   row; a sample at exactly the time of the row is used alone. Nothing is extrapolated: before
-//!   the first sample and after the last the value is NaN.
+//!   row; a sample at exactly the time of the row is used alone. Nothing is extrapolated: rows
+//!   before the first sample or after the last are left out, with a note.
 //! - Nor is anything interpolated across a gap: an interval longer than [`LONGEST_GAP`] times the
 //!   95th percentile of that topic's intervals (determined to within 1 %) gives NaN.
 //! - The clock is `header.stamp` if every topic has it, all follow the same clock, and it advances
@@ -410,8 +410,9 @@ impl Lane {
         row
     }
 
-    /// Adds the values at `time`, which never decreases, to `columns`.
-    fn at(&mut self, time: f64, columns: &mut [Vec<f64>]) -> Result<(), RecordingError> {
+    /// Adds the values at `time`, which never decreases, to `columns`; `false` if that is before the
+    /// first sample or after the last.
+    fn at(&mut self, time: f64, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
         while self.head()?.is_some_and(|head| head <= time) {
             let sample = self.pop();
             match &self.before {
@@ -420,6 +421,7 @@ impl Lane {
             }
         }
         let after = self.head()?;
+        let mut is_covered = true;
         let between = match (&self.before, after) {
             (Some(before), _) if before[0] == time => Some((before, 0.0)),
             (Some(before), Some(after)) => {
@@ -434,6 +436,7 @@ impl Lane {
             }
             _ => {
                 self.outside += 1;
+                is_covered = false;
                 None
             }
         };
@@ -447,7 +450,7 @@ impl Lane {
                 }
             });
         }
-        Ok(())
+        Ok(is_covered)
     }
 }
 
@@ -465,6 +468,7 @@ impl Batches for Join {
             let Some(time) = self.lanes[self.onto].head()? else { break };
             let row = self.lanes[self.onto].pop();
             clock.push(time);
+            let mut is_covered = true;
             let mut from = 0;
             for (place, lane) in self.lanes.iter_mut().enumerate() {
                 let columns = &mut values[from..from + lane.rows.len() - 1];
@@ -472,8 +476,12 @@ impl Batches for Join {
                 if place == self.onto {
                     columns.iter_mut().zip(&row[1..]).for_each(|(column, value)| column.push(*value));
                 } else {
-                    lane.at(time, columns)?;
+                    is_covered &= lane.at(time, columns)?;
                 }
+            }
+            if !is_covered {
+                clock.pop();
+                values.iter_mut().for_each(|column| column.truncate(clock.len()));
             }
         }
         Ok(!clock.is_empty())
@@ -489,10 +497,11 @@ impl Batches for Join {
                 "{name} ({rate:.1} per second on average) is {slower}interpolated; the nearest sample of a row is at most {furthest:.3} ms away"
             ));
             let (outside, in_gaps, longest) = (lane.outside, lane.in_gaps, lane.longest * 1e3);
-            if outside + in_gaps > 0 {
-                notes.push(format!(
-                    "{name} has no value at {outside} rows before its first sample or after its last, and at {in_gaps} rows in gaps longer than {longest:.3} ms"
-                ));
+            if outside > 0 {
+                notes.push(format!("{outside} rows before the first sample of {name} or after its last are left out"));
+            }
+            if in_gaps > 0 {
+                notes.push(format!("{name} has no value at {in_gaps} rows in gaps longer than {longest:.3} ms"));
             }
         }
         notes
@@ -611,12 +620,11 @@ mod tests {
             let (first, last) = (other[0][0], other[other.len() - 1][0]);
             let log = Log::new(7, &[("/a", line(0.0, &main, 0.0)), ("/b", other)]);
             let (columns, _) = joined(&log);
-            prop_assert_eq!(columns[0].len(), main.len());
+            let times = line(0.0, &main, 0.0).into_iter().map(|row| row[0]);
+            let covered: Vec<f64> = times.filter(|time| (first..=last).contains(time)).collect();
+            prop_assert_eq!(&columns[0], &covered);
             for (row, &time) in columns[0].iter().enumerate() {
-                prop_assert_eq!(columns[2][row].is_nan(), time < first || time > last, "{} s", time);
-                if columns[2][row].is_finite() {
-                    prop_assert!((columns[2][row] - (3.0 + 2.0 * time)).abs() < EXACT);
-                }
+                prop_assert!((columns[2][row] - (3.0 + 2.0 * time)).abs() < EXACT);
             }
         }
 
@@ -666,14 +674,16 @@ mod tests {
     fn nothing_is_made_up_in_gaps() {
         let mut intervals = vec![2e-3; 60];
         intervals[30] = 20e-3;
-        let log = Log::new(16, &[("/a", line(2e-3 + 0.5e-3, &[1e-3; 130], 0.0)), ("/b", line(0.0, &intervals, 0.0))]);
+        let log = Log::new(16, &[("/a", line(2e-3 + 0.5e-3, &[1e-3; 145], 0.0)), ("/b", line(0.0, &intervals, 0.0))]);
         let (columns, joined) = joined(&log);
         for (row, &time) in columns[0].iter().enumerate() {
             let is_inside = time > 60e-3 && time < 80e-3;
-            assert_eq!(columns[2][row].is_nan(), is_inside || time > 138e-3, "{time} s");
+            assert_eq!(columns[2][row].is_nan(), is_inside, "{time} s");
         }
+        assert!(columns[0].iter().all(|time| *time < 138.1e-3), "nothing after the last sample");
         let notes = joined.batches.notes();
         assert!(notes.iter().any(|note| note.contains("at 20 rows in gaps")), "{notes:?}");
+        assert!(notes.iter().any(|note| note.contains("after its last are left out")), "{notes:?}");
         assert!(notes.iter().any(|note| note.contains("slower than the rows")), "{notes:?}");
     }
 

@@ -30,7 +30,7 @@ pub use error::{Location, RecordingError};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-pub use screen::{median, range};
+pub use screen::{OPPOSED, median, range};
 pub use tables::{read_columns, tables};
 
 pub mod block;
@@ -316,6 +316,16 @@ pub fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, V
     let mut recording = collector.finish(&file, name, reader.digest()?, options.sensor_limit)?;
     recording.choice = options.choice.clone();
     recording.quality.notes.extend(reader.notes());
+    // The file's own names make an option that can be pasted.
+    let given = options.choice.columns.as_deref();
+    let flip = if options.choice.flip_force { "leave out --flip-force" } else { "use --flip-force" };
+    let opposed = recording.quality.warnings.iter_mut().find(|warning| warning.kind == WarningKind::ForceSign);
+    if let Some((warning, turned)) = opposed.zip(reader.layout().reversed_position(given)) {
+        let turned = turned.replace('\'', r"'\''");
+        warning.hint = Some(format!(
+            "{flip} if the sensor is mounted the other way round, or use --columns '{turned}' if the encoder counts the other way round"
+        ));
+    }
     let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
     recording.quality.warnings.extend(reader.warnings().into_iter().map(of_the_file));
     // Columns without names are identified by their order.

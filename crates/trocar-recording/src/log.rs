@@ -155,11 +155,23 @@ impl Topics<'_> {
                 table: *table,
                 column: *column,
                 slot: Slot { output: quantity as usize, per_si: 1.0 },
-                why: Some(candidate.why.clone()),
+                why: Some(format!("{}{}", candidate.why, self.instead(quantity, *table, *column, &candidates))),
             })),
             _ if !needed => Ok(None),
             _ => Err(self.unclear(quantity, &candidates)),
         }
+    }
+
+    /// How to choose the effort of a motor where a force sensor was taken.
+    fn instead(&self, quantity: Quantity, table: usize, column: usize, all: &[(usize, usize, Candidate)]) -> String {
+        let is_other = |(t, c, candidate): &&(usize, usize, Candidate)| {
+            (*t, *c) != (table, column) && candidate.certainty == Certainty::Indirect
+        };
+        let other =
+            all.iter().find(is_other).map(|(t, c, candidate)| (self.name(*t, *c), candidate.unit.to_lowercase()));
+        other.map_or(String::new(), |(name, unit)| {
+            format!("; preferred to {name}, which --columns '{}_{unit}={name}' would take", quantity.name())
+        })
     }
 
     /// Of a pose, the axis with nearly all of the travel is likely that of the instrument.

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::RecordingError;
 use super::container::Container;
-use super::formats::{Source, mat5};
+use super::formats::{Source, mat5, read_exact_at};
 use super::text::TextTable;
 
 /// Opens a file of any format; text is one table.
@@ -52,8 +52,9 @@ pub fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
     let length = file.metadata().map_err(refused)?.len();
     let mut head = Vec::new();
     (&file).take(HEAD as u64).read_to_end(&mut head).map_err(refused)?;
-    let Some(kind) = Kind::of(&head) else { return Ok(None) };
-    let format = if head.starts_with(b"MATLAB 7.3") { "MATLAB 7.3" } else { kind.name() };
+    let kind = Kind::of(&head).or_else(|| is_hdf5_after_text(&file, &head).then_some(Kind::Hdf5));
+    let Some(kind) = kind else { return Ok(None) };
+    let format = if kind == Kind::Hdf5 && head.starts_with(b"MATLAB 7.") { "MATLAB 7.3" } else { kind.name() };
     let source = Source { file: name, format };
     kind.open(path, file, length, source).map(Some)
 }
@@ -86,19 +87,22 @@ enum Kind {
     Hdf5,
     Mcap,
     Rosbag,
+    Ros1,
+    Xlsx,
 }
 
 impl Kind {
     fn of(head: &[u8]) -> Option<Self> {
-        const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
         let version = head.get(124..128).unwrap_or_default();
         Some(match head {
             _ if head.starts_with(b"PAR1") || head.starts_with(b"PARE") => Self::Parquet,
             _ if head.starts_with(b"ARROW1") => Self::Arrow,
             _ if head.starts_with(b"\x89MCAP0\r\n") => Self::Mcap,
+            _ if head.starts_with(b"#ROSBAG V") => Self::Ros1,
             _ if head.starts_with(b"SQLite format 3\0") => Self::Rosbag,
             _ if head.starts_with(HDF5) || head.get(512..).is_some_and(|head| head.starts_with(HDF5)) => Self::Hdf5,
             _ if version == b"\x00\x01IM" || version == b"\x01\x00MI" => Self::Mat5,
+            _ if head.starts_with(b"PK\x03\x04") => Self::Xlsx,
             _ if head.starts_with(&[0xff; 4]) && is_arrow_message(head) => Self::ArrowStream,
             _ if mat5::is_version_4(head) => Self::Mat4,
             _ => return None,
@@ -115,6 +119,8 @@ impl Kind {
             Self::Hdf5 => "HDF5",
             Self::Mcap => "MCAP",
             Self::Rosbag => "SQLite",
+            Self::Ros1 => "ROS 1 bag",
+            Self::Xlsx => "Excel workbook",
         }
     }
 
@@ -139,6 +145,14 @@ impl Kind {
             Self::Mcap => super::formats::mcap::open(path),
             #[cfg(feature = "rosbag")]
             Self::Rosbag => super::formats::rosbag::open(path),
+            #[cfg(feature = "ros1")]
+            Self::Ros1 => super::formats::ros1::open(path),
+            #[cfg(not(feature = "ros1"))]
+            Self::Ros1 => lacks("ros1"),
+            #[cfg(feature = "xlsx")]
+            Self::Xlsx => Ok(Box::new(super::formats::xlsx::Xlsx::open(path, source)?)),
+            #[cfg(not(feature = "xlsx"))]
+            Self::Xlsx => lacks("xlsx"),
             #[cfg(not(feature = "mcap"))]
             Self::Mcap => lacks("mcap"),
             #[cfg(not(feature = "rosbag"))]
@@ -151,6 +165,19 @@ impl Kind {
             Self::Hdf5 => lacks("hdf5"),
         }
     }
+}
+
+/// First bytes of an HDF5 file, or of what follows a block of the user's.
+const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+
+/// Whether HDF5 follows a block of text as MATLAB writes it, longer than its usual 512 bytes: by the
+/// definition of HDF5 any power of two.
+fn is_hdf5_after_text(file: &File, head: &[u8]) -> bool {
+    let is_there = |at: u64| {
+        let mut bytes = [0; HDF5.len()];
+        read_exact_at(file, &mut bytes, at).is_ok() && bytes == *HDF5
+    };
+    head.starts_with(b"MATLAB") && [1024, 2048, 4096, 8192].into_iter().any(is_there)
 }
 
 /// Whether the bytes after the message marker can be the length of a schema, which begins every

@@ -544,7 +544,7 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
         warn(WarningKind::Stroke, format!("the position covers only {stroke:.4} mm"), Some(hint));
     }
     if quality.force_opposes_motion {
-        let hint = "if the sensor is mounted the other way round, use --flip-force";
+        let hint = OPPOSED;
         warn(
             WarningKind::ForceSign,
             "the force opposes the motion: lower on insertion than on withdrawal".into(),
@@ -553,6 +553,11 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     }
     warnings
 }
+
+/// The ways out where the force opposes the motion. A sensor and an encoder that are mounted the
+/// other way round give the same sign of the work, so the data do not tell which of them it is.
+pub const OPPOSED: &str = "use --flip-force if the sensor is mounted the other way round; if the encoder counts the other way round, \
+     reverse the position with a minus before its column, as in --columns 'position_m=-NAME'";
 
 /// Warnings about numbers that probably have another unit.
 fn doubtful_units(columns: &Columns, quality: &Quality) -> Vec<Warning> {

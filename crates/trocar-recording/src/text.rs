@@ -517,6 +517,28 @@ impl<R: Read> TextReader<R> {
     }
 }
 
+/// What precedes the rows of a table, and how its numbers are written.
+#[cfg(feature = "xlsx")]
+pub(super) struct Head {
+    pub(super) names: Vec<String>,
+    /// One each, or none at all.
+    pub(super) units: Vec<String>,
+    /// Lines before the first row.
+    pub(super) lines: usize,
+    pub(super) format: Format,
+    pub(super) notes: Vec<String>,
+}
+
+/// The head of a table whose first lines are given as text.
+#[cfg(feature = "xlsx")]
+pub(super) fn head_of(file: &str, text: &[u8]) -> Result<Head, RecordingError> {
+    let reader = TextReader::open(file, text, Wanted::All(0), true, false)?;
+    let mut header = reader.header.into_iter();
+    let names = header.next().unwrap_or(reader.layout.names);
+    let (units, lines) = (header.next().unwrap_or_default(), (reader.first_row - 1) as usize);
+    Ok(Head { names, units, lines, format: reader.format, notes: reader.layout.notes })
+}
+
 /// A text file as a table of all its columns.
 pub(super) struct TextTable {
     path: PathBuf,

@@ -12,6 +12,9 @@ const ROWS: usize = 240;
 /// Largest difference between the sines of NumPy and Rust, in the unit of the column.
 const SINES: f64 = 1e-12;
 
+/// Excel's days resolve 0.6 µs; two of them, rounded to microseconds, differ by at most this, s.
+const DAYS: f64 = 2e-6;
+
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats").join(name)
 }
@@ -204,6 +207,96 @@ fn matlab_7_3() {
 }
 
 #[test]
+fn excel_sheets_of_openpyxl() {
+    let file = "openpyxl.xlsx";
+    assert_eq!(
+        all_tables(file).iter().map(|table| table.name.as_str()).collect::<Vec<_>>(),
+        ["Data", "Dates", "Fault"]
+    );
+    assert_eq!(column_names(file, "Data"), ["Time", "Position", "Force", "gappy", "double", "note"]);
+    assert_eq!(unit(file, "Data", "Position").as_deref(), Some("mm"));
+    compare(file, "Data", "Time", ROWS, 0.0, time);
+    compare(file, "Data", "Position", ROWS, SINES, position);
+    compare(file, "Data", "gappy", ROWS, 0.0, gappy);
+    // A formula counts with its result.
+    compare(file, "Data", "double", ROWS, 2.0 * SINES, |k| 2.0 * force(k));
+    // Dates across midnight, of Excel's days and as text.
+    compare(file, "Dates", "Stamp", ROWS, DAYS, time);
+    compare(file, "Dates", "iso", ROWS, 0.0, time);
+    compare(file, "Fault", "force_n", ROWS, SINES, |k| if k == 7 { f64::NAN } else { force(k) });
+    let error = read_columns(fixture(file), "Fault", &["time_s", "position_mm"]).unwrap_err().to_string();
+    assert!(error.contains("sheet 'Fault' cell B17: found 'off' in column position_mm, expected a number"), "{error}");
+    assert!(error.contains("hint: correct the cell, or clear it"), "{error}");
+    let error = read_columns(fixture(file), "Data", &["note"]).unwrap_err().to_string();
+    assert!(error.contains("holds no numbers"), "{error}");
+}
+
+#[test]
+fn a_sheet_becomes_a_recording_as_a_text_file_does() {
+    let of = |topic: &str| {
+        let choice = Choice { topics: vec![topic.to_owned()], ..Choice::default() };
+        read(&fixture("openpyxl.xlsx"), &ReadOptions { choice, ..ReadOptions::default() }).unwrap()
+    };
+    for (sheet, note) in
+        [("Data", "sheet 'Data': 2 lines before the header skipped"), ("Dates", "column 'Stamp' taken as time")]
+    {
+        let recording = of(sheet);
+        assert_eq!(recording.len(), ROWS);
+        for k in 0..ROWS {
+            assert!((recording.time[k] - time(k)).abs() < DAYS, "{sheet} row {k}");
+            assert!((recording.position[k] - 1e-3 * position(k)).abs() < 1e-15, "{sheet} row {k}");
+            assert!((recording.force[k] - force(k)).abs() <= SINES, "{sheet} row {k}");
+        }
+        assert!(recording.quality.notes.iter().any(|own| own.contains(note)), "{:?}", recording.quality.notes);
+    }
+    let error = read(&fixture("openpyxl.xlsx"), &ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("could come from Data, Fault") && error.contains("--topic"), "{error}");
+}
+
+#[test]
+fn an_archive_that_is_no_workbook_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recordings.zip");
+    // An archive without entries but for its end, behind the mark of a file.
+    let end = [&b"PK\x03\x04PK\x05\x06"[..], &[0; 18]].concat();
+    std::fs::write(&path, end).unwrap();
+    let error = tables(&path).unwrap_err().to_string();
+    assert!(error.contains("hint: "), "{error}");
+}
+
+#[test]
+fn decimals_and_half_floats_of_parquet() {
+    // The first file holds decimals in whole numbers where they fit, the second in bytes of one length.
+    for file in ["pyarrow_decimal.parquet", "pyarrow_fixed_decimal.parquet"] {
+        compare(file, "", "time_s", ROWS, 0.0, time);
+        // 10 bits of fraction, of numbers up to 60.
+        compare(file, "", "position_mm", ROWS, 0.016, position);
+        compare(file, "", "force_n", ROWS, 0.6e-9, force);
+        compare(file, "", "wide", ROWS, SINES, force);
+        compare(file, "", "gappy", ROWS, 0.0, gappy);
+    }
+}
+
+#[test]
+fn numbers_of_another_byte_order_are_refused() {
+    let error = refusal("big_endian.arrows");
+    assert!(
+        error.contains("numbers in big-endian byte order, which is not read") && error.contains("hint: "),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_later_version_in_the_text_of_a_matlab_file_changes_nothing() {
+    assert_eq!(all_tables("mat74.mat"), all_tables("mat73.mat"));
+    signal("mat74.mat", "");
+    // The block of text may be longer.
+    let whole = std::fs::read(fixture("h5py_block.mat")).unwrap();
+    assert_eq!(whole.iter().position(|byte| *byte == 0x89), Some(2048));
+    signal("h5py_block.mat", "");
+}
+
+#[test]
 fn the_bytes_decide_and_never_the_ending() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording.parquet");
@@ -287,7 +380,7 @@ fn a_column_of_a_log_is_one_quantity() {
 fn files_cut_off_say_so() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut");
-    for name in ["pyarrow_snappy.parquet", "pyarrow_lz4.feather", "scipy_plain.mat", "mat73.mat"] {
+    for name in ["pyarrow_snappy.parquet", "pyarrow_lz4.feather", "scipy_plain.mat", "mat73.mat", "openpyxl.xlsx"] {
         let whole = std::fs::read(fixture(name)).unwrap();
         std::fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
         let faults = read_all(&path);

@@ -605,12 +605,51 @@ fn a_given_sensor_limit_finds_saturation_without_noise() {
 }
 
 #[test]
+fn an_angle_is_never_a_position() {
+    let rows = rows(50);
+    for name in ["position_deg", "Position [rad]", "pos (°)", "motor angle deg"] {
+        let message = message(text(&format!("time_s,{name},force_n"), &rows));
+        assert_says(
+            &message,
+            &[
+                &format!("column '{name}' is an angle, expected a position in m"),
+                "position_m = lever_arm_m * angle_rad with 1 deg = 0.0174533 rad",
+            ],
+        );
+        assert!(!message.contains("--columns 'position"), "{message}");
+        let forced =
+            message_with(text(&format!("time_s,{name},force_n"), &rows), &columns(&format!("position_mm={name}")));
+        assert_says(&forced, &["an angle, expected a position in m"]);
+    }
+    let message = message_with(text(HEADER, &rows), &columns("time_s,position_deg,force_n"));
+    assert_says(&message, &["'position_deg' is an angle", "lever_arm_m"]);
+    // Beside a position an angle does not matter.
+    let beside: Vec<String> = rows.iter().map(|row| format!("{row},1")).collect();
+    let recording = read_text(text("time_s,position_m,force_n,position_deg", &beside));
+    assert_eq!(recording.position, read_text(text("time_s,position_m,force_n", &rows)).position);
+}
+
+#[test]
 fn a_flipped_force_is_noticed_and_can_be_flipped_back() {
     let flipped: Vec<String> = (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{:.4}", 0.7 - f)).collect();
     let flipped = text(HEADER, &flipped);
     let recording = read_text(&flipped);
     assert_eq!(kinds(&recording), [WarningKind::ForceSign]);
-    assert_says(recording.quality.warnings[0].hint.as_deref().unwrap(), &["--flip-force"]);
+    let (time, position) = (&recording.time, &recording.position);
+    let hint = recording.quality.warnings[0].hint.as_deref().unwrap();
+    // A reversed sensor and a reversed encoder look the same: both ways are offered, and both help.
+    assert_says(hint, &["use --flip-force if the sensor", "or use --columns 'position_m=-position_m' if the encoder"]);
+    let turned = read(&Scratch::new().file(&flipped), &columns("position_m=-position_m")).unwrap();
+    assert_eq!(turned.quality.warnings, []);
+    assert_eq!((&turned.time, -turned.position[7]), (time, position[7]));
+    let rows: Vec<String> =
+        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3};{};{:.4}", 1e3 * x, 0.7 - f)).collect();
+    let own = read(&Scratch::new().file(text("Zeit [s];Weg, [mm];Kraft [N]", &rows)), &ReadOptions::default()).unwrap();
+    let hint = own.quality.warnings[0].hint.clone().unwrap();
+    let option = hint.split("--columns '").nth(1).and_then(|rest| rest.split("' if").next()).unwrap();
+    assert_eq!(option, "position_mm=-\"Weg, [mm]\"");
+    let turned = read(&Scratch::new().file(text("Zeit [s];Weg, [mm];Kraft [N]", &rows)), &columns(option)).unwrap();
+    assert_eq!(turned.quality.warnings, []);
     let options = ReadOptions { choice: Choice { flip_force: true, ..Choice::default() }, ..ReadOptions::default() };
     let back = read(&Scratch::new().file(&flipped), &options).unwrap();
     assert_eq!(back.quality.warnings, []);

@@ -220,7 +220,9 @@ fn names_alone_choose_the_insertion_joint_and_the_wrench() {
         "/psm1/measured_js.position[insertion] taken as position",
         "/psm1/measured_cf.wrench.force.z taken as force",
         "times are header.stamp_s",
-        "/psm1/measured_cf has no value at",
+        "/psm1/measured_cf has no value at 22 rows in gaps",
+        "rows before the first sample of /psm1/measured_cf or after its last are left out",
+        "preferred to /psm1/measured_js.effort[insertion], which --columns 'force_n=/psm1/measured_js.effort[insertion]' would take",
     ] {
         assert!(notes.contains(essential), "'{essential}' not in {notes}");
     }

@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::Read;
 
 use arrow_ipc::convert::try_fb_to_schema;
-use arrow_ipc::{CompressionType, MessageHeader, RecordBatch, root_as_footer, root_as_message};
+use arrow_ipc::{CompressionType, Endianness, MessageHeader, RecordBatch, root_as_footer, root_as_message};
 use arrow_schema::{DataType, Metadata, Schema, TimeUnit, UnionMode};
 
 use super::scale::Scale;
@@ -120,6 +120,7 @@ impl Arrow {
         read_exact_at(&file, &mut bytes, from).map_err(|error| source.damaged("the footer", error))?;
         let footer = root_as_footer(&bytes).map_err(|error| source.damaged("the footer", error))?;
         let schema = footer.schema().ok_or_else(|| source.damaged("the footer", "no schema"))?;
+        check_byte_order(schema.endianness(), &source)?;
         let schema = try_fb_to_schema(schema).map_err(|error| source.damaged("the footer", error))?;
         let mut blocks = Vec::new();
         for block in footer.recordBatches().iter().flatten() {
@@ -162,7 +163,11 @@ impl Arrow {
                 return Err(source.damaged(place, "it ends beyond the end of the file"));
             }
             match message.header_type() {
-                MessageHeader::Schema => schema = message.header_as_schema().map(try_fb_to_schema),
+                MessageHeader::Schema => {
+                    let own = message.header_as_schema();
+                    own.map_or(Ok(()), |own| check_byte_order(own.endianness(), &source))?;
+                    schema = own.map(try_fb_to_schema);
+                }
                 MessageHeader::RecordBatch => blocks.push(Block { body, ..block }),
                 _ => {}
             }
@@ -252,6 +257,15 @@ impl Container for Arrow {
         let wanted = columns.iter().map(field).collect::<Result<_, RecordingError>>()?;
         Ok(Box::new(Rows { arrow, wanted, next: 0, ready: VecDeque::new(), row: 0 }))
     }
+}
+
+/// Refuses numbers in the byte order of other processors: they would be read as other numbers.
+fn check_byte_order(order: Endianness, source: &Source) -> Result<(), RecordingError> {
+    if order == Endianness::Little {
+        return Ok(());
+    }
+    let hint = "read it with pyarrow, which swaps the bytes, and write it again there or as Parquet or CSV";
+    Err(source.unsupported("numbers in big-endian byte order", hint))
 }
 
 /// The schema in a message.

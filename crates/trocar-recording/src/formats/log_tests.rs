@@ -7,7 +7,7 @@ use crate::container::Container;
 use crate::join::{self, Joined, Pick};
 use crate::{RecordingError, Table};
 
-use super::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME, mcap, rosbag};
+use super::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME, mcap, ros1, rosbag};
 
 /// Difference allowed between a value read and the one written, in its own unit: the last bits of a sine.
 const EXACT: f64 = 1e-12;
@@ -18,7 +18,10 @@ const LATENCY: i64 = 300_000;
 const SAMPLES: usize = 100;
 
 /// All logs with `/psm1/measured_js`, and whether each has all topics.
-const LOGS: [(&str, bool); 13] = [
+const LOGS: [(&str, bool); 16] = [
+    ("ros1_none.bag", true),
+    ("ros1_bz2.bag", true),
+    ("ros1_lz4.bag", true),
     ("zstd.mcap", true),
     ("lz4.mcap", true),
     ("plain.mcap", true),
@@ -39,7 +42,11 @@ fn fixture(name: &str) -> PathBuf {
 }
 
 pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
-    if path.extension().is_some_and(|extension| extension == "mcap") { mcap::open(path) } else { rosbag::open(path) }
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("mcap") => mcap::open(path),
+        Some("bag") => ros1::open(path),
+        _ => rosbag::open(path),
+    }
 }
 
 fn table<'a>(log: &'a dyn Container, topic: &str) -> (usize, &'a Table) {
@@ -216,9 +223,10 @@ fn topics_of_a_log_are_joined_on_the_stamps_of_the_position() {
         let (columns, joined) =
             joined(&*log, [("/psm1/measured_js", "position[insertion]"), ("/psm1/measured_cf", "wrench.force.z")]);
         assert_eq!(joined.clock, HEADER_STAMP);
-        assert_eq!((joined.warnings.len(), columns[0].len()), (0, SAMPLES), "{name}: {:?}", joined.warnings);
+        // The first and the last row are outside of the times of the force.
+        assert_eq!((joined.warnings.len(), columns[0].len()), (0, SAMPLES - 2), "{name}: {:?}", joined.warnings);
         for (k, row) in rows(&columns) {
-            let t = k as i64 * 2_000_000;
+            let t = (k as i64 + 1) * 2_000_000;
             assert_near(row[0], since_first(t), name);
             assert_near(row[1], position(t), name);
             // Samples are at 1 ms + 5 ms k, of which 20 to 27 are missing.
@@ -227,7 +235,8 @@ fn topics_of_a_log_are_joined_on_the_stamps_of_the_position() {
             assert!(!is_known || (row[2] - (20.0 * position(t) - 2.0)).abs() < BENT, "{name}: {t} ns");
         }
         let notes = joined.batches.notes();
-        assert!(notes[1].contains("at 2 rows before") && notes[1].contains("at 22 rows in gaps"), "{name}: {notes:?}");
+        assert!(notes[1].starts_with("2 rows before the first sample of /psm1/measured_cf"), "{name}: {notes:?}");
+        assert!(notes[2].contains("at 22 rows in gaps"), "{name}: {notes:?}");
     }
 }
 
@@ -397,4 +406,51 @@ fn what_is_no_log_is_refused_in_words() {
         empty
     });
     assert!(error.err().expect("no bag").to_string().contains("holds no bag"));
+}
+
+#[test]
+fn ros_1_bags_without_an_index_are_read_as_far_as_they_go() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.bag");
+    let lost = |bytes: &[u8], least: usize| {
+        std::fs::write(&path, bytes).unwrap();
+        let log = open(&path).unwrap();
+        assert!(log.warnings()[0].contains("no whole index"), "{:?}", log.warnings());
+        let (columns, warnings) = read(&*log, "/psm1/measured_js", &[HEADER_STAMP, "position[insertion]"]);
+        assert_eq!(warnings, [""; 0]);
+        assert!(columns[0].len() >= least, "{} rows", columns[0].len());
+        for (k, row) in rows(&columns) {
+            assert_near(row[0], since_first(k as i64 * 2_000_000), "cut");
+            assert_near(row[1], position(k as i64 * 2_000_000), "cut");
+        }
+        columns[0].len()
+    };
+    for name in ["ros1_none.bag", "ros1_bz2.bag", "ros1_lz4.bag"] {
+        let whole = std::fs::read(fixture(name)).unwrap();
+        // Without the end of the index; then cut in the middle of a chunk.
+        assert_eq!(lost(&whole[..whole.len() - 9], SAMPLES), SAMPLES, "{name}");
+        assert!(lost(&whole[..whole.len() / 2], 20) < SAMPLES, "{name}");
+    }
+    // A recorder that was killed has written neither the place of the index nor the length of its
+    // last chunk, here its first.
+    let mut active = std::fs::read(fixture("ros1_none.bag")).unwrap();
+    let chunk = active.windows(16).position(|bytes| bytes == b"compression=none").unwrap();
+    let end = active[chunk..].windows(5).position(|bytes| bytes == b"size=").unwrap() + chunk + 9;
+    let head = active[..end].windows(4).rposition(|bytes| bytes == b"op=\x05").unwrap();
+    let data = end.max(head + 4);
+    let index = active.windows(10).position(|bytes| bytes == b"index_pos=").unwrap() + 10;
+    active[index..index + 8].fill(0);
+    active[end - 4..end].fill(0);
+    active[data..data + 4].fill(0);
+    lost(&active, SAMPLES);
+}
+
+#[test]
+fn a_ros_1_bag_of_another_version_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("old.bag");
+    std::fs::write(&path, b"#ROSBAG V1.2\n and more bytes").unwrap();
+    let error = open(&path).err().unwrap().to_string();
+    assert!(error.contains("begins with '#ROSBAG V1.2', expected '#ROSBAG V2.0'"), "{error}");
+    assert!(error.contains("hint: bring a bag of an older version up to date with rosbag fix"), "{error}");
 }

@@ -279,6 +279,13 @@ fn codec(description: &Description) -> Result<Codec, String> {
             ));
         }
     };
+    // The standard messages of ROS 2 differ from those of ROS 1 in their headers.
+    if layout == Layout::Ros1 && description.definition.trim().is_empty() {
+        return match rosmsg::parse(description.kind, "") {
+            Ok(_) => Err("the file carries no definition of its type".to_owned()),
+            Err(_) => Ok(Codec::Ros(layout, Struct { name: description.kind.to_owned(), fields: Vec::new() })),
+        };
+    }
     match description.schema_encoding {
         "ros2msg" | "ros1msg" | "" => rosmsg::parse(description.kind, description.definition),
         other => rosmsg::parse(description.kind, "")

@@ -11,7 +11,7 @@ use super::RecordingError;
 
 #[cfg(feature = "arrow")]
 pub(super) mod arrow;
-#[cfg(any(feature = "mcap", feature = "rosbag"))]
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod cdr;
 #[cfg(feature = "hdf5")]
 pub(super) mod hdf5;
@@ -19,22 +19,26 @@ pub(super) mod lengths;
 pub(super) mod mat5;
 #[cfg(feature = "mcap")]
 pub(super) mod mcap;
-#[cfg(any(feature = "mcap", feature = "rosbag"))]
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod message;
-#[cfg(any(feature = "mcap", feature = "rosbag"))]
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod ordered;
 #[cfg(feature = "parquet")]
 pub mod parquet;
+#[cfg(feature = "ros1")]
+pub(super) mod ros1;
 #[cfg(feature = "rosbag")]
 pub(super) mod rosbag;
-#[cfg(any(feature = "mcap", feature = "rosbag"))]
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod rosmsg;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod scale;
+#[cfg(feature = "xlsx")]
+pub(super) mod xlsx;
 
 /// Columns of a robot log's own times, and of the times in its messages.
 pub(super) const LOG_TIME: &str = "log_time_s";
-#[cfg(any(feature = "mcap", feature = "rosbag"))]
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 const PUBLISH_TIME: &str = "publish_time_s";
 pub(super) const HEADER_STAMP: &str = "header.stamp_s";
 
@@ -62,7 +66,7 @@ impl Source {
 
     /// The outcome of `read`, which calls a third-party reader: a panic on a damaged file is
     /// converted to an error.
-    #[cfg(any(feature = "parquet", feature = "hdf5"))]
+    #[cfg(any(feature = "parquet", feature = "hdf5", feature = "xlsx"))]
     pub(super) fn guard<T>(
         &self,
         place: impl Display,
@@ -73,7 +77,7 @@ impl Source {
     }
 
     /// A requested column is not numeric.
-    #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5"))]
+    #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5", feature = "xlsx"))]
     pub(super) fn not_numeric(&self, column: &str) -> RecordingError {
         RecordingError::NotNumeric { file: self.file.clone(), format: self.format, column: column.to_owned() }
     }
@@ -120,5 +124,5 @@ fn decompress_zstd(data: &[u8], size: usize, out: &mut Vec<u8>) -> io::Result<()
     io::Read::read_to_end(&mut io::Read::take(zstd::Decoder::new(data)?, size as u64), out).map(drop)
 }
 
-#[cfg(all(test, feature = "mcap", feature = "rosbag"))]
+#[cfg(all(test, feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod log_tests;

@@ -59,16 +59,18 @@ impl Length for Input {
 }
 
 impl ChunkReader for Input {
-    type T = BufReader<At>;
+    type T = PageReader;
 
     /// For a page header, or for the page behind a header that was read before.
     fn get_read(&self, start: u64) -> Decoded<Self::T> {
         let mut header = [0; HEADER];
         let read = read_at(&self.file, &mut header, start)?;
-        if thrift::is_page_header(&header[..read]) {
+        let is_header = thrift::is_page_header(&header[..read]);
+        if is_header {
             self.check(&header[..read])?;
         }
-        Ok(BufReader::new(At { file: self.file.clone(), at: start }))
+        let bytes = BufReader::new(At { file: self.file.clone(), at: start });
+        Ok(PageReader { bytes, is_header, has_begun: false })
     }
 
     fn get_bytes(&self, start: u64, length: usize) -> Decoded<bytes::Bytes> {
@@ -96,6 +98,25 @@ impl Input {
         let length = u32::from_le_bytes(length);
         let Some(start) = end.checked_sub(length.into()) else { return Ok(()) };
         self.check(&self.get_bytes(start, length as usize)?)
+    }
+}
+
+/// The bytes of a page header, or of a page.
+struct PageReader {
+    bytes: BufReader<At>,
+    is_header: bool,
+    /// Whether a single byte was read.
+    has_begun: bool,
+}
+
+impl Read for PageReader {
+    /// Headers are parsed byte by byte, pages are read as a whole: what is parsed has to begin as a
+    /// header does, since its lists are not checked otherwise.
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if !self.is_header && bytes.len() == 1 && std::mem::replace(&mut self.has_begun, true) {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "no page header where one should begin"));
+        }
+        self.bytes.read(bytes)
     }
 }
 
@@ -319,6 +340,15 @@ fn scale(column: &ColumnDescriptor, arrow: Option<&DataType>) -> Option<Scale> {
     match (column.physical_type(), column.logical_type_ref()) {
         (Physical::BOOLEAN | Physical::FLOAT | Physical::DOUBLE, _) => Some(Scale::One),
         (Physical::INT96, _) => Some(Scale::Since { origin: 0, per_second: 1e9 }),
+        (Physical::FIXED_LEN_BYTE_ARRAY, Some(LogicalType::Float16)) => Some(Scale::Half),
+        (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, Some(LogicalType::Decimal(decimal))) => {
+            Some(Scale::Decimal(10_f64.powi(decimal.scale)))
+        }
+        (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, None)
+            if column.converted_type() == ConvertedType::DECIMAL =>
+        {
+            Some(Scale::Decimal(10_f64.powi(column.type_scale())))
+        }
         (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, _) => None,
         (_, Some(LogicalType::Timestamp(time))) => Some(Scale::Since { origin: 0, per_second: parts(&time.unit) }),
         (_, Some(LogicalType::Time(time))) => Some(Scale::Part(parts(&time.unit))),
@@ -393,6 +423,12 @@ impl Cursor {
             }
             ColumnReader::Int96ColumnReader(reader) => {
                 convert(reader, rows, present, levels, numbers, |value| scale.number(value.to_nanos()))?;
+            }
+            ColumnReader::ByteArrayColumnReader(reader) if matches!(scale, Scale::Decimal(_)) => {
+                convert(reader, rows, present, levels, numbers, |value| scale.number_of(value.data()))?;
+            }
+            ColumnReader::FixedLenByteArrayColumnReader(reader) if matches!(scale, Scale::Decimal(_) | Scale::Half) => {
+                convert(reader, rows, present, levels, numbers, |value| scale.number_of(value.data()))?;
             }
             _ => return Err(ParquetError::General("bytes where numbers should be".into())),
         }

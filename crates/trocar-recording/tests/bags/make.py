@@ -16,6 +16,8 @@ Every log holds the same motion, position(t) = 0.12 + 0.05 sin(pi t) m, on sever
     /levels            std_msgs/msg/Float64MultiArray    20 ms      none
     /state             std_msgs/msg/String               50 ms      none
 
+The .bag files are bags of ROS 1 with the same messages; python make.py bags writes these alone.
+
 odd.mcap holds a message of every kind of field, /little and /big endian; ros1.mcap two of the topics as ROS 1 lays them out.
 
 Values: insertion = position(t), its effort = 1 + 10 position(t), yaw = k, outer = -k; force.z = 20 position(t) - 2, force.x = 0.25;
@@ -27,11 +29,13 @@ import math
 import pathlib
 import shutil
 import sqlite3
+import sys
 
 import numpy as np
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2._dynamic import serialize_dynamic
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -279,6 +283,22 @@ def write_ros1(name, rows):
     (HERE / name).write_bytes(stream.getvalue())
 
 
+def write_ros1_bag(name, rows, compression=None):
+    """A bag of ROS 1 in chunks of some 4 kB."""
+    path = HERE / name
+    path.unlink(missing_ok=True)
+    writer = Ros1Writer(path)
+    if compression:
+        writer.set_compression(compression)
+    writer.chunk_threshold = 4096
+    with writer:
+        connections = {}
+        for log, _, topic, kind, message in rows:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=ROS1)
+            writer.write(connections[topic], log, bytes(ROS1.serialize_ros1(as_ros1(message), kind)))
+
+
 def only(rows, *topics):
     return [row for row in rows if row[2] in topics]
 
@@ -316,8 +336,17 @@ def write_old(rows):
         base.execute("VACUUM")
 
 
+def write_ros1_bags(rows):
+    write_ros1_bag("ros1_none.bag", rows)
+    write_ros1_bag("ros1_bz2.bag", rows, Ros1Writer.CompressionFormat.BZ2)
+    write_ros1_bag("ros1_lz4.bag", rows, Ros1Writer.CompressionFormat.LZ4)
+
+
 def main():
     rows = messages()
+    write_ros1_bags(rows)
+    if sys.argv[1:] == ["bags"]:
+        return
     write_mcap("zstd.mcap", rows, compression=CompressionType.ZSTD)
     write_mcap("lz4.mcap", rows, compression=CompressionType.LZ4)
     write_mcap("plain.mcap", rows, compression=CompressionType.NONE)

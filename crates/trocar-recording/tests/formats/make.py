@@ -4,13 +4,20 @@ One known signal in every file: 240 rows, 100 Hz,
     time_s      k / 100
     position_mm 30 (1 - cos(2 pi k / 200))
     force_n     1.5 sin(2 pi k / 200) + 0.01 (k mod 7)
-Run from this folder with the packages of requirements.txt; the files are committed, so that tests need no Python.
+Run from this folder with the packages of requirements.txt, all of it or the functions named (python make.py xlsx); the files are
+committed, so that tests need no Python.
 """
 
+import datetime
 import pathlib
+import re
+import sys
+import zipfile
 
+import flatbuffers
 import h5py
 import numpy as np
+import openpyxl
 import pandas as pd
 import polars as pl
 import pyarrow as pa
@@ -180,5 +187,104 @@ def mat73():
         file.write(head.ljust(512, b"\0"))
 
 
-for write in [parquet, arrow, matlab, hdf5, mat73]:
-    write()
+def xlsx():
+    """Sheets as people fill them: lines before the header, units below it, dates, formulas with their results, faults."""
+    book = openpyxl.Workbook()
+    data = book.active
+    data.title = "Data"
+    rows = [["Operator", "A. Nobody"], ["Test", 7], [], ["Time", "Position", "Force", "gappy", "double", "note"], ["s", "mm", "N"]]
+    for row in range(ROWS):
+        gappy = None if row % 5 == 2 else row
+        note = "inserted" if row % 4 else None
+        rows.append([time_s[row], position_mm[row], force_n[row], gappy, f"=2*C{row + 6}", note])
+    for row in rows:
+        data.append(row)
+    dates = book.create_sheet("Dates")
+    dates.append([None, "Stamp", "Weg [mm]", "Kraft [N]", "iso"])
+    start = datetime.datetime(2026, 11, 22, 23, 59, 59)
+    for row in range(ROWS):
+        stamp = start + datetime.timedelta(milliseconds=10 * row)
+        dates.append([None, stamp, position_mm[row], force_n[row], stamp.isoformat()])
+        dates.cell(row + 2, 2).number_format = "yyyy-mm-dd hh:mm:ss.000"
+    fault = book.create_sheet("Fault")
+    fault.append(["time_s", "position_mm", "force_n"])
+    for row in range(ROWS):
+        fault.append([time_s[row], "off" if row == 15 else position_mm[row], "#N/A" if row == 7 else force_n[row]])
+    book.create_sheet("Remarks").append(["The seal was new."])
+    book.create_sheet("Empty")
+    plain = HERE / "plain.xlsx"
+    book.save(plain)
+    # openpyxl writes formulas without their results, which any spreadsheet program stores.
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(HERE / "openpyxl.xlsx", "w", zipfile.ZIP_DEFLATED) as new:
+        for item in old.infolist():
+            text = old.read(item)
+            if item.filename == "xl/worksheets/sheet1.xml":
+                result = lambda row: f"<f>2*C{row}</f><v>{float(2 * force_n[int(row) - 6])!r}</v>".encode()
+                text, count = re.subn(rb"<f>2\*C(\d+)</f><v ?/?>(?:</v>)?", lambda found: result(found[1].decode()), text)
+                assert count == ROWS, count
+            new.writestr(item, text)
+    plain.unlink()
+
+
+def more_parquet():
+    """Decimals in every physical type, and half floats."""
+    decimal = lambda digits, scale: pa.array(force_n).cast(pa.decimal128(digits, scale), safe=False)
+    table = pa.table({
+        "time_s": pa.array(time_s).cast(pa.decimal128(9, 3)),
+        "position_mm": pa.array(position_mm.astype(np.float16)),
+        "force_n": decimal(17, 9),
+        "wide": decimal(38, 20),
+        "gappy": pa.array([None if row % 5 == 2 else float(row) for row in range(ROWS)]).cast(pa.decimal128(9, 2)),
+    })
+    pq.write_table(table, HERE / "pyarrow_decimal.parquet", store_decimal_as_integer=True)
+    pq.write_table(table, HERE / "pyarrow_fixed_decimal.parquet")
+
+
+def big_endian():
+    """The beginning of an Arrow stream with numbers in big endian: one column of floats, no rows. pyarrow writes none."""
+    make = flatbuffers.Builder(256)
+    name = make.CreateString("time_s")
+    make.StartObject(1)  # FloatingPoint
+    make.PrependInt16Slot(0, 2, 0)
+    kind = make.EndObject()
+    make.StartVector(4, 0, 4)
+    children = make.EndVector()
+    make.StartObject(7)  # Field
+    make.PrependUOffsetTRelativeSlot(0, name, 0)
+    make.PrependUint8Slot(2, 3, 0)
+    make.PrependUOffsetTRelativeSlot(3, kind, 0)
+    make.PrependUOffsetTRelativeSlot(5, children, 0)
+    field = make.EndObject()
+    make.StartVector(4, 1, 4)
+    make.PrependUOffsetTRelative(field)
+    fields = make.EndVector()
+    make.StartObject(4)  # Schema
+    make.PrependInt16Slot(0, 1, 0)
+    make.PrependUOffsetTRelativeSlot(1, fields, 0)
+    schema = make.EndObject()
+    make.StartObject(5)  # Message
+    make.PrependInt16Slot(0, 4, 0)
+    make.PrependUint8Slot(1, 1, 0)
+    make.PrependUOffsetTRelativeSlot(2, schema, 0)
+    make.Finish(make.EndObject())
+    message = bytes(make.Output())
+    message += bytes(-len(message) % 8)
+    start = b"\xff" * 4
+    (HERE / "big_endian.arrows").write_bytes(start + len(message).to_bytes(4, "little") + message + start + bytes(4))
+
+
+def mat74():
+    """As mat73, with another version in its text, and with a longer block of text."""
+    whole = (HERE / "mat73.mat").read_bytes().replace(b"MATLAB 7.3 MAT", b"MATLAB 7.4 MAT", 1)
+    (HERE / "mat74.mat").write_bytes(whole)
+    path = HERE / "h5py_block.mat"
+    with h5py.File(path, "w", userblock_size=2048, libver=("earliest", "v108")) as file:
+        for name, values in SIGNAL.items():
+            file[name] = values[None, :]
+    with open(path, "r+b") as file:
+        file.write(whole[:512].ljust(2048, b"\0"))
+
+
+for write in [parquet, arrow, matlab, hdf5, mat73, xlsx, more_parquet, big_endian, mat74]:
+    if len(sys.argv) == 1 or write.__name__ in sys.argv:
+        write()

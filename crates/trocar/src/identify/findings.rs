@@ -6,7 +6,7 @@ use serde::{Serialize, Serializer};
 use trocar_model::{ParameterId, Quantity};
 
 use super::estimate::Estimate;
-use crate::recording::Recording;
+use crate::recording::{OPPOSED, Recording, WarningKind};
 
 /// Why the identification failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -31,11 +31,13 @@ pub enum IdentifyError {
     /// The force opposes the motion.
     #[error(
         "the sliding force opposes the motion: F_c = {coulomb_force:.3} N, expected above 0 N\n\nhint: the force is what the device \
-         exerts on the seal; if the sensor is mounted the other way round, use --flip-force"
+         exerts on the seal, and the position increases on insertion; the data do not tell which of the two is reversed: {way_out}"
     )]
     ForceSign {
         /// Coulomb force found, N.
         coulomb_force: f64,
+        /// How to reverse either, with the names of the file if they are known.
+        way_out: String,
     },
     /// The force is constant, or exceeds the range of any sensor.
     #[error(
@@ -106,6 +108,16 @@ impl From<&Recording> for Subject {
 impl From<&'static str> for Subject {
     fn from(topic: &'static str) -> Self {
         Self::Topic(topic)
+    }
+}
+
+impl IdentifyError {
+    /// The force of `recordings` opposes their motion.
+    pub(super) fn force_sign(coulomb_force: f64, recordings: &[Recording]) -> Self {
+        let warnings = recordings.iter().flat_map(|recording| &recording.quality.warnings);
+        let mut own = warnings.filter(|warning| warning.kind == WarningKind::ForceSign);
+        let way_out = own.find_map(|warning| warning.hint.clone()).unwrap_or_else(|| OPPOSED.to_owned());
+        Self::ForceSign { coulomb_force, way_out }
     }
 }
 

@@ -343,7 +343,7 @@ pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, Identif
     let path = |r: &Recording| -> f64 { r.position.windows(2).map(|x| (x[1] - x[0]).abs()).sum() };
     let most: f64 = coulomb * recordings.iter().map(path).sum::<f64>();
     if recordings.iter().map(work).sum::<f64>() < -CLEARLY * most {
-        return Err(IdentifyError::ForceSign { coulomb_force: -coulomb });
+        return Err(IdentifyError::force_sign(-coulomb, recordings));
     }
     let none = |value, unit| Estimate::undetermined(value, unit, NO_STEADY_SEGMENT);
     let mut levels = blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N"));

@@ -93,7 +93,7 @@ fn alternately(
         return Ok((steady::from_levels(recordings)?, Err(why)));
     }
     if steady.coulomb_force_n.ci95[1] <= 0.0 {
-        return Err(IdentifyError::ForceSign { coulomb_force: steady.coulomb_force_n.value });
+        return Err(IdentifyError::force_sign(steady.coulomb_force_n.value, recordings));
     }
     stribeck::test(&mut steady, options.seed);
     if steady.stribeck.is_some() && deformation.is_ok() {

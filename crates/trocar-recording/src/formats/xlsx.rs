@@ -1,0 +1,389 @@
+//! Excel workbooks (`.xlsx`, `.xlsm`): each sheet is a table.
+//!
+//! The first rows of a sheet become lines of text with tabs, in which the reader of text files finds
+//! lines before the header, the names and the units. The rows below are read cell by cell: numbers,
+//! Booleans, texts that are numbers, and dates, which become seconds since the column's first. Of a
+//! formula the stored value counts. An empty cell and `#N/A` are missing numbers.
+//!
+//! Memory: the texts of the workbook and the columns asked for; a sheet has at most 1,048,576 rows.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use calamine::{CellErrorType, DataRef, Reader as _, SheetType, XlsxError, open_workbook};
+
+use super::Source;
+use crate::columns::{is_recognised, time_unit};
+use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::format::Format;
+use crate::text::{head_of, quoted};
+use crate::{RecordingError, timestamp};
+
+/// Rows in which the header is sought.
+const FIRST_ROWS: usize = 300;
+
+/// Size of a sheet, by the definition of the format.
+const MOST_ROWS: u32 = 1 << 20;
+const MOST_COLUMNS: u32 = 1 << 14;
+
+/// Days from the first day of Excel's calendar to 1970.
+const DAYS_TO_1970: f64 = 25_569.0;
+/// Dates are numbers of days, which resolve 0.6 µs.
+const MICROSECONDS_PER_DAY: f64 = 86_400e6;
+
+type Workbook = calamine::Xlsx<BufReader<File>>;
+
+/// Content of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Number,
+    Date,
+    Text,
+}
+
+/// Where the rows of a sheet are.
+#[derive(Debug, Clone)]
+struct Sheet {
+    name: String,
+    /// First row of numbers, counted from 0.
+    first_row: u32,
+    /// Column of the sheet and content for each column of the table.
+    columns: Vec<(u32, Kind)>,
+    format: Format,
+}
+
+/// A workbook.
+pub(crate) struct Xlsx {
+    source: Source,
+    path: PathBuf,
+    sheets: Vec<Sheet>,
+    tables: Vec<Table>,
+    notes: Vec<String>,
+}
+
+/// A cell, independent of the library.
+#[derive(Debug, Clone, PartialEq)]
+enum Cell {
+    Number(f64),
+    /// ns since 1970.
+    Date(i64),
+    Text(String),
+    Missing,
+}
+
+impl Cell {
+    fn of(value: &DataRef) -> Option<Self> {
+        Some(match value {
+            DataRef::Empty => return None,
+            DataRef::Int(number) => Self::Number(*number as f64),
+            DataRef::Float(number) => Self::Number(*number),
+            DataRef::Bool(truth) => Self::Number(f64::from(u8::from(*truth))),
+            DataRef::DateTime(date) => {
+                let days = date.as_f64() - DAYS_TO_1970;
+                Self::Date(((days * MICROSECONDS_PER_DAY).round() as i64).saturating_mul(1000))
+            }
+            DataRef::DateTimeIso(text) => Self::of_text(text),
+            DataRef::String(text) => Self::of_text(text),
+            DataRef::SharedString(text) => Self::of_text(text),
+            DataRef::Error(CellErrorType::NA) => Self::Missing,
+            DataRef::DurationIso(text) => Self::Text(text.clone()),
+            DataRef::Error(error) => Self::Text(error.to_string()),
+        })
+    }
+
+    fn of_text(text: &str) -> Self {
+        match timestamp::parse(text.as_bytes()) {
+            Some(date) => Self::Date(date),
+            None if text.trim().is_empty() => Self::Missing,
+            None => Self::Text(text.to_owned()),
+        }
+    }
+
+    fn kind(&self, format: Format) -> Option<Kind> {
+        match self {
+            Self::Number(_) => Some(Kind::Number),
+            Self::Date(_) => Some(Kind::Date),
+            Self::Text(text) if format.number(text.as_bytes()).is_some() => Some(Kind::Number),
+            Self::Text(_) => Some(Kind::Text),
+            Self::Missing => None,
+        }
+    }
+
+    /// As in a text file: a date is a date in any notation.
+    fn write(&self, line: &mut String) {
+        match self {
+            Self::Number(number) => line.push_str(&number.to_string()),
+            Self::Date(_) => line.push_str("2000-01-01T00:00:00"),
+            Self::Text(text) => {
+                line.push('"');
+                let plain = text.chars().map(|c| if c.is_control() { ' ' } else { c });
+                plain.for_each(|c| line.extend(std::iter::repeat_n(c, if c == '"' { 2 } else { 1 })));
+                line.push('"');
+            }
+            Self::Missing => {}
+        }
+    }
+}
+
+/// `B17` of a row and a column counted from 0.
+fn cell_name(row: u32, column: u32) -> String {
+    let (mut letters, mut rest) = (Vec::new(), column + 1);
+    while rest > 0 {
+        letters.push(char::from(b'A' + ((rest - 1) % 26) as u8));
+        rest = (rest - 1) / 26;
+    }
+    letters.iter().rev().collect::<String>() + &(row + 1).to_string()
+}
+
+impl Xlsx {
+    pub(crate) fn open(path: &Path, source: Source) -> Result<Self, RecordingError> {
+        let mut found = Self {
+            source: source.clone(),
+            path: path.to_owned(),
+            sheets: Vec::new(),
+            tables: Vec::new(),
+            notes: Vec::new(),
+        };
+        source.guard("its structure", || {
+            let mut workbook = open_book(path, &source)?;
+            let sheets = workbook.sheets_metadata().iter().filter(|sheet| sheet.typ == SheetType::WorkSheet);
+            let names: Vec<String> = sheets.map(|sheet| sheet.name.clone()).collect();
+            names.into_iter().try_for_each(|name| found.list(&mut workbook, name))
+        })?;
+        if found.tables.is_empty() {
+            return Err(RecordingError::Empty { file: source.file });
+        }
+        Ok(found)
+    }
+
+    /// Adds a sheet, if it holds rows.
+    fn list(&mut self, workbook: &mut Workbook, name: String) -> Result<(), RecordingError> {
+        let mut rows: Vec<(u32, Vec<(u32, Cell)>)> = Vec::new();
+        each_row(workbook, &self.source, &name, 0, |row, cells| {
+            let own = cells.iter().filter(|(_, cell)| *cell != Cell::Missing);
+            if own.clone().next().is_some() {
+                rows.push((row, own.cloned().collect()));
+            }
+            rows.len() < FIRST_ROWS
+        })?;
+        let columns = rows.iter().flat_map(|(_, cells)| cells.iter().map(|(column, _)| *column));
+        let Some((left, right)) = columns.clone().min().zip(columns.max()) else { return Ok(()) };
+        let text = as_text(&rows, left, right);
+        let head = match head_of(&self.source.file, text.as_bytes()) {
+            Ok(head) => head,
+            Err(RecordingError::Empty { .. } | RecordingError::HeaderOnly { .. }) => return Ok(()),
+            Err(error) => return Err(error),
+        };
+        // Rows that begin with a number sign are comments in both.
+        let Some(&(first_row, _)) = rows.get(head.lines) else { return Ok(()) };
+        let mut sheet = Sheet { name, first_row, columns: Vec::new(), format: head.format };
+        let mut table = Table { name: sheet.name.clone(), kind: String::new(), rows: None, columns: Vec::new() };
+        for column in left..=right {
+            let at = (column - left) as usize;
+            let title = head.names.get(at).cloned().unwrap_or_default();
+            let unit = head.units.get(at).filter(|unit| !unit.is_empty()).cloned();
+            let cells = rows[head.lines..].iter().flat_map(|(_, cells)| cells);
+            let kinds: Vec<Kind> =
+                cells.filter(|(own, _)| *own == column).filter_map(|(_, cell)| cell.kind(head.format)).collect();
+            let kind = match () {
+                () if kinds.is_empty() && title.is_empty() => continue,
+                () if kinds.contains(&Kind::Number) => Kind::Number,
+                () => kinds.first().copied().unwrap_or(Kind::Number),
+            };
+            let is_other = kind == Kind::Date && is_recognised(&title) && time_unit(&title, None).is_none();
+            let is_numeric = kind != Kind::Text && !is_other;
+            let unit = if kind == Kind::Date { Some("s".to_owned()) } else { unit };
+            table.columns.push(Column { name: title, unit, is_numeric });
+            sheet.columns.push((column, kind));
+        }
+        self.notes.extend(head.notes.iter().map(|note| format!("sheet '{}': {note}", sheet.name)));
+        self.tables.push(table);
+        self.sheets.push(sheet);
+        Ok(())
+    }
+}
+
+/// The rows as lines of text. Keys with their values, above a header, end where their cells do; all
+/// other rows are as wide as the sheet.
+fn as_text(rows: &[(u32, Vec<(u32, Cell)>)], left: u32, right: u32) -> String {
+    let mut text = String::new();
+    for (_, cells) in rows {
+        let is_key = cells.len() <= 2 && right - left > 1 && matches!(cells[0].1, Cell::Text(_));
+        let last = cells.last().map_or(left, |(column, _)| *column);
+        let mut cells = cells.iter().peekable();
+        for column in left..=(if is_key { last } else { right }) {
+            if column > left {
+                text.push('\t');
+            }
+            while let Some((_, cell)) = cells.next_if(|(own, _)| *own <= column) {
+                cell.write(&mut text);
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn open_book(path: &Path, source: &Source) -> Result<Workbook, RecordingError> {
+    open_workbook(path).map_err(|error: XlsxError| match error {
+        XlsxError::Io(error) => RecordingError::Open { file: source.file.clone(), source: error },
+        XlsxError::FileNotFound(what) => source.unsupported(
+            format!("a ZIP archive without {what}"),
+            "save a spreadsheet as .xlsx, or unpack the archive and give the recording in it",
+        ),
+        XlsxError::Password => source.unsupported("a password", "save it without one"),
+        error => source.damaged("its structure", error),
+    })
+}
+
+/// Passes the cells of each row from `first` on to `take`, until it returns `false`.
+fn each_row(
+    workbook: &mut Workbook,
+    source: &Source,
+    name: &str,
+    first: u32,
+    mut take: impl FnMut(u32, &[(u32, Cell)]) -> bool,
+) -> Result<(), RecordingError> {
+    let place = |row: u32| format!("sheet '{name}' row {}", row + 1);
+    let mut reader =
+        workbook.worksheet_cells_reader(name).map_err(|error| source.damaged(format!("sheet '{name}'"), error))?;
+    let mut row: (u32, Vec<(u32, Cell)>) = (0, Vec::new());
+    loop {
+        let next = reader.next_cell().map_err(|error| source.damaged(place(row.0), error))?;
+        let at = next.as_ref().map(calamine::Cell::get_position);
+        if at.is_none_or(|(at, _)| at != row.0) {
+            if !row.1.is_empty() && row.0 >= first && !take(row.0, &row.1) {
+                return Ok(());
+            }
+            row.1.clear();
+        }
+        let Some((cell, (at, column))) = next.zip(at) else { return Ok(()) };
+        let is_in_order = at >= row.0 && row.1.last().is_none_or(|(last, _)| *last < column);
+        if !is_in_order || at >= MOST_ROWS || column >= MOST_COLUMNS {
+            let found = format!("cell {}, which is out of order or outside of the sheet", cell_name(at, column));
+            return Err(source.damaged(place(row.0), found));
+        }
+        row.0 = at;
+        row.1.extend(Cell::of(cell.get_value()).map(|cell| (column, cell)));
+    }
+}
+
+impl Container for Xlsx {
+    fn format(&self) -> &'static str {
+        self.source.format
+    }
+
+    fn tables(&self) -> &[Table] {
+        &self.tables
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn dates(&self, table: usize) -> Vec<usize> {
+        let columns = self.sheets[table].columns.iter().enumerate();
+        columns.filter(|(_, (_, kind))| *kind == Kind::Date).map(|(k, _)| k).collect()
+    }
+
+    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+        let (sheet, table) = (&self.sheets[table], &self.tables[table]);
+        if let Some(text) = columns.iter().find(|&&column| !table.columns[column].is_numeric) {
+            return Err(self.source.not_numeric(&table.columns[*text].name));
+        }
+        let wanted: Vec<(u32, Kind, &str)> =
+            columns.iter().map(|&k| (sheet.columns[k].0, sheet.columns[k].1, &*table.columns[k].name)).collect();
+        let mut rows = Rows { columns: vec![Vec::new(); columns.len()], at: 0, problem: None };
+        let mut origins = vec![None; columns.len()];
+        let read = self.source.guard(format!("sheet '{}'", sheet.name), || {
+            let mut problem = None;
+            let mut workbook = open_book(&self.path, &self.source)?;
+            each_row(&mut workbook, &self.source, &sheet.name, sheet.first_row, |row, cells| {
+                if cells.iter().all(|(_, cell)| *cell == Cell::Missing) {
+                    return true;
+                }
+                for (k, (column, kind, name)) in wanted.iter().enumerate() {
+                    let place = cells.binary_search_by_key(column, |(own, _)| *own);
+                    let cell = place.map_or(&Cell::Missing, |place| &cells[place].1);
+                    let Some(number) = number(cell, *kind, sheet.format, &mut origins[k]) else {
+                        problem = Some(self.not_a_number(sheet, (row, *column), name, cell));
+                        return false;
+                    };
+                    rows.columns[k].push(number);
+                }
+                true
+            })?;
+            problem.map_or(Ok(()), Err)
+        });
+        // The last row may have ended at a cell that is no number.
+        let whole = rows.columns.iter().map(Vec::len).min().unwrap_or(0);
+        rows.columns.iter_mut().for_each(|column| column.truncate(whole));
+        rows.problem = read.err();
+        Ok(Box::new(rows))
+    }
+}
+
+/// The number of a cell; `None` if it is not of the column's kind. Dates count from the first.
+fn number(cell: &Cell, kind: Kind, format: Format, origin: &mut Option<i64>) -> Option<f64> {
+    match (cell, kind) {
+        (Cell::Missing, _) => Some(f64::NAN),
+        (Cell::Number(number), Kind::Number) => Some(*number),
+        (Cell::Text(text), Kind::Number) => format.number(text.as_bytes()),
+        (Cell::Date(date), Kind::Date) => Some(date.saturating_sub(*origin.get_or_insert(*date)) as f64 / 1e9),
+        _ => None,
+    }
+}
+
+impl Xlsx {
+    fn not_a_number(&self, sheet: &Sheet, (row, column): (u32, u32), name: &str, cell: &Cell) -> RecordingError {
+        let found = match cell {
+            Cell::Number(number) => number.to_string(),
+            Cell::Date(_) => "a date".to_owned(),
+            Cell::Text(text) => quoted(text.as_bytes()),
+            Cell::Missing => String::new(),
+        };
+        RecordingError::CellNotANumber {
+            file: self.source.file.clone(),
+            sheet: sheet.name.as_str().into(),
+            cell: cell_name(row, column).into(),
+            column: name.into(),
+            found: found.into(),
+        }
+    }
+}
+
+/// The columns asked for, and why the rows end before the sheet does.
+struct Rows {
+    columns: Vec<Vec<f64>>,
+    at: usize,
+    problem: Option<RecordingError>,
+}
+
+impl Batches for Rows {
+    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
+        columns.iter_mut().for_each(Vec::clear);
+        let all = self.columns.first().map_or(0, Vec::len);
+        let to = all.min(self.at + BATCH_ROWS);
+        if self.at == to {
+            return self.problem.take().map_or(Ok(false), Err);
+        }
+        for (column, own) in columns.iter_mut().zip(&self.columns) {
+            column.extend_from_slice(&own[self.at..to]);
+        }
+        self.at = to;
+        Ok(true)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_named_as_in_a_spreadsheet() {
+        for (row, column, name) in [(0, 0, "A1"), (16, 1, "B17"), (0, 25, "Z1"), (9, 26, "AA10"), (0, 16_383, "XFD1")] {
+            assert_eq!(cell_name(row, column), name);
+        }
+    }
+}
