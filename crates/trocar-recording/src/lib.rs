@@ -229,15 +229,20 @@ impl Recording {
         starts.zip(ends).map(|(from, to)| from..to)
     }
 
-    /// The samples in `range` as a separate recording, with `what` appended to its name; a velocity
-    /// column is omitted.
+    /// The samples in `range` as a separate recording, with `what` appended to its name. It keeps the
+    /// notes and, if it is the same in both directions, the limit of the sensor.
     ///
     /// # Errors
     /// As for [`Recording::from_columns`].
     pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
-        let cut = |column: &[f64]| column[range.clone()].to_vec();
-        let name = format!("{}, {what}", self.name);
-        Self::from_columns(name, cut(&self.time), cut(&self.position), cut(&self.force))
+        let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
+        let (time, position, force) = (cut(&self.time), cut(&self.position), cut(&self.force));
+        let readings = Readings { time, position, force, velocity: self.velocity.as_ref().map(cut) };
+        let levels = || self.quality.saturated.iter().map(|saturation| saturation.level.abs());
+        let limit = levels().next().filter(|first| levels().all(|level| level == *first));
+        let mut part = Self::from_readings(format!("{}, {what}", self.name), &readings, limit)?;
+        part.quality.notes.extend(self.quality.notes.iter().cloned());
+        Ok(part)
     }
 
     /// The recording with the inertia and weight of a moving mass removed from the force:
