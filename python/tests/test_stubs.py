@@ -76,6 +76,11 @@ def test_classes_have_what_the_stub_says(node: ast.ClassDef) -> None:
         assert arguments(method) == real_arguments(callable_), name
 
 
+def test_the_interface_is_what_dir_shows() -> None:
+    assert dir(trocar) == sorted(trocar.__all__)
+    assert all(hasattr(trocar, name) for name in dir(trocar))
+
+
 def test_everything_public_is_documented() -> None:
     for name in trocar.__all__:
         thing = getattr(trocar, name)

@@ -102,27 +102,30 @@ pub(crate) fn readings_of_frame(
     let py = frame.py();
     let helpers = py.import(intern!(py, "trocar._arrays"))?;
     let table = helpers.call_method1(intern!(py, "table"), (frame,))?;
-    let described = |table: &Bound<'_, PyAny>| -> PyResult<(Vec<String>, Vec<String>)> {
+    let described = |table: &Bound<'_, PyAny>| -> PyResult<(Vec<String>, Vec<String>, Vec<usize>)> {
         helpers.call_method1(intern!(py, "described"), (table,))?.extract()
     };
-    let (mut table, (mut names, mut units)) = (table.clone(), described(&table)?);
-    let mut found = TableColumns::find_with_units(name, &names, &units, columns);
+    let find = |table: &Bound<'_, PyAny>| {
+        let (names, units, timestamps) = described(table)?;
+        let found = TableColumns::find_with_units(name, &names, &units, &timestamps, columns);
+        Ok::<_, PyErr>((names, found))
+    };
+    let (mut table, (mut names, mut found)) = (table.clone(), find(&table)?);
     let indexed = helpers.call_method1(intern!(py, "with_index"), (&table,))?;
     if found.is_err() && !indexed.is_none() {
+        (names, found) = find(&indexed)?;
         table = indexed;
-        (names, units) = described(&table)?;
-        found = TableColumns::find_with_units(name, &names, &units, columns);
     }
     let found = found.map_err(Raise::raise)?;
     let series = |index: usize| helpers.call_method1(intern!(py, "series"), (&table, index));
     let values = |TableColumn { index, per_si }: TableColumn| -> PyResult<Vec<f64>> {
         Ok(column(&names[index], &series(index)?)?.as_slice()?.iter().map(|value| value / per_si).collect())
     };
-    let times = |TableColumn { index, per_si }: TableColumn| -> PyResult<Vec<f64>> {
-        let seconds = helpers.call_method1(intern!(py, "seconds"), (series(index)?,))?;
+    let times = |time: TableColumn| -> PyResult<Vec<f64>> {
+        let seconds = helpers.call_method1(intern!(py, "seconds"), (series(time.index)?,))?;
         match seconds.is_none() {
-            true => values(TableColumn { index, per_si }),
-            false => Ok(column(&names[index], &seconds)?.as_slice()?.to_vec()),
+            true => values(time),
+            false => Ok(column(&names[time.index], &seconds)?.as_slice()?.to_vec()),
         }
     };
     let [time, position, force] = found.needed;
@@ -266,7 +269,11 @@ impl Recording {
         for (name, value) in [("from_s", from_s), ("to_s", to_s)] {
             finite(name, value.unwrap_or(0.0), "s")?;
         }
-        self.part(py, from_s.map_or(0, at)..to_s.map_or(time.len(), at))
+        let (from, to) = (from_s.unwrap_or(0.0), to_s.unwrap_or(f64::MAX));
+        if from >= to {
+            return Err(ParameterError::new_err(format!("from_s is {from} s, expected less than to_s, {to} s")));
+        }
+        self.part(py, at(from)..at(to))
     }
 
     /// Some samples in a row, as in `recording[1000:5000]`, as a recording of its own; `crop` takes times.
