@@ -20,7 +20,9 @@ MODELS = [CONFORMANCE / "models" / name for name in ("gms.json", "lugre.json")]
 def program(*arguments: object) -> None:
     command = os.environ.get("TROCAR_PROGRAM")
     if command is None:
-        pytest.skip("TROCAR_PROGRAM does not name the command line; crates/trocar-py/check builds and names it")
+        pytest.skip(
+            "TROCAR_PROGRAM does not name the command line; crates/trocar-py/check builds and names it"
+        )
     subprocess.run([command, "export", *map(str, arguments), "--quiet"], check=True)
 
 
@@ -46,11 +48,22 @@ def test_an_fmu_is_that_of_the_command_line(model: trocar.Model, tmp_path: Path)
     model.save(tmp_path / "model.json")
     for fmi, input_ in ((2, "position"), (3, "velocity")):
         model.export_fmu(tmp_path / "python.fmu", fmi=fmi, input=input_)
-        program("fmu", tmp_path / "model.json", "--out", tmp_path / "command.fmu", "--fmi", fmi, "--input", input_)
+        program(
+            "fmu",
+            tmp_path / "model.json",
+            "--out",
+            tmp_path / "command.fmu",
+            "--fmi",
+            fmi,
+            "--input",
+            input_,
+        )
         own, other = parts(tmp_path / "python.fmu"), parts(tmp_path / "command.fmu")
         assert own.keys() == other.keys()
         assert all(own[name] == other[name] for name in own if not name.startswith("binaries/"))
-        assert all(len(own[name]) > 100_000 for name in own if name.startswith("binaries/") and "." in name)
+        assert all(
+            len(own[name]) > 100_000 for name in own if name.startswith("binaries/") and "." in name
+        )
     with pytest.raises(trocar.ParameterError, match="fmi must be 2 or 3, got 1"):
         model.export_fmu(tmp_path / "none.fmu", fmi=1)  # type: ignore[arg-type]
     with pytest.raises(trocar.ParameterError, match='input "force": expected position or velocity'):

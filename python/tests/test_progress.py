@@ -21,11 +21,12 @@ class Terminal(io.StringIO):
 
 
 def work(recordings: list[trocar.Recording], **options: object) -> trocar.Identification:
-    return trocar.identify(recordings, bootstrap=0, moving_mass_kg=ROD_KG, **options)  # type: ignore[arg-type]
+    same = {"bootstrap": 0, "moving_mass_kg": ROD_KG}
+    return trocar.identify(recordings, **same, **options)  # type: ignore[arg-type]
 
 
 def watched(monkeypatch: pytest.MonkeyPatch, stream: io.StringIO) -> io.StringIO:
-    """``stream`` as standard error; not a fixture, because pytest puts its own in place before each test."""
+    """``stream`` as standard error; not a fixture, because pytest puts its own in place later."""
     monkeypatch.setattr(sys, "stderr", stream)
     return stream
 
@@ -33,10 +34,16 @@ def watched(monkeypatch: pytest.MonkeyPatch, stream: io.StringIO) -> io.StringIO
 @pytest.fixture()
 def no_tqdm(monkeypatch: pytest.MonkeyPatch) -> None:
     found = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "tqdm" else found(name, *rest))
+    monkeypatch.setattr(
+        importlib.util,
+        "find_spec",
+        lambda name, *rest: None if name == "tqdm" else found(name, *rest),
+    )
 
 
-def test_a_terminal_shows_a_bar_that_disappears(training: list[trocar.Recording], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_shows_a_bar_that_disappears(
+    training: list[trocar.Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
     terminal = watched(monkeypatch, Terminal())
     work(training)
     assert "%|" in terminal.getvalue() and "fit" in terminal.getvalue()
@@ -44,7 +51,9 @@ def test_a_terminal_shows_a_bar_that_disappears(training: list[trocar.Recording]
 
 
 @pytest.mark.usefixtures("no_tqdm")
-def test_without_tqdm_it_is_a_line(training: list[trocar.Recording], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_tqdm_it_is_a_line(
+    training: list[trocar.Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
     terminal = watched(monkeypatch, Terminal())
     work(training)
     lines = [line.strip() for line in terminal.getvalue().split("\r")]
@@ -63,7 +72,9 @@ def test_the_line_disappears_after_an_error(monkeypatch: pytest.MonkeyPatch) -> 
     assert lines[1:3] == ["a long stage: 50%", "short: 60%       "] and not lines[3].strip()
 
 
-def test_nobody_is_bothered_elsewhere(training: list[trocar.Recording], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nobody_is_bothered_elsewhere(
+    training: list[trocar.Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
     terminal = watched(monkeypatch, Terminal())
     work(training, progress=False)
     assert not terminal.getvalue()

@@ -49,8 +49,8 @@ from ._core import (
     sweep_config,
 )
 from ._arrays import column as _column, count as _count
-from ._progress import Progress as _Progress, watched as _watched
 from ._many import simulate_many, squared_error_many
+from ._progress import Progress as _Progress, watched as _watched
 from ._sweep import sweep
 from .results import (
     ComparedModel,
@@ -126,7 +126,7 @@ __all__ = [
 
 #: One recording or several.
 Recordings = Union[Recording, Iterable[Recording]]
-#: A function called with the stage of the work and the fraction done, 0 to 1; or whether to show a bar.
+#: Called with the stage of the work and the fraction done, 0 to 1; or whether to show a bar.
 Progress = Union[_Progress, bool, None]
 
 
@@ -168,8 +168,9 @@ def identify(
     :param gravity_m_s2: component of gravity along the insertion that acts on the reading of that mass; with 0 the weight
         is part of the offset
     :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
-    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By default a bar is shown in a
-        terminal, and in a notebook with tqdm and ipywidgets; False shows none
+    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By
+        default a bar is shown in a terminal, and in a notebook with tqdm and ipywidgets; False
+        shows none
     :raises IdentifyError: if the recordings contain nothing to identify from
     """
     training = _recordings("recordings", recordings)
@@ -219,7 +220,8 @@ def validate(
     options = {"moving_mass_kg": moving_mass_kg, "offset_n": offset_n}
     work = partial(_core.validate, model, scored, **options, threads=_count("threads", threads))
     done = work()
-    return Validation._of(json.loads(done.summary_json()), done.taken_out(), work)._with(done)  # type: ignore[no-any-return]
+    result = Validation._of(json.loads(done.summary_json()), done.taken_out(), work)
+    return result._with(done)  # type: ignore[no-any-return]
 
 
 def compare(
@@ -241,6 +243,7 @@ def compare(
     :param models: names, separated by commas or in a list: ems, ems-output-error, coulomb, coulomb-viscous, stribeck, dahl,
         lugre, lugre-rational, leuven, maxwell-slip, gms. The last three accept a number or range of elements, as in gms:4-10
     :param timing: measure the time of a step and of each fit; the results then differ from run to run
+    :param progress: as for ``identify``
     :raises NotConverged: if the fit of a model did not converge from any initial value
     """
     held_out = [] if validate is None else _recordings("validate", validate)

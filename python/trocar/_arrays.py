@@ -34,7 +34,7 @@ _OURS = re.compile(r"(time|position|force|velocity)(_\w+)?", re.IGNORECASE)
 
 
 def column(name: str, values: Any) -> npt.NDArray[np.float64]:
-    """``values`` as contiguous float64; missing values become nan, and times that are dates or durations seconds."""
+    """``values`` as contiguous float64; missing values become nan, dates and durations seconds."""
     found = seconds(values) if name == "time_s" else None
     found = array(name, values) if found is None else found
     if found.dtype.kind not in _NUMBERS:
@@ -60,7 +60,7 @@ def array(name: str, values: Any) -> npt.NDArray[Any]:
 
 
 def seconds(values: Any) -> npt.NDArray[np.float64] | None:
-    """Dates as s after the first, durations as s; missing ones become nan. None for anything else."""
+    """Dates in s after the first, durations in s; missing ones become nan. None for the rest."""
     if isinstance(values, np.ndarray) and values.dtype.kind not in "mM":
         return None
     kind_ = getattr(getattr(values, "dtype", None), "kind", None)
@@ -112,14 +112,17 @@ def plain(value: Any) -> Any:
 
 
 def columns_in_words(columns: Any) -> str:
-    """``columns`` as the native part takes it: a text as it is, a mapping from our names to the columns' as ``ours=theirs``."""
+    """``columns`` as the native part takes it: a text as it is, a mapping as ``ours=theirs``."""
     if isinstance(columns, str):
         return columns
-    if not isinstance(columns, Mapping) or not all(isinstance(item, str) for pair in columns.items() for item in pair):
+    texts = isinstance(columns, Mapping) and [item for pair in columns.items() for item in pair]
+    if not texts or not all(isinstance(text, str) for text in texts):
         raise TypeError(f"columns must be a text or a dictionary of texts, got {columns!r}")
-    if any(_OURS.fullmatch(theirs) and not _OURS.fullmatch(ours) for ours, theirs in columns.items()):
+    pairs = columns.items()
+    if any(_OURS.fullmatch(theirs) and not _OURS.fullmatch(ours) for ours, theirs in pairs):
         right = {theirs: ours for ours, theirs in columns.items()}
-        raise ParameterError(f"columns maps our names to those of the columns: columns={right}, got {dict(columns)}")
+        what = "columns maps our names to those of the columns"
+        raise ParameterError(f"{what}: columns={right}, got {dict(columns)}")
 
     def entry(ours: str, theirs: str) -> str:
         quoted = "," in theirs or '"' in theirs or theirs.strip() != theirs
@@ -131,9 +134,11 @@ def columns_in_words(columns: Any) -> str:
 def table(frame: Any) -> Any:
     """``frame``, or for a data set or array of xarray the dictionary of its columns."""
     if hasattr(frame, "to_dataset") and hasattr(frame, "dims"):
-        named = [dim for dim in frame.dims if dim in frame.coords and frame[dim].dtype.kind in "OUT"]
+        labelled = [dim for dim in frame.dims if dim in frame.coords]
+        named = [dim for dim in labelled if frame[dim].dtype.kind in "OUT"]
         if len(named) != 1 or frame.ndim != 2:
-            raise TypeError("a DataArray needs a dimension of samples and one that names the columns")
+            what = "a DataArray needs a dimension of samples and one that names the columns"
+            raise TypeError(what)
         frame = frame.to_dataset(dim=named[0])
     if hasattr(frame, "data_vars"):
         return {name: frame[name] for name in frame.variables if frame[name].ndim == 1}
@@ -141,7 +146,7 @@ def table(frame: Any) -> Any:
 
 
 def described(frame: Any) -> tuple[list[str], list[str], list[int]]:
-    """Names of the columns, their units where xarray's variables declare them, and which columns are dates or durations."""
+    """Names of the columns, units that xarray declares, indices of dates and durations."""
     found = names(frame)
     columns = [series(frame, index) for index in range(len(found))]
     units = [str(getattr(values, "attrs", {}).get("units", "")) for values in columns]
@@ -153,12 +158,13 @@ def _are_times(values: Any) -> bool:
 
 
 def with_index(frame: Any) -> dict[str, Any] | None:
-    """The columns of a pandas data frame after its index, if that may be a time: dates, durations, or numbers with a name."""
+    """A pandas data frame's columns after its index, if that has dates or a name; or None."""
     index: Any = getattr(frame, "index", None)
     if not hasattr(frame, "iloc") or getattr(index, "ndim", 0) != 1:
         return None
     name = "time_s" if index.dtype.kind in "mM" else index.name
-    return None if name is None else {str(name): index, **{own: series(frame, k) for k, own in enumerate(names(frame))}}
+    columns = {own: series(frame, k) for k, own in enumerate(names(frame))}
+    return None if name is None else {str(name): index, **columns}
 
 
 def names(frame: Any) -> list[str]:

@@ -19,7 +19,7 @@ def has_matplotlib() -> bool:
 
 
 def recording(found: Recording, ax: Any = None) -> Any:
-    """Force and position over time, in ``ax`` (two axes, or one for the force alone) or a new figure."""
+    """Force and position over time, in ``ax`` (two axes, or one for the force) or a new figure."""
     if ax is None and not has_matplotlib():
         from .results import _figures
 
@@ -32,10 +32,12 @@ def recording(found: Recording, ax: Any = None) -> Any:
 
 
 def forces(found: Forces, name: str, ax: Any = None) -> Any:
-    """Measured and computed force and the residual over time, in ``ax`` (two axes, or one without the residual) or a new figure."""
+    """Forces and their residual over time, in ``ax`` (two axes, or one for the forces) or new."""
     axes = _axes(ax)
     time = found.time_s
-    _panel(axes, 0, "force (N)", [(time, found.measured_n, "measured"), (time, found.model_n, "model")])
+    _panel(
+        axes, 0, "force (N)", [(time, found.measured_n, "measured"), (time, found.model_n, "model")]
+    )
     _panel(axes, 1, "residual (N)", [(time, found.residual_n, "")])
     return _finished(axes, ax, name)
 

@@ -16,9 +16,10 @@ Progress = Callable[[str, float], object]
 
 @contextmanager
 def watched(progress: Union[Progress, bool, None]) -> Iterator[Optional[Progress]]:
-    """What to call with stage and fraction: ``progress`` itself, a bar while the work lasts, or nothing.
+    """What to call with stage and fraction: ``progress``, a bar while the work lasts, or nothing.
 
-    By default (None) there is a bar in a terminal, and in a notebook with tqdm and ipywidgets; none in worker processes and threads.
+    By default (None) there is a bar in a terminal, and in a notebook with tqdm and ipywidgets; none
+    in worker processes and threads.
     False turns it off, True asks for it on standard error wherever that leads.
     """
     if progress is None or isinstance(progress, bool):
@@ -36,7 +37,10 @@ def watched(progress: Union[Progress, bool, None]) -> Iterator[Optional[Progress
 
 
 def _bar(always: bool) -> Union[_Tqdm, _Line, None]:
-    is_main = multiprocessing.current_process().name == "MainProcess" and threading.current_thread() is threading.main_thread()
+    is_main = (
+        multiprocessing.current_process().name == "MainProcess"
+        and threading.current_thread() is threading.main_thread()
+    )
     if not always and not is_main:
         return None
     if is_notebook():
@@ -62,7 +66,9 @@ class _Tqdm:
 
     def __init__(self, module: str) -> None:
         tqdm: Any = importlib.import_module(module)
-        self._bar = tqdm.tqdm(total=100, leave=False, bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}")
+        self._bar = tqdm.tqdm(
+            total=100, leave=False, bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}"
+        )
 
     def show(self, stage: str, part: float) -> None:
         self._bar.set_description_str(stage, refresh=False)

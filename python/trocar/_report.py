@@ -1,4 +1,4 @@
-"""An identification as text, in the layout of lmfit's fit reports, and its parameters as a data frame."""
+"""An identification as text, laid out as in lmfit, and its parameters as a data frame."""
 
 from __future__ import annotations
 
@@ -25,12 +25,18 @@ def fit_report(found: Identification, min_correl: float, coefficients: bool) -> 
             f"Correlations]] (unreported correlations are < {min_correl:.3f})",
             _correlations(found.covariance, {p.name for p in shown}, min_correl),
         ),
-        ("Warnings", [str(w) for w in found.warnings if w.doubtful and w.subject not in undetermined]),
+        (
+            "Warnings",
+            [str(w) for w in found.warnings if w.doubtful and w.subject not in undetermined],
+        ),
     ]
     lines = []
     for heading, body in sections:
         if body:
-            lines += [f"[[{heading}" + ("" if "]]" in heading else "]]"), *(f"    {line}" for line in body)]
+            lines += [
+                f"[[{heading}" + ("" if "]]" in heading else "]]"),
+                *(f"    {line}" for line in body),
+            ]
     return "\n".join(lines)
 
 
@@ -42,16 +48,27 @@ def _aligned(pairs: Iterable[tuple[str, str]], between: str) -> list[str]:
 
 def _statistics(found: Identification) -> Iterator[tuple[str, str]]:
     summary, fit = found.summary, found.summary["fit"]
-    yield "# fitting method", "the paper's two steps" if fit is None else "likelihood with a friction scale for each stroke"
+    yield (
+        "# fitting method",
+        "the paper's two steps"
+        if fit is None
+        else "likelihood with a friction scale for each stroke",
+    )
     if fit is not None:
-        yield "# iterations", f"{fit['iterations']}, {'converged' if fit['converged'] else 'not converged'}"
+        yield (
+            "# iterations",
+            f"{fit['iterations']}, {'converged' if fit['converged'] else 'not converged'}",
+        )
     yield "# data points", f"{sum(phase['samples'] for phase in summary['phases'])}"
     yield "# variables", f"{summary['free_parameters']}"
     yield "residual rms", f"{found.residual_rms_n:.6g} N"
     if fit is not None:
         yield "rms with scales", f"{fit['rms_n']:.6g} N"
     if found.validation is not None:
-        yield "validation rms", f"{found.validation.rms_n:.6g} N, fit {found.validation.fit_percent:.2f} %"
+        yield (
+            "validation rms",
+            f"{found.validation.rms_n:.6g} N, fit {found.validation.fit_percent:.2f} %",
+        )
 
 
 def _value(p: Parameter) -> str:
@@ -84,7 +101,9 @@ def frame(columns: dict[str, Any], index: str) -> Any:
         return importlib.import_module("pandas").DataFrame(columns).set_index(index)
     if importlib.util.find_spec("polars") is not None:
         return importlib.import_module("polars").DataFrame(columns)
-    raise ImportError("to_frame() needs pandas or polars, and neither is installed: pip install pandas")
+    raise ImportError(
+        "to_frame() needs pandas or polars, and neither is installed: pip install pandas"
+    )
 
 
 def parameters(found: Iterable[Parameter]) -> dict[str, Any]:

@@ -43,8 +43,9 @@ def sweep(
     :param traces: folder for time, position and force of each run, one Parquet file per run
     :param seed: replaces the seed of the configuration
     :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
-    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By default a bar is shown in a
-        terminal, and in a notebook with tqdm and ipywidgets; False shows none
+    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By
+        default a bar is shown in a terminal, and in a notebook with tqdm and ipywidgets; False
+        shows none
     :raises SweepError: if the configuration is invalid
     """
     text, name, folder, model = _document(config)

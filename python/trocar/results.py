@@ -1,7 +1,8 @@
-"""Results of identify, validate, compare, simulate_full, sweep and compensate: plain objects with a display for notebooks.
+"""Results of identify, validate, compare, simulate_full, sweep and compensate: plain objects.
 
-A pickled result keeps its numbers, its recordings and the call that made it; figures and files repeat that call when they are asked
-for first. The same recordings and options give the same numbers.
+A pickled result keeps its numbers, its recordings and the call that made it; figures and files
+repeat that call when they are asked for first. The same recordings and options give the same
+numbers.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ class Parameter:
 
     @property
     def is_coefficient(self) -> bool:
-        """Whether it is a coefficient of the deformation force: these are determined together, not one by one."""
+        """Whether it is a coefficient of the deformation force: determined with the others only."""
         return "_theta" in self.name
 
     @classmethod
@@ -108,7 +109,8 @@ class Parameter:
         bounds = (-np.inf if low is None else low, np.inf if high is None else high)
         value = np.nan if found["value"] is None else found["value"]
         stderr = found.get("standard_error")
-        return cls(name, value, found["unit"], *bounds, found["determined"], found.get("note"), stderr)
+        is_determined, note = found["determined"], found.get("note")
+        return cls(name, value, found["unit"], *bounds, is_determined, note, stderr)
 
 
 class Parameters(Mapping[str, Parameter]):
@@ -129,10 +131,10 @@ class Parameters(Mapping[str, Parameter]):
         return len(self._found)
 
     def to_frame(self) -> Any:
-        """The parameters as a data frame, a row each: value, stderr, ci95_low, ci95_high, unit, determined, note.
+        """The parameters as a data frame, one row each, in SI units.
 
-        It is pandas' with the names as its index, or polars' with a column ``name``; all numbers in SI units. A standard error that
-        does not exist is nan.
+        Its columns are value, stderr (nan if there is none), ci95_low, ci95_high, unit, determined
+        and note. It is pandas' with the names as its index, or polars' with a column ``name``.
 
         :raises ImportError: if neither pandas nor polars is installed
         """
@@ -150,8 +152,9 @@ class Parameters(Mapping[str, Parameter]):
 class Covariance:
     """Covariance of the parameters of a fit that have a standard error.
 
-    Its diagonal holds the squares of the standard errors. It comes from the jackknife over cycles, so with fewer cycles than parameters
-    it is singular. Parameters that the data do not determine are not in it.
+    Its diagonal holds the squares of the standard errors. It comes from the jackknife over cycles,
+    so with fewer cycles than parameters it is singular. Parameters that the data do not determine
+    are not in it.
     """
 
     #: Names of the parameters, in the order of rows and columns.
@@ -168,11 +171,12 @@ class Covariance:
         return found
 
     def to_frame(self) -> Any:
-        """The matrix as a data frame with the names as columns, and as its index where pandas is installed.
+        """The matrix as a data frame with the names as columns, and as the index of pandas'.
 
         :raises ImportError: if neither pandas nor polars is installed
         """
-        return _report.frame({"name": list(self.names), **dict(zip(self.names, self.matrix.T))}, "name")
+        columns = dict(zip(self.names, self.matrix.T))
+        return _report.frame({"name": list(self.names), **columns}, "name")
 
 
 @dataclass(frozen=True)
@@ -188,7 +192,10 @@ class ResultWarning:
 
 
 class Forces(NamedTuple):
-    """Measured and computed force along one recording, with the sensor's offset and the inertia of a moving mass subtracted."""
+    """Measured and computed force along one recording.
+
+    The sensor's offset and the inertia of a moving mass are subtracted.
+    """
 
     time_s: npt.NDArray[np.float64]
     measured_n: npt.NDArray[np.float64]
@@ -244,8 +251,9 @@ class _Repeatable(Generic[_Native]):
         """The result of the call, if it still gives the same numbers."""
         done: Any = self._done
         if json.loads(done.summary_json()) != self.summary:
-            text = "the repeated work gave other numbers: was this pickled by another version, or with measured times?"
-            raise TrocarError(f"{text}\n\nhint: save() and report() before pickling")
+            text = "the repeated work gave other numbers: was this pickled by another version"
+            hint = "hint: save() and report() before pickling"
+            raise TrocarError(f"{text}, or with measured times?\n\n{hint}")
         return done
 
     def __getstate__(self) -> dict[str, Any]:
@@ -266,7 +274,12 @@ class Validation(_Repeatable[_core.Validated]):
     _work: partial[_core.Validated] = field(repr=False)
 
     @classmethod
-    def _of(cls, summary: Mapping[str, Any], taken_out: tuple[float, float], work: partial[_core.Validated]) -> Validation:
+    def _of(
+        cls,
+        summary: Mapping[str, Any],
+        taken_out: tuple[float, float],
+        work: partial[_core.Validated],
+    ) -> Validation:
         recordings = tuple(RecordingValidation._of(found) for found in summary["recordings"])
         return cls(summary["rms_n"], summary["fit_percent"], recordings, *taken_out, summary, work)
 
@@ -281,10 +294,11 @@ class Validation(_Repeatable[_core.Validated]):
 
     def forces(self, recording: int | str = 0) -> Forces:
         """Measured and computed force along a recording, selected by index or name."""
-        return Forces(*self._done.forces(_place([found.name for found in self.recordings], recording)))
+        names = [found.name for found in self.recordings]
+        return Forces(*self._done.forces(_place(names, recording)))
 
     def plot(self, ax: Any = None, *, recording: int | str = 0) -> Any:
-        """Measured and computed force and the residual along a recording, as ``Identification.plot``."""
+        """Forces and their residual along a recording, as ``Identification.plot``."""
         return _plotted(self._done, [found.name for found in self.recordings], recording, ax)
 
     @cached_property
@@ -311,7 +325,8 @@ def _plotted(done: _core.Validated, names: Sequence[str], recording: int | str, 
         return _plot.forces(Forces(*done.forces(place)), names[place], ax)
     drawn = list(_figures(done.figures()).values())
     if place >= len(drawn):
-        raise TrocarError(f"without matplotlib only the first {len(drawn)} recordings have a figure: pip install matplotlib")
+        text = f"without matplotlib only the first {len(drawn)} recordings have a figure"
+        raise TrocarError(f"{text}\n\nhint: pip install matplotlib")
     return drawn[place]
 
 
@@ -343,7 +358,8 @@ class Identification(_Repeatable[_core.Identified]):
         validation = None
         if summary["validation"] is not None:
             taken_out = model.sensor_offset_n, model.moving_mass_kg
-            validation = Validation._of(summary["validation"], taken_out, _validating(model, work.args[1]))
+            checking = _validating(model, work.args[1])
+            validation = Validation._of(summary["validation"], taken_out, checking)
         result = cls(
             model=model,
             parameters=Parameters([Parameter._of(name, found[name]) for name in done.names()]),
@@ -362,17 +378,20 @@ class Identification(_Repeatable[_core.Identified]):
 
     @property
     def covariance(self) -> Optional[Covariance]:
-        """Covariance of the parameters that the fit has estimated; None for the paper's two steps, which have no common fit."""
+        """Covariance of the parameters of the fit; None for the paper's two steps."""
         found = self.summary["covariance"]
-        return None if found is None else Covariance(tuple(found["parameters"]), np.array(found["rows"]))
+        if found is None:
+            return None
+        return Covariance(tuple(found["parameters"]), np.array(found["rows"]))
 
     def fit_report(self, min_correl: float = 0.1, *, coefficients: bool = False) -> str:
         """The identification as text, in the layout of lmfit's reports.
 
         :param min_correl: least absolute value of the correlations that are listed, 0 to 1
         :param coefficients: list the coefficients of the deformation force, too
-        :returns: statistics of the fit, parameters with standard errors and 95 % intervals in SI units, correlations, and further
-            warnings that make the result doubtful. A parameter that the data do not determine is listed with the reason
+        :returns: statistics of the fit, parameters with standard errors and 95 % intervals in SI
+            units, correlations, and further warnings that make the result doubtful. A parameter
+            that the data do not determine is listed with the reason
         """
         return _report.fit_report(self, min_correl, coefficients)
 
@@ -390,37 +409,46 @@ class Identification(_Repeatable[_core.Identified]):
         return _validating(self.model, self.recordings)()
 
     def forces(self, recording: int | str = 0) -> Forces:
-        """Measured and computed force along a recording that it was identified from, selected by index or name."""
-        return Forces(*self._replayed.forces(_place([own.name for own in self.recordings], recording)))
+        """Measured and computed force along one of ``recordings``, selected by index or name."""
+        names = [own.name for own in self.recordings]
+        return Forces(*self._replayed.forces(_place(names, recording)))
 
     @property
     def residuals(self) -> tuple[npt.NDArray[np.float64], ...]:
-        """Measured less computed force, N, an array for each of ``recordings``; nan where the state of the seal is unknown.
+        """Measured less computed force, N, an array for each of ``recordings``.
 
-        Offset and inertia are subtracted from the readings. The friction scale of each stroke is left at 1, as in a simulation. A
-        recording whose positions came late is some samples shorter than it was given; ``forces`` has the times.
+        They are nan where the state of the seal is unknown. Offset and inertia are subtracted from
+        the readings. The friction scale of each stroke is left at 1, as in a simulation. Where a
+        position delay was compensated, an array is some samples shorter than its recording;
+        ``forces`` has the times.
         """
         return tuple(self.forces(place).residual_n for place in range(len(self.recordings)))
 
-    def predict(self, motion: Union[Recording, ArrayLike], position_m: Optional[ArrayLike] = None) -> npt.NDArray[np.float64]:
+    def predict(
+        self, motion: Union[Recording, ArrayLike], position_m: Optional[ArrayLike] = None
+    ) -> npt.NDArray[np.float64]:
         """Force of the instrument on the seal along a motion, N, as ``simulate``.
 
-        :param motion: times, s, or a recording, whose first reading then gives the state at the start; readings play no part otherwise
+        :param motion: times, s; or a recording, of which the positions are used, and the first
+            reading for the state of the seal at the start
         :param position_m: positions, m, if ``motion`` are times
-        :returns: the force at each sample, without the sensor's offset (``model.sensor_offset_n``) and the inertia of a moving mass
+        :returns: the force at each sample, without the sensor's offset (``model.sensor_offset_n``)
+            and the inertia of a moving mass
         """
         if isinstance(motion, Recording):
             if position_m is not None:
                 raise TypeError("predict(recording) takes no position_m: the recording has its own")
             return _validating(self.model, [motion])().forces(0)[2]
         if position_m is None:
-            raise TypeError("predict takes a recording, or times and positions: predict(time_s, position_m)")
+            what = "predict takes a recording, or times and positions"
+            raise TypeError(f"{what}: predict(time_s, position_m)")
         return _core.simulate(self.model, motion, position_m)
 
     def plot(self, ax: Any = None, *, recording: int | str = 0) -> Any:
-        """Measured and computed force and the residual, N, over time, s, along a recording that it was identified from.
+        """Measured and computed force and residual, N, over time, s, along one of ``recordings``.
 
-        :param ax: two axes of matplotlib to draw into, or one for the forces alone; by default those of a new figure
+        :param ax: two axes of matplotlib to draw into, or one for the forces alone; by default
+            those of a new figure
         :param recording: index or name of the recording
         :returns: the axes; a ``Figure`` (SVG) where matplotlib is not installed
         """
@@ -516,7 +544,8 @@ class Comparison(_Repeatable[_core.Compared]):
         summary = json.loads(done.summary_json())
         models = tuple(ComparedModel._of(*pair) for pair in zip(summary["models"], done.models()))
         claims = tuple(claim["sentence"] for claim in summary["reversal_claim"])
-        result = cls(models, claims, summary["held_out"], tuple(done.unknown_states()), summary, work)
+        unknown = tuple(done.unknown_states())
+        result = cls(models, claims, summary["held_out"], unknown, summary, work)
         return result._with(done)  # type: ignore[no-any-return]
 
     @property
