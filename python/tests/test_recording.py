@@ -69,8 +69,8 @@ def test_columns_are_named_by_a_dictionary(tmp_path: Path) -> None:
     assert same(trocar.read(tmp_path / "strokes.csv", columns=NAMED), made())
     flipped = trocar.Recording.from_frame({**table, "kraft": -table["kraft"]}, columns={**NAMED, "force_mn": "-kraft"})
     assert same(flipped, made())
-    odd = {"t, (s)": table["zeit"], 'the "way"': table["weg"], "kraft": table["kraft"]}
-    spelled = {"time_ms": "t, (s)", "position_um": 'the "way"', "force_mn": "kraft"}
+    odd = {"t, (s)": table["zeit"], 'the "way"': table["weg"], "kraft, reversed": -table["kraft"]}
+    spelled = {"time_ms": "t, (s)", "position_um": 'the "way"', "force_mn": "-kraft, reversed"}
     assert same(trocar.Recording.from_frame(odd, columns=spelled), made())
 
 

@@ -125,8 +125,9 @@ def columns_in_words(columns: Any) -> str:
         raise ParameterError(f"{what}: columns={right}, got {dict(columns)}")
 
     def entry(ours: str, theirs: str) -> str:
-        quoted = "," in theirs or '"' in theirs or theirs.strip() != theirs
-        return f'{ours}="{theirs}"' if quoted else f"{ours}={theirs}"
+        sign, name = ("-", theirs[1:]) if theirs.startswith("-") else ("", theirs)
+        quoted = "," in name or '"' in name or name.strip() != name
+        return f'{ours}={sign}"{name}"' if quoted else f"{ours}={sign}{name}"
 
     return ",".join(entry(*pair) for pair in columns.items())
 
@@ -154,7 +155,9 @@ def described(frame: Any) -> tuple[list[str], list[str], list[int]]:
 
 
 def _are_times(values: Any) -> bool:
-    return (hasattr(values, "dtype") or hasattr(values, "type")) and seconds(values[:1]) is not None
+    """By the names that NumPy, pandas, polars and Arrow give to such types."""
+    kind_ = str(getattr(values, "dtype", getattr(values, "type", ""))).lower()
+    return kind_.startswith(("datetime", "timedelta", "timestamp", "duration"))
 
 
 def with_index(frame: Any) -> dict[str, Any] | None:
