@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+import xarray as xr
 
 import trocar
 
@@ -58,6 +59,142 @@ def test_columns_are_named_in_order_where_names_say_nothing() -> None:
         trocar.Recording.from_frame(table, columns="time_ms,position_um,force_mn")
 
 
+NAMED = {"time_ms": "zeit", "position_um": "weg", "force_mn": "kraft"}
+
+
+def test_columns_are_named_by_a_dictionary(tmp_path: Path) -> None:
+    table = dict(zip(NAMED.values(), columns().values()))
+    assert same(trocar.Recording.from_frame(pd.DataFrame(table), columns=NAMED), made())
+    pd.DataFrame(table).to_csv(tmp_path / "strokes.csv", index=False)
+    assert same(trocar.read(tmp_path / "strokes.csv", columns=NAMED), made())
+    flipped = trocar.Recording.from_frame({**table, "kraft": -table["kraft"]}, columns={**NAMED, "force_mn": "-kraft"})
+    assert same(flipped, made())
+    odd = {"t, (s)": table["zeit"], 'the "way"': table["weg"], "kraft, reversed": -table["kraft"]}
+    spelled = {"time_ms": "t, (s)", "position_um": 'the "way"', "force_mn": "-kraft, reversed"}
+    assert same(trocar.Recording.from_frame(odd, columns=spelled), made())
+
+
+def test_a_dictionary_the_wrong_way_round_is_answered_by_the_right_one() -> None:
+    table = dict(zip(NAMED.values(), columns().values()))
+    wrong = {theirs: ours for ours, theirs in NAMED.items()}
+    with pytest.raises(trocar.ParameterError) as raised:
+        trocar.Recording.from_frame(table, columns=wrong)
+    assert f"columns={NAMED}" in str(raised.value)
+    with pytest.raises(trocar.RecordingError, match="a name that no column has, expected one of zeit, weg, kraft"):
+        trocar.Recording.from_frame(table, columns={**NAMED, "force_mn": "f"})
+    for nonsense in (3, ["time_ms"], {"time_ms": 0}):
+        with pytest.raises(TypeError, match="columns must be a text or a dictionary of texts"):
+            trocar.Recording.from_frame(table, columns=nonsense)  # type: ignore[arg-type]
+
+
+START = pd.Timestamp("2026-03-01T10:00:00")
+
+
+def dated(times: object) -> list[object]:
+    """Frames whose times are dates: in a column of any name for a time, or in the index."""
+    _, position, force = columns().values()
+    data = {"position_um": position, "force_mn": force}
+    index = pd.Index(times)
+    return [
+        pd.DataFrame({"timestamp": index, **data}),
+        pd.DataFrame({"time_ms": index, **data}),
+        pd.DataFrame(data, index=index),
+        pd.DataFrame(data, index=index.rename("Uhrzeit")),
+        {"time": index, **data},
+    ]
+
+
+@pytest.mark.parametrize("kind", ["dates", "with a time zone", "durations"])
+def test_times_may_be_dates_or_durations(kind: str) -> None:
+    durations = pd.to_timedelta(columns()["time_ms"], unit="ms")
+    dates = START + durations
+    times = {"dates": dates, "with a time zone": dates.tz_localize("Europe/Berlin"), "durations": durations}[kind]
+    frames = dated(times)
+    if kind == "dates":
+        frames.append(pl.DataFrame({"timestamp": times.to_numpy(), **frames[-1]}).drop("time"))
+    for frame in frames:
+        assert same(trocar.Recording.from_frame(frame), made()), frame
+    _, position, force = columns().values()
+    for values in (times, pd.Series(times), times.to_numpy() if kind != "with a time zone" else times):
+        assert same(trocar.Recording(values, position / 1e6, force / 1e3), made())
+    model = trocar.Model.plausible()
+    assert np.array_equal(
+        trocar.simulate(model, times, position / 1e6), trocar.simulate(model, made().time_s, position / 1e6)
+    )
+
+
+def test_a_missing_date_is_a_missing_sample() -> None:
+    frame = dated(START + pd.to_timedelta(columns()["time_ms"], unit="ms"))[0]
+    frame.loc[[0, 5], "timestamp"] = pd.NaT
+    recording = trocar.Recording.from_frame(frame)
+    assert len(recording) == 2998 and recording.time_s[0] == 0 and recording.warnings
+
+
+def test_the_index_is_the_time_only_where_no_column_is() -> None:
+    frame = pd.DataFrame(columns()).set_index("time_ms")
+    assert same(trocar.Recording.from_frame(frame), made())
+    both = pd.DataFrame(columns(), index=START + pd.to_timedelta(np.arange(3000.0), unit="h"))
+    assert same(trocar.Recording.from_frame(both), made())
+    with pytest.raises(trocar.RecordingError, match="no time column among"):
+        trocar.Recording.from_frame(frame.reset_index(drop=True))
+
+
+def test_data_sets_of_xarray_are_understood() -> None:
+    time, position, force = columns().values()
+    units = {"weg": "um", "kraft": "mN"}
+    dates = START.to_datetime64() + (time * 1e6).astype("timedelta64[ns]")
+    data = xr.Dataset({"weg": ("time", position), "kraft": ("time", force)}, coords={"time": dates, "seal": "a"})
+    for name, unit in units.items():
+        data[name].attrs["units"] = unit
+    named = {"position": "weg", "force": "kraft", "time": "time"}
+    assert same(trocar.Recording.from_frame(data, columns=named), made())
+    renamed = data.rename(weg="position", kraft="force")
+    assert same(trocar.Recording.from_frame(renamed), made())
+    assert same(trocar.Recording(renamed.time, renamed.position / 1e6, renamed.force / 1e3), made())
+    array = renamed.rename(position="position_um", force="force_mn").to_dataarray("channel")
+    assert same(trocar.Recording.from_frame(array), made())
+    with pytest.raises(TypeError, match="a DataArray needs a dimension of samples and one that names the columns"):
+        trocar.Recording.from_frame(renamed.force)
+
+
+def test_recordings_are_sliced() -> None:
+    whole = trocar.bench("step")
+    part = whole[100:300]
+    for name in ("time_s", "position_m", "force_n", "velocity_m_s"):
+        assert np.array_equal(getattr(part, name), getattr(whole, name)[100:300]), name
+    assert len(whole[:]) == len(whole) and len(whole[-50:]) == 50 and whole[:-50].time_s[-1] == whole.time_s[-51]
+    assert part.name == f"{whole.name}, samples 100 to 300" and part.sha256 != whole.sha256
+    assert set(whole.notes) <= set(part.notes)
+    for wrong in (5, slice(0.1, 0.2), "force_n"):
+        with pytest.raises(TypeError, match=r"recording\[1000:5000\]"):
+            whole[wrong]  # type: ignore[index]
+    with pytest.raises(trocar.ParameterError, match="step 2: a recording keeps its sampling"):
+        whole[::2]
+    with pytest.raises(trocar.RecordingError, match="found 0 usable samples"):
+        whole[10:10]
+
+
+def test_recordings_are_cropped_by_time_as_files_are(tmp_path: Path) -> None:
+    whole = made()
+    whole.save(tmp_path / "whole.csv")
+    for limits in ({"from_s": 0.5, "to_s": 1.5}, {"from_s": 2.0}, {"to_s": 0.25}, {}):
+        cropped = whole.crop(**limits)
+        assert same(cropped, trocar.read(tmp_path / "whole.csv", **limits)), limits
+    later = trocar.Recording(whole.time_s + 100, whole.position_m, whole.force_n)
+    assert np.array_equal(later.crop(1, 2).force_n, whole.crop(1, 2).force_n)
+    with pytest.raises(trocar.ParameterError, match="to_s must be finite"):
+        whole.crop(to_s=np.inf)
+    with pytest.raises(trocar.ParameterError, match="from_s is 2 s, expected less than to_s, 1 s"):
+        whole.crop(2, 1)
+
+
+def test_a_part_keeps_the_limit_of_the_sensor() -> None:
+    time, position, force = columns().values()
+    clipped = trocar.Recording(time / 1e3, position / 1e6, np.clip(force / 1e3, -2, 2), sensor_limit_n=2)
+    part = clipped[200:2000]
+    assert {found["level_n"] for found in part.quality["saturated"]} == {-2.0, 2.0}
+
+
 def test_hints_speak_python() -> None:
     with pytest.raises(trocar.RecordingError) as raised:
         trocar.Recording.from_frame({"time": [0], "position_mm": [0], "force_n": [0]})
@@ -79,7 +216,8 @@ def test_missing_values_are_left_out_and_told() -> None:
     ("change", "error", "words"),
     [
         (lambda t: t.assign(force_mN="x"), trocar.ArrayError, "force_mN must hold numbers, got objects"),
-        (lambda t: t.assign(time_ms=pd.Timestamp(0)), trocar.ArrayError, "time_ms must hold numbers, got dates"),
+        (lambda t: t.assign(force_mN=pd.Timestamp(0)), trocar.ArrayError, "force_mN must hold numbers, got dates"),
+        (lambda t: t.assign(time_ms=pd.Timestamp(0)), trocar.RecordingError, "time stays at 0 s in all 3000 samples"),
         (lambda t: t.drop(columns="force_mN"), trocar.RecordingError, "no force column among 'time_ms, Position (um)'"),
         (lambda t: t.assign(force_2_n=1.0), None, ""),
         (lambda t: t.assign(Force_N=1.0), trocar.RecordingError, "force could be 'force_mN' or 'Force_N'"),

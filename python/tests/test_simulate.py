@@ -120,7 +120,7 @@ def test_read_only_arrays_and_single_precision_are_understood(model: trocar.Mode
         ([0, 1], [0, None], "position_m must hold numbers, got objects"),
         ([0, 1], [True, False], "position_m must hold numbers, got truth values"),
         ([0, 1], [[0, 0], [0, 0]], "position_m must have one dimension, got shape (2, 2)"),
-        (np.array([0, 1], "m8[s]"), [0, 0], "time_s must hold numbers, got time differences"),
+        ([0, 1], np.array([0, 1], "m8[s]"), "position_m must hold numbers, got time differences"),
         ([0, 1, 2], [0, np.nan, 0], "sample 1: position_m is NaN m, expected a finite number"),
         ([0, np.inf, 2], [0, 0, 0], "sample 1: time_s is inf s, expected a finite number"),
         ([0, 2, 1], [0, 0, 0], "sample 2: time_s goes back from 2 s to 1 s"),

@@ -76,6 +76,11 @@ def test_classes_have_what_the_stub_says(node: ast.ClassDef) -> None:
         assert arguments(method) == real_arguments(callable_), name
 
 
+def test_the_interface_is_what_dir_shows() -> None:
+    assert dir(trocar) == sorted(trocar.__all__)
+    assert all(hasattr(trocar, name) for name in dir(trocar))
+
+
 def test_everything_public_is_documented() -> None:
     for name in trocar.__all__:
         thing = getattr(trocar, name)
@@ -102,7 +107,12 @@ def test_mypy_is_content(tmp_path: Path) -> None:
         "    stepper = trocar.Stepper(model)\n"
         "    stepper.state = stepper.state\n"
         "    comparison = trocar.compare(recording, models=['ems', 'gms:4'])\n"
-        "    estimate = trocar.compensate(model, recording)\n"
+        "    estimate = trocar.compensate(model, recording[:100])\n"
+        "    other = trocar.Recording.from_frame({}, columns={'time_s': 't'}).crop(to_s=2.0)\n"
+        "    stderr: float | None = found.params['half_width_m'].stderr\n"
+        "    report: str = found.fit_report(0.5) + str(found.covariance and found.covariance.names[0])\n"
+        "    rest: float = found.predict(other).sum() + found.residuals[0].sum() + found.predict([0.0], [0.0]).sum()\n"
+        "    trocar.identify(recording, progress=False).plot()\n"
         "    return stepper.step(1e-3, 1e-3) + float(force.sum()) + comparison.best.fit_percent + estimate.drift.level\n"
     )
     config = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path / "cache")]

@@ -14,10 +14,12 @@ and leaves no partial results. Not a medical device.
 
 from __future__ import annotations
 
+import json
 import os
 import warnings as _python_warnings
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Callable, Optional, Union
+from functools import partial
+from typing import TYPE_CHECKING, Optional, Union
 
 from . import _core, fleet
 from ._core import (
@@ -48,16 +50,19 @@ from ._core import (
 )
 from ._arrays import column as _column, count as _count
 from ._many import simulate_many, squared_error_many
+from ._progress import Progress as _Progress, watched as _watched
 from ._sweep import sweep
 from .results import (
     ComparedModel,
     Comparison,
     Compensation,
+    Covariance,
     Drift,
     Figure,
     Forces,
     Identification,
     Parameter,
+    Parameters,
     RecordingValidation,
     ResultWarning,
     Simulation,
@@ -76,6 +81,7 @@ __all__ = [
     "Comparison",
     "Compensation",
     "Compensator",
+    "Covariance",
     "Drift",
     "Figure",
     "Forces",
@@ -88,6 +94,7 @@ __all__ = [
     "NotConverged",
     "Parameter",
     "ParameterError",
+    "Parameters",
     "Recording",
     "RecordingError",
     "RecordingValidation",
@@ -119,8 +126,12 @@ __all__ = [
 
 #: One recording or several.
 Recordings = Union[Recording, Iterable[Recording]]
-#: Called with the stage of the work and the fraction done, 0 to 1.
-Progress = Callable[[str, float], object]
+#: Called with the stage of the work and the fraction done, 0 to 1; or whether to show a bar.
+Progress = Union[_Progress, bool, None]
+
+
+def __dir__() -> list[str]:
+    return list(__all__)
 
 
 def identify(
@@ -137,7 +148,7 @@ def identify(
     moving_mass_kg: float = 0.0,
     gravity_m_s2: float = 0.0,
     threads: int = 0,
-    progress: Optional[Progress] = None,
+    progress: Progress = None,
 ) -> Identification:
     """Identifies a model from recordings and validates it on the recordings given as ``validate``.
 
@@ -157,7 +168,9 @@ def identify(
     :param gravity_m_s2: component of gravity along the insertion that acts on the reading of that mass; with 0 the weight
         is part of the offset
     :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
-    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1
+    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By
+        default a bar is shown in a terminal, and in a notebook with tqdm and ipywidgets; False
+        shows none
     :raises IdentifyError: if the recordings contain nothing to identify from
     """
     training = _recordings("recordings", recordings)
@@ -167,7 +180,8 @@ def identify(
     if overlap:
         text = f"{', '.join(overlap)}: validated on what it was identified from: no validation"
         _python_warnings.warn(text, stacklevel=2)
-    found = _core.identify(
+    work = partial(
+        _core.identify,
         training,
         held_out,
         bootstrap=_count("bootstrap", bootstrap),
@@ -180,9 +194,11 @@ def identify(
         moving_mass_kg=moving_mass_kg,
         gravity_m_s2=gravity_m_s2,
         threads=_count("threads", threads),
-        progress=progress,
+        progress=None,
     )
-    return Identification._of(found)
+    with _watched(progress) as watching:
+        done = work(progress=watching)
+    return Identification._of(done, work)
 
 
 def validate(
@@ -202,7 +218,10 @@ def validate(
     """
     scored = _recordings("recordings", recordings)
     options = {"moving_mass_kg": moving_mass_kg, "offset_n": offset_n}
-    return Validation._of(_core.validate(model, scored, **options, threads=_count("threads", threads)))
+    work = partial(_core.validate, model, scored, **options, threads=_count("threads", threads))
+    done = work()
+    result = Validation._of(json.loads(done.summary_json()), done.taken_out(), work)
+    return result._with(done)  # type: ignore[no-any-return]
 
 
 def compare(
@@ -215,7 +234,7 @@ def compare(
     moving_mass_kg: float = 0.0,
     gravity_m_s2: float = 0.0,
     threads: int = 0,
-    progress: Optional[Progress] = None,
+    progress: Progress = None,
 ) -> Comparison:
     """Fits friction models to the same recordings and scores all of them on the recordings given as ``validate``.
 
@@ -224,10 +243,12 @@ def compare(
     :param models: names, separated by commas or in a list: ems, ems-output-error, coulomb, coulomb-viscous, stribeck, dahl,
         lugre, lugre-rational, leuven, maxwell-slip, gms. The last three accept a number or range of elements, as in gms:4-10
     :param timing: measure the time of a step and of each fit; the results then differ from run to run
+    :param progress: as for ``identify``
     :raises NotConverged: if the fit of a model did not converge from any initial value
     """
     held_out = [] if validate is None else _recordings("validate", validate)
-    done = _core.compare(
+    work = partial(
+        _core.compare,
         _recordings("recordings", recordings),
         held_out,
         models=models if isinstance(models, str) else ",".join(models),
@@ -236,9 +257,11 @@ def compare(
         moving_mass_kg=moving_mass_kg,
         gravity_m_s2=gravity_m_s2,
         threads=_count("threads", threads),
-        progress=progress,
+        progress=None,
     )
-    return Comparison._of(done)
+    with _watched(progress) as watching:
+        done = work(progress=watching)
+    return Comparison._of(done, work)
 
 
 def compensate(

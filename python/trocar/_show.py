@@ -80,10 +80,10 @@ def _parameter(found: Parameter) -> tuple[str, str, str, str]:
     return f"<code>{escape(found.name)}</code>", _number(scale * found.value), interval, escape(unit)
 
 
-def _parameters(found: Mapping[str, Parameter]) -> str:
+def parameters(found: Mapping[str, Parameter]) -> str:
     head = ("parameter", "value", "95 % interval", "unit")
-    main = [_parameter(p) for name, p in found.items() if "_theta" not in name]
-    rest = [_parameter(p) for name, p in found.items() if "_theta" in name]
+    main = [_parameter(p) for p in found.values() if not p.is_coefficient]
+    rest = [_parameter(p) for p in found.values() if p.is_coefficient]
     fold = _fold(f"{len(rest)} coefficients of the deformation force", _table(head, rest)) if rest else ""
     return _table(head, main) + fold
 
@@ -98,7 +98,7 @@ def identification(found: Identification) -> str:
     remarks = [str(warning) for warning in found.warnings if not warning.doubtful]
     validated = "" if found.validation is None else _validation_table(found.validation)
     return (
-        f'<div><p style="margin:0">{caption}</p>{_parameters(found.parameters)}{validated}'
+        f'<div><p style="margin:0">{caption}</p>{parameters(found.parameters)}{validated}'
         f"{_list('<b>Doubtful:</b>', warnings)}{_list('Remarks:', remarks)}"
         f"{_gallery(found.figures, _FIRST)}</div>"
     )

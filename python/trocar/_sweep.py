@@ -6,14 +6,15 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Callable, Optional, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import count
+from ._arrays import count, plain
 from ._core import Model, SweepError
+from ._progress import Progress, watched
 from .results import SweepTable
 
 _Path = Union[str, "os.PathLike[str]"]
@@ -26,7 +27,7 @@ def sweep(
     traces: Optional[_Path] = None,
     seed: Optional[int] = None,
     threads: int = 0,
-    progress: Optional[Callable[[str, float], object]] = None,
+    progress: Union[Progress, bool, None] = None,
 ) -> SweepTable:
     """Simulates one model many times, with parameters of seal and rig drawn at random or taken from a grid (``trocar sweep``).
 
@@ -42,22 +43,25 @@ def sweep(
     :param traces: folder for time, position and force of each run, one Parquet file per run
     :param seed: replaces the seed of the configuration
     :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
-    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1
+    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By
+        default a bar is shown in a terminal, and in a notebook with tqdm and ipywidgets; False
+        shows none
     :raises SweepError: if the configuration is invalid
     """
     text, name, folder, model = _document(config)
-    rows, failed, first_failure, table = _core.sweep(
-        text,
-        is_json=isinstance(config, Mapping),
-        name=name,
-        folder=folder,
-        model=model,
-        out=None if out is None else os.path.abspath(out),
-        traces=None if traces is None else os.path.abspath(traces),
-        seed=None if seed is None else count("seed", seed),
-        threads=count("threads", threads),
-        progress=progress,
-    )
+    with watched(progress) as watching:
+        rows, failed, first_failure, table = _core.sweep(
+            text,
+            is_json=isinstance(config, Mapping),
+            name=name,
+            folder=folder,
+            model=model,
+            out=None if out is None else os.path.abspath(out),
+            traces=None if traces is None else os.path.abspath(traces),
+            seed=None if seed is None else count("seed", seed),
+            threads=count("threads", threads),
+            progress=watching,
+        )
     columns = None if table is None else {name: _cells(cells) for name, cells in table}
     return SweepTable(rows, failed, first_failure, None if out is None else Path(out), columns)
 
@@ -72,7 +76,7 @@ def _document(config: Union[_Path, Mapping[str, Any]]) -> tuple[str, Optional[st
         given = dict(config)
         model = given.pop("model") if isinstance(given.get("model"), Model) else None
         try:
-            return json.dumps(given, default=_plain, allow_nan=False), None, "", model
+            return json.dumps(given, default=plain, allow_nan=False), None, "", model
         except ValueError as error:
             raise SweepError(f"config: numbers must be finite ({error})") from error
     if isinstance(config, str) and "\n" in config:
@@ -82,11 +86,3 @@ def _document(config: Union[_Path, Mapping[str, Any]]) -> tuple[str, Optional[st
     path = os.fspath(config)
     with open(path, encoding="utf-8") as file:
         return file.read(), str(path), os.path.dirname(path), None
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"config: a number, text, list or dictionary is expected, got {type(value).__name__}")

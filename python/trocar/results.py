@@ -1,31 +1,43 @@
-"""Results of identify, validate, compare, simulate_full, sweep and compensate: plain objects with a display for notebooks."""
+"""Results of identify, validate, compare, simulate_full, sweep and compensate: plain objects.
+
+A pickled result keeps its numbers, its recordings and the call that made it; figures and files
+repeat that call when they are asked for first. The same recordings and options give the same
+numbers.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, fields
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, Optional
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Optional, TypeVar, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _core, _show
-from ._core import Model, TrocarError
+from . import _core, _plot, _report, _show
+from ._core import Model, Recording, TrocarError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+_Native = TypeVar("_Native")
 
 __all__ = [
     "ComparedModel",
     "Comparison",
     "Compensation",
+    "Covariance",
     "Drift",
     "Figure",
     "Forces",
     "Identification",
     "Parameter",
+    "Parameters",
     "RecordingValidation",
     "ResultWarning",
     "Simulation",
@@ -78,13 +90,93 @@ class Parameter:
     #: Whether the data determine it; if not, ``note`` says why.
     determined: bool
     note: Optional[str] = None
+    #: Standard error, to first order; None where the interval does not come from one.
+    stderr: Optional[float] = None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The bounds of the 95 % interval, ``(ci95_low, ci95_high)``."""
+        return self.ci95_low, self.ci95_high
+
+    @property
+    def is_coefficient(self) -> bool:
+        """Whether it is a coefficient of the deformation force: determined with the others only."""
+        return "_theta" in self.name
 
     @classmethod
     def _of(cls, name: str, found: Mapping[str, Any]) -> Parameter:
         low, high = found["ci95"]
         bounds = (-np.inf if low is None else low, np.inf if high is None else high)
         value = np.nan if found["value"] is None else found["value"]
-        return cls(name, value, found["unit"], *bounds, determined=found["determined"], note=found.get("note"))
+        stderr = found.get("standard_error")
+        is_determined, note = found["determined"], found.get("note")
+        return cls(name, value, found["unit"], *bounds, is_determined, note, stderr)
+
+
+class Parameters(Mapping[str, Parameter]):
+    """Estimated parameters by name, the main ones first."""
+
+    def __init__(self, found: Sequence[Parameter]) -> None:
+        self._found = {parameter.name: parameter for parameter in found}
+
+    def __getitem__(self, name: str) -> Parameter:
+        if name not in self._found:
+            raise KeyError(f"no parameter {name!r}; there are {', '.join(self._found)}")
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def to_frame(self) -> Any:
+        """The parameters as a data frame, one row each, in SI units.
+
+        Its columns are value, stderr (nan if there is none), ci95_low, ci95_high, unit, determined
+        and note. It is pandas' with the names as its index, or polars' with a column ``name``.
+
+        :raises ImportError: if neither pandas nor polars is installed
+        """
+        return _report.frame(_report.parameters(self.values()), "name")
+
+    def __repr__(self) -> str:
+        shown = [f"{p.name}={p.value:.4g}" for p in self.values() if not p.is_coefficient]
+        return f"<trocar.Parameters {', '.join(shown)}, {len(self)} in all>"
+
+    def _repr_html_(self) -> str:
+        return _show.parameters(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Covariance of the parameters of a fit that have a standard error.
+
+    Its diagonal holds the squares of the standard errors. It comes from the jackknife over cycles,
+    so with fewer cycles than parameters it is singular. Parameters that the data do not determine
+    are not in it.
+    """
+
+    #: Names of the parameters, in the order of rows and columns.
+    names: tuple[str, ...]
+    #: The matrix; the unit of an entry is the product of the units of its parameters.
+    matrix: npt.NDArray[np.float64]
+
+    @property
+    def correlation(self) -> npt.NDArray[np.float64]:
+        """The matrix of correlations, -1 to 1; nan for a parameter whose standard error is 0."""
+        errors = np.sqrt(np.diag(self.matrix))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found: npt.NDArray[np.float64] = self.matrix / np.outer(errors, errors)
+        return found
+
+    def to_frame(self) -> Any:
+        """The matrix as a data frame with the names as columns, and as the index of pandas'.
+
+        :raises ImportError: if neither pandas nor polars is installed
+        """
+        columns = dict(zip(self.names, self.matrix.T))
+        return _report.frame({"name": list(self.names), **columns}, "name")
 
 
 @dataclass(frozen=True)
@@ -100,11 +192,21 @@ class ResultWarning:
 
 
 class Forces(NamedTuple):
-    """Measured and computed force along one recording, with the sensor's offset subtracted."""
+    """Measured and computed force along one recording.
+
+    The sensor's offset and the inertia of a moving mass are subtracted.
+    """
 
     time_s: npt.NDArray[np.float64]
     measured_n: npt.NDArray[np.float64]
     model_n: npt.NDArray[np.float64]
+    #: Whether the model's force is independent of the unknown state of the seal at the start.
+    known: npt.NDArray[np.bool_]
+
+    @property
+    def residual_n(self) -> npt.NDArray[np.float64]:
+        """Measured less computed force, N; nan where the state of the seal is unknown."""
+        return np.where(self.known, self.measured_n - self.model_n, np.nan)
 
 
 @dataclass(frozen=True)
@@ -130,8 +232,36 @@ class RecordingValidation:
         return cls(name=found["path"], warnings=tuple(found["warnings"]), details=found, **values)
 
 
+class _Repeatable(Generic[_Native]):
+    """A result that repeats the call that made it for what it does not hold itself."""
+
+    summary: Mapping[str, Any]
+    _work: partial[_Native]
+
+    @cached_property
+    def _done(self) -> _Native:
+        return self._work()
+
+    def _with(self, done: Any) -> Any:
+        """The same with the result of the call, which is then not repeated."""
+        self.__dict__["_done"] = done
+        return self
+
+    def _repeated(self) -> Any:
+        """The result of the call, if it still gives the same numbers."""
+        done: Any = self._done
+        if json.loads(done.summary_json()) != self.summary:
+            text = "the repeated work gave other numbers: was this pickled by another version"
+            hint = "hint: save() and report() before pickling"
+            raise TrocarError(f"{text}, or with measured times?\n\n{hint}")
+        return done
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {own.name: getattr(self, own.name) for own in fields(self)}  # type: ignore[arg-type]
+
+
 @dataclass(frozen=True, eq=False)
-class Validation:
+class Validation(_Repeatable[_core.Validated]):
     """The error of a model on recordings: root mean square, N, and fit 100·(1 − rms/sd of the readings), %."""
 
     rms_n: float
@@ -141,13 +271,17 @@ class Validation:
     offset_n: float
     moving_mass_kg: float
     summary: Mapping[str, Any] = field(repr=False)
-    _done: _core.Validated = field(repr=False)
+    _work: partial[_core.Validated] = field(repr=False)
 
     @classmethod
-    def _of(cls, done: _core.Validated) -> Validation:
-        summary = json.loads(done.summary_json())
+    def _of(
+        cls,
+        summary: Mapping[str, Any],
+        taken_out: tuple[float, float],
+        work: partial[_core.Validated],
+    ) -> Validation:
         recordings = tuple(RecordingValidation._of(found) for found in summary["recordings"])
-        return cls(summary["rms_n"], summary["fit_percent"], recordings, *done.taken_out(), summary, done)
+        return cls(summary["rms_n"], summary["fit_percent"], recordings, *taken_out, summary, work)
 
     @property
     def is_doubtful(self) -> bool:
@@ -161,31 +295,53 @@ class Validation:
     def forces(self, recording: int | str = 0) -> Forces:
         """Measured and computed force along a recording, selected by index or name."""
         names = [found.name for found in self.recordings]
-        if isinstance(recording, str):
-            if recording not in names:
-                raise KeyError(f"no recording {recording!r}; there are {', '.join(names)}")
-            recording = names.index(recording)
-        return Forces(*self._done.forces(range(len(names))[recording]))
+        return Forces(*self._done.forces(_place(names, recording)))
+
+    def plot(self, ax: Any = None, *, recording: int | str = 0) -> Any:
+        """Forces and their residual along a recording, as ``Identification.plot``."""
+        return _plotted(self._done, [found.name for found in self.recordings], recording, ax)
 
     @cached_property
     def figures(self) -> Mapping[str, Figure]:
         """Measured and computed force over time, for the first four recordings."""
         return _figures(self._done.figures())
 
-    def __reduce__(self) -> Any:
-        raise TypeError("a Validation cannot be pickled; pickle its .summary")
-
     def _repr_html_(self) -> str:
         return _show.validation(self)
 
 
+def _place(names: Sequence[str], recording: int | str) -> int:
+    """Index of a recording among ``names``, by index or name."""
+    if isinstance(recording, str):
+        if recording not in names:
+            raise KeyError(f"no recording {recording!r}; there are {', '.join(names)}")
+        recording = names.index(recording)
+    return range(len(names))[recording]
+
+
+def _plotted(done: _core.Validated, names: Sequence[str], recording: int | str, ax: Any) -> Any:
+    place = _place(names, recording)
+    if ax is not None or _plot.has_matplotlib():
+        return _plot.forces(Forces(*done.forces(place)), names[place], ax)
+    drawn = list(_figures(done.figures()).values())
+    if place >= len(drawn):
+        text = f"without matplotlib only the first {len(drawn)} recordings have a figure"
+        raise TrocarError(f"{text}\n\nhint: pip install matplotlib")
+    return drawn[place]
+
+
+def _validating(model: Model, recordings: Sequence[Recording]) -> partial[_core.Validated]:
+    """The call that runs a model along recordings, with the offset and mass of its own sensor."""
+    return partial(_core.validate, model, recordings, moving_mass_kg=None, offset_n=None, threads=0)
+
+
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(_Repeatable[_core.Identified]):
     """An identified model with its parameters, intervals, warnings and validation."""
 
     model: Model
     #: Parameters by name (with unit), the main ones first.
-    parameters: Mapping[str, Parameter]
+    parameters: Parameters
     warnings: tuple[ResultWarning, ...] = field(repr=False)
     #: Root mean square error over the recordings used for identification, N.
     residual_rms_n: float
@@ -193,22 +349,110 @@ class Identification:
     validation: Optional[Validation]
     #: The contents of summary.json.
     summary: Mapping[str, Any] = field(repr=False)
-    _done: _core.Identified = field(repr=False)
+    _work: partial[_core.Identified] = field(repr=False)
 
     @classmethod
-    def _of(cls, done: _core.Identified) -> Identification:
+    def _of(cls, done: _core.Identified, work: partial[_core.Identified]) -> Identification:
         summary = json.loads(done.summary_json())
-        found = summary["parameters"]
-        validated = done.validated()
-        return cls(
-            model=done.model(),
-            parameters=MappingProxyType({name: Parameter._of(name, found[name]) for name in done.names()}),
+        model, found = done.model(), summary["parameters"]
+        validation = None
+        if summary["validation"] is not None:
+            taken_out = model.sensor_offset_n, model.moving_mass_kg
+            checking = _validating(model, work.args[1])
+            validation = Validation._of(summary["validation"], taken_out, checking)
+        result = cls(
+            model=model,
+            parameters=Parameters([Parameter._of(name, found[name]) for name in done.names()]),
             warnings=tuple(ResultWarning(**warning) for warning in summary["warnings"]),
             residual_rms_n=summary["residual_rms_n"],
-            validation=None if validated is None else Validation._of(validated),
+            validation=validation,
             summary=summary,
-            _done=done,
+            _work=work,
         )
+        return result._with(done)  # type: ignore[no-any-return]
+
+    @property
+    def params(self) -> Parameters:
+        """``parameters`` by the name that lmfit gives them."""
+        return self.parameters
+
+    @property
+    def covariance(self) -> Optional[Covariance]:
+        """Covariance of the parameters of the fit; None for the paper's two steps."""
+        found = self.summary["covariance"]
+        if found is None:
+            return None
+        return Covariance(tuple(found["parameters"]), np.array(found["rows"]))
+
+    def fit_report(self, min_correl: float = 0.1, *, coefficients: bool = False) -> str:
+        """The identification as text, in the layout of lmfit's reports.
+
+        :param min_correl: least absolute value of the correlations that are listed, 0 to 1
+        :param coefficients: list the coefficients of the deformation force, too
+        :returns: statistics of the fit, parameters with standard errors and 95 % intervals in SI
+            units, correlations, and further warnings that make the result doubtful. A parameter
+            that the data do not determine is listed with the reason
+        """
+        return _report.fit_report(self, min_correl, coefficients)
+
+    def to_frame(self) -> Any:
+        """The parameters as a data frame (``Parameters.to_frame``)."""
+        return self.parameters.to_frame()
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The recordings it was identified from, as they were given."""
+        return tuple(self._work.args[0])
+
+    @cached_property
+    def _replayed(self) -> _core.Validated:
+        return _validating(self.model, self.recordings)()
+
+    def forces(self, recording: int | str = 0) -> Forces:
+        """Measured and computed force along one of ``recordings``, selected by index or name."""
+        names = [own.name for own in self.recordings]
+        return Forces(*self._replayed.forces(_place(names, recording)))
+
+    @property
+    def residuals(self) -> tuple[npt.NDArray[np.float64], ...]:
+        """Measured less computed force, N, an array for each of ``recordings``.
+
+        They are nan where the state of the seal is unknown. Offset and inertia are subtracted from
+        the readings. The friction scale of each stroke is left at 1, as in a simulation. Where a
+        position delay was compensated, an array is some samples shorter than its recording;
+        ``forces`` has the times.
+        """
+        return tuple(self.forces(place).residual_n for place in range(len(self.recordings)))
+
+    def predict(
+        self, motion: Union[Recording, ArrayLike], position_m: Optional[ArrayLike] = None
+    ) -> npt.NDArray[np.float64]:
+        """Force of the instrument on the seal along a motion, N, as ``simulate``.
+
+        :param motion: times, s; or a recording, of which the positions are used, and the first
+            reading for the state of the seal at the start
+        :param position_m: positions, m, if ``motion`` are times
+        :returns: the force at each sample, without the sensor's offset (``model.sensor_offset_n``)
+            and the inertia of a moving mass
+        """
+        if isinstance(motion, Recording):
+            if position_m is not None:
+                raise TypeError("predict(recording) takes no position_m: the recording has its own")
+            return _validating(self.model, [motion])().forces(0)[2]
+        if position_m is None:
+            what = "predict takes a recording, or times and positions"
+            raise TypeError(f"{what}: predict(time_s, position_m)")
+        return _core.simulate(self.model, motion, position_m)
+
+    def plot(self, ax: Any = None, *, recording: int | str = 0) -> Any:
+        """Measured and computed force and residual, N, over time, s, along one of ``recordings``.
+
+        :param ax: two axes of matplotlib to draw into, or one for the forces alone; by default
+            those of a new figure
+        :param recording: index or name of the recording
+        :returns: the axes; a ``Figure`` (SVG) where matplotlib is not installed
+        """
+        return _plotted(self._replayed, [own.name for own in self.recordings], recording, ax)
 
     @property
     def is_doubtful(self) -> bool:
@@ -218,24 +462,21 @@ class Identification:
     @cached_property
     def figures(self) -> Mapping[str, Figure]:
         """The figures of the report, by name."""
-        return _figures(self._done.figures())
+        return _figures(self._repeated().figures())
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Writes model.json, summary.json, report.html and figures into a folder: either all of them or none."""
-        self._done.save(folder)
+        self._repeated().save(folder)
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Writes the report as one self-contained HTML file."""
-        self._done.report(path)
+        self._repeated().report(path)
 
     def __repr__(self) -> str:
         main = ("coulomb_force_n", "viscous_damping_n_s_m", "half_width_m")
         numbers = ", ".join(f"{name}={self.parameters[name].value:.4g}" for name in main if name in self.parameters)
         doubt = ", doubtful" if self.is_doubtful else ""
         return f"<trocar.Identification {numbers}, residual {self.residual_rms_n:.3g} N rms{doubt}>"
-
-    def __reduce__(self) -> Any:
-        raise TypeError("an Identification cannot be pickled; pickle its .model and .summary, or save() it")
 
     def _repr_html_(self) -> str:
         return _show.identification(self)
@@ -263,7 +504,7 @@ class ComparedModel:
     #: Time of one step, ns, and of the fit, s; None without timing.
     ns_per_sample: Optional[float]
     fit_s: Optional[float]
-    estimates: Mapping[str, Parameter] = field(repr=False)
+    estimates: Parameters = field(repr=False)
     warnings: tuple[str, ...] = field(repr=False)
     model: Model
 
@@ -274,10 +515,10 @@ class ComparedModel:
         values = {key: found[key] for key in (*same, "offset_n", "ns_per_sample", "fit_s")}
         for key in ("reversal_rms_n", "worst_reversal_n"):
             values[key] = np.nan if found[key] is None else found[key]
-        estimates = {name: Parameter._of(name, estimate) for name, estimate in found["estimates"].items()}
+        estimates = [Parameter._of(name, estimate) for name, estimate in found["estimates"].items()]
         return cls(
             label=f"{found['name']}-{found['elements']}" if bank else found["name"],
-            estimates=MappingProxyType(estimates),
+            estimates=Parameters(estimates),
             warnings=tuple(found["warnings"]),
             model=model,
             **values,
@@ -285,7 +526,7 @@ class ComparedModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(_Repeatable[_core.Compared]):
     """Friction models fitted to the same recordings and scored on the same validation data, smallest validation error first."""
 
     models: tuple[ComparedModel, ...]
@@ -296,14 +537,16 @@ class Comparison:
     warnings: tuple[str, ...]
     #: The contents of compare.json.
     summary: Mapping[str, Any] = field(repr=False)
-    _done: _core.Compared = field(repr=False)
+    _work: partial[_core.Compared] = field(repr=False)
 
     @classmethod
-    def _of(cls, done: _core.Compared) -> Comparison:
+    def _of(cls, done: _core.Compared, work: partial[_core.Compared]) -> Comparison:
         summary = json.loads(done.summary_json())
         models = tuple(ComparedModel._of(*pair) for pair in zip(summary["models"], done.models()))
         claims = tuple(claim["sentence"] for claim in summary["reversal_claim"])
-        return cls(models, claims, summary["held_out"], tuple(done.unknown_states()), summary, done)
+        unknown = tuple(done.unknown_states())
+        result = cls(models, claims, summary["held_out"], unknown, summary, work)
+        return result._with(done)  # type: ignore[no-any-return]
 
     @property
     def best(self) -> ComparedModel:
@@ -325,18 +568,15 @@ class Comparison:
     @cached_property
     def figures(self) -> Mapping[str, Figure]:
         """The figures of the report, by name."""
-        return _figures(self._done.figures())
+        return _figures(self._repeated().figures())
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Writes compare.json, models, report.html and figures into a folder: either all of them or none."""
-        self._done.save(folder)
+        self._repeated().save(folder)
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Writes the report as one self-contained HTML file."""
-        self._done.report(path)
-
-    def __reduce__(self) -> Any:
-        raise TypeError("a Comparison cannot be pickled; pickle its .summary and the .model of each of its models")
+        self._repeated().report(path)
 
     def __repr__(self) -> str:
         return f"<trocar.Comparison of {len(self)} models, best {self.best.label}: {self.best.validate_rms_n:.3g} N rms>"

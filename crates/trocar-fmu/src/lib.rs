@@ -18,6 +18,7 @@ pub mod fmi2;
 pub mod fmi3;
 mod hash;
 pub mod instance;
+pub mod library;
 pub mod package;
 mod resource;
 pub mod snapshot;

@@ -1,6 +1,7 @@
 //! `compensate`, and `Compensator` for live samples.
 
 use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
@@ -138,6 +139,11 @@ impl Compensator {
 
     fn __copy__(&self) -> Self {
         Self { observer: self.observer.clone(), time: self.time }
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        let text = "a Compensator cannot be pickled: it is in the middle of its samples; pickle its model and make another one";
+        Err(PyTypeError::new_err(text))
     }
 
     fn __repr__(&self) -> String {

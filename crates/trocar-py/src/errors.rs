@@ -58,6 +58,15 @@ impl Raise for trocar::model_file::ModelFileError {
     }
 }
 
+impl Raise for trocar::export::c::CError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::Model(error) => error.raise(),
+            other => ParameterError::new_err(other.to_string()),
+        }
+    }
+}
+
 impl Raise for trocar::identify::IdentifyError {
     fn raise(self) -> PyErr {
         use trocar::identify::IdentifyError as E;

@@ -14,7 +14,6 @@ use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::shared::{Picture, figures, moving_mass, records, write_page};
-use crate::validate::Validated;
 use crate::work::{How, run};
 
 /// A finished identification.
@@ -105,18 +104,6 @@ impl Identified {
     /// Names of the parameters, in the order of their importance.
     fn names(&self) -> Vec<String> {
         self.0.identification.parameters.iter().map(|parameter| parameter.id.to_string()).collect()
-    }
-
-    /// The validation on the recordings held out, if there were any.
-    fn validated(&self, py: Python<'_>) -> PyResult<Option<Validated>> {
-        let job = self.0.clone();
-        run(py, How::default(), move |_| {
-            let Workflow { identification, held_out, validation, moving_mass, .. } = &*job;
-            let offset = identification.model.offset;
-            let mass = moving_mass.mass + identification.model.unmodelled_mass;
-            let validation = validation.clone()?;
-            Some(Validated::new(&identification.trocar(), held_out.clone(), validation, offset, mass))
-        })
     }
 
     /// The figures of the report.

@@ -2,19 +2,26 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyTuple};
+use trocar::export::c::{DEFAULT_PREFIX, from_text};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
-use trocar::output::AtomicFile;
+use trocar::output::{AtomicFile, OutputError};
+use trocar_fmu::{Binary, Contents, Input, Platform, Version, package};
 use trocar_model::{Declaration, Seal, Trocar};
 
 use crate::errors::number;
-use crate::errors::{InternalError, ParameterError, Raise};
+use crate::errors::{InternalError, ParameterError, Raise, TrocarError};
+
+/// The library inside an FMU, for the platform of this package; empty if there is none.
+const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/fmu-library"));
+/// The reason if there is none.
+const REASON: &str = include_str!(concat!(env!("OUT_DIR"), "/fmu-reason.txt"));
 
 /// A model of the force between instrument and trocar: EMS elements, or one classical friction model.
 ///
@@ -94,6 +101,14 @@ impl Model {
         Ok(ModelFile::from_json(text).map_err(Raise::raise)?.into())
     }
 
+    /// The model of a dictionary such as `to_dict` gives; numbers may be NumPy's.
+    #[staticmethod]
+    fn from_dict(values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = values.py();
+        let text = py.import(intern!(py, "trocar._arrays"))?.call_method1(intern!(py, "json_text"), (values,))?;
+        Self::from_json(&text.extract::<String>()?)
+    }
+
     /// A made-up, plausible one-stage 10.5 mm trocar; describes no particular one.
     #[staticmethod]
     fn plausible() -> PyResult<Self> {
@@ -107,13 +122,44 @@ impl Model {
 
     /// Writes a model file; it appears whole or not at all.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let write = || {
-            let mut file = AtomicFile::create(&path)?;
-            let outcome = file.write_all(self.0.to_json().as_bytes());
-            outcome.map_err(|source| file.write_error(source))?;
-            file.commit()
+        py.detach(|| store(&path, self.0.to_json().as_bytes())).map_err(Raise::raise)
+    }
+
+    /// Writes the model as one C99 file of constants and a step function (`trocar export c`); it appears whole or not at all.
+    ///
+    /// All names in the file begin with `prefix`. Its first comment explains its use; docs/microcontroller.md has an example.
+    #[pyo3(signature = (path, *, prefix=DEFAULT_PREFIX.to_owned()), text_signature = "($self, path, *, prefix='trocar')")]
+    fn export_c(&self, py: Python<'_>, path: PathBuf, prefix: String) -> PyResult<()> {
+        let text = from_text(&self.0.to_json(), "model.json", &prefix).map_err(Raise::raise)?;
+        py.detach(|| store(&path, text.as_bytes())).map_err(Raise::raise)
+    }
+
+    /// Writes the model as a functional mock-up unit (`trocar export fmu`); the file appears whole or not at all.
+    ///
+    /// `fmi` is the version of FMI, 2 or 3; `input` is what drives the model: "position" (m, at the end of a step) or "velocity"
+    /// (m/s, during it); `name` that of the model in the description. The FMU runs on this platform; the command line packs
+    /// libraries for others.
+    #[pyo3(signature = (path, *, fmi=2, input="position", name="model"))]
+    fn export_fmu(&self, py: Python<'_>, path: PathBuf, fmi: u32, input: &str, name: &str) -> PyResult<()> {
+        let version = match fmi {
+            2 => Version::V2,
+            3 => Version::V3,
+            _ => return Err(ParameterError::new_err(format!("fmi must be 2 or 3, got {fmi}"))),
         };
-        py.detach(write).map_err(Raise::raise)
+        let input = match input {
+            "position" => Input::Position,
+            "velocity" => Input::Velocity,
+            _ => return Err(ParameterError::new_err(format!("input {input:?}: expected position or velocity"))),
+        };
+        let Some(platform) = Platform::native().filter(|_| !LIBRARY.is_empty()) else {
+            let why = if REASON.is_empty() { "FMI has no name for this platform" } else { REASON };
+            return Err(TrocarError::new_err(format!("this trocar carries no library for FMUs: {why}")));
+        };
+        let binaries = [Binary { platform, bytes: LIBRARY.to_vec() }];
+        let (trocar, text) = (self.trocar().borrowed(), self.0.to_json());
+        let contents = Contents { name, trocar, input, version, text: &text, binaries: &binaries };
+        let bytes = package(&contents).map_err(|error| ParameterError::new_err(error.to_string()))?;
+        py.detach(|| store(&path, &bytes)).map_err(Raise::raise)
     }
 
     /// Kind of the model: "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms".
@@ -210,6 +256,13 @@ impl Model {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         Ok((slf.get_type().getattr(intern!(slf.py(), "from_json"))?, (slf.get().to_json(),)))
     }
+}
+
+/// Writes a file that appears whole or not at all.
+fn store(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes).map_err(|source| file.write_error(source))?;
+    file.commit()
 }
 
 pub(crate) fn unknown(name: &str, known: &[Tunable]) -> PyErr {

@@ -1,19 +1,23 @@
 //! `Recording` and `read`.
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyAny, PyTuple, PyType};
+use pyo3::types::{PyAny, PySlice, PyTuple, PyType};
 use trocar::output::AtomicFile;
 use trocar::recording::{self, Choice, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns};
+use trocar::report::recording::document;
 
 use crate::arrays::column;
 use crate::errors::number;
 use crate::errors::{ArrayError, InternalError, ParameterError, Raise};
+use crate::shared::{Picture, figures, finite};
 use crate::work::{How, run};
 
 /// One recording in SI units: time, position and force of an instrument in a seal.
@@ -33,6 +37,13 @@ impl Recording {
 
     pub(crate) fn record(&self) -> &Record {
         &self.record
+    }
+
+    /// The samples in `range` as a recording of its own.
+    fn part(&self, py: Python<'_>, range: Range<usize>) -> PyResult<Self> {
+        let what = format!("samples {} to {}", range.start, range.end);
+        let record = self.record.clone();
+        Ok(Self::new(py.detach(|| record.part(range, &what)).map_err(Raise::raise)?))
     }
 
     /// A column as a read-only array, made when it is asked for first.
@@ -65,6 +76,12 @@ fn recording_of(
     Ok(record)
 }
 
+/// `columns` as the library takes it: a text as it is, a mapping as `ours=theirs`.
+fn columns_in_words(columns: &Bound<'_, PyAny>) -> PyResult<String> {
+    let py = columns.py();
+    py.import(intern!(py, "trocar._arrays"))?.call_method1(intern!(py, "columns_in_words"), (columns,))?.extract()
+}
+
 pub(crate) fn check_limit(limit: Option<f64>) -> PyResult<()> {
     match limit {
         Some(limit) if !(limit.is_finite() && limit > 0.0) => {
@@ -75,6 +92,8 @@ pub(crate) fn check_limit(limit: Option<f64>) -> PyResult<()> {
 }
 
 /// The columns of a data frame in SI units, found by their names or as `columns` says, and what was assumed.
+///
+/// Where no column is the time, the frame's index is.
 pub(crate) fn readings_of_frame(
     frame: &Bound<'_, PyAny>,
     name: &str,
@@ -82,15 +101,36 @@ pub(crate) fn readings_of_frame(
 ) -> PyResult<(Readings, Vec<String>)> {
     let py = frame.py();
     let helpers = py.import(intern!(py, "trocar._arrays"))?;
-    let names: Vec<String> = helpers.call_method1(intern!(py, "names"), (frame,))?.extract()?;
-    let found = TableColumns::find(name, &names, columns).map_err(Raise::raise)?;
+    let table = helpers.call_method1(intern!(py, "table"), (frame,))?;
+    let described = |table: &Bound<'_, PyAny>| -> PyResult<(Vec<String>, Vec<String>, Vec<usize>)> {
+        helpers.call_method1(intern!(py, "described"), (table,))?.extract()
+    };
+    let find = |table: &Bound<'_, PyAny>| {
+        let (names, units, timestamps) = described(table)?;
+        let found = TableColumns::find_with_units(name, &names, &units, &timestamps, columns);
+        Ok::<_, PyErr>((names, found))
+    };
+    let (mut table, (mut names, mut found)) = (table.clone(), find(&table)?);
+    let indexed = helpers.call_method1(intern!(py, "with_index"), (&table,))?;
+    if found.is_err() && !indexed.is_none() {
+        (names, found) = find(&indexed)?;
+        table = indexed;
+    }
+    let found = found.map_err(Raise::raise)?;
+    let series = |index: usize| helpers.call_method1(intern!(py, "series"), (&table, index));
     let values = |TableColumn { index, per_si }: TableColumn| -> PyResult<Vec<f64>> {
-        let series = helpers.call_method1(intern!(py, "series"), (frame, index))?;
-        Ok(column(&names[index], &series)?.as_slice()?.iter().map(|value| value / per_si).collect())
+        Ok(column(&names[index], &series(index)?)?.as_slice()?.iter().map(|value| value / per_si).collect())
+    };
+    let times = |time: TableColumn| -> PyResult<Vec<f64>> {
+        let seconds = helpers.call_method1(intern!(py, "seconds"), (series(time.index)?,))?;
+        match seconds.is_none() {
+            true => values(time),
+            false => Ok(column(&names[time.index], &seconds)?.as_slice()?.to_vec()),
+        }
     };
     let [time, position, force] = found.needed;
     let readings = Readings {
-        time: values(time)?,
+        time: times(time)?,
         position: values(position)?,
         force: values(force)?,
         velocity: found.velocity.map(values).transpose()?,
@@ -125,23 +165,25 @@ impl Recording {
         Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, flip_force)?))
     }
 
-    /// A recording from a pandas or polars data frame, or from a dictionary of columns.
+    /// A recording from a pandas or polars data frame, an xarray data set, or a dictionary of columns.
     ///
     /// Columns are found by their names, units included, as in the header of a file: `time_s`, `Position (mm)`, `force_N`.
-    /// `columns` names them in order instead, `-` skips one: `"time_s,position_mm,-,force_n"`.
+    /// `columns` says instead which they are, by our names: `{"position_mm": "pos", "force_n": "fz"}`, or in order, `-` skips
+    /// one: `"time_s,position_mm,-,force_n"`. Times may be dates or durations, also those of the frame's index.
     #[classmethod]
     #[pyo3(signature = (frame, *, columns=None, name="frame".to_owned(), sensor_limit_n=None, flip_force=false),
         text_signature = "(frame, *, columns=None, name='frame', sensor_limit_n=None, flip_force=False)")]
     fn from_frame(
         _class: &Bound<'_, PyType>,
         frame: &Bound<'_, PyAny>,
-        columns: Option<&str>,
+        columns: Option<&Bound<'_, PyAny>>,
         name: String,
         sensor_limit_n: Option<f64>,
         flip_force: bool,
     ) -> PyResult<Self> {
         let py = frame.py();
-        let (readings, notes) = readings_of_frame(frame, &name, columns)?;
+        let columns = columns.map(columns_in_words).transpose()?;
+        let (readings, notes) = readings_of_frame(frame, &name, columns.as_deref())?;
         let mut record = recording_of(py, name, readings, sensor_limit_n, flip_force)?;
         record.quality.notes.extend(notes);
         Ok(Self::new(record))
@@ -219,6 +261,55 @@ impl Recording {
         py.import("json")?.call_method1("loads", (quality_json(&self.record.quality)?,))
     }
 
+    /// The samples from `from_s` on and before `to_s`, s after the first sample, as a recording of its own.
+    #[pyo3(signature = (from_s=None, to_s=None))]
+    fn crop(&self, py: Python<'_>, from_s: Option<f64>, to_s: Option<f64>) -> PyResult<Self> {
+        let time = &self.record.time;
+        let at = |seconds: f64| time.partition_point(|t| t - time[0] < seconds);
+        for (name, value) in [("from_s", from_s), ("to_s", to_s)] {
+            finite(name, value.unwrap_or(0.0), "s")?;
+        }
+        let (from, to) = (from_s.unwrap_or(0.0), to_s.unwrap_or(f64::MAX));
+        if from >= to {
+            return Err(ParameterError::new_err(format!("from_s is {from} s, expected less than to_s, {to} s")));
+        }
+        self.part(py, at(from)..at(to))
+    }
+
+    /// Some samples in a row, as in `recording[1000:5000]`, as a recording of its own; `crop` takes times.
+    fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let wrong = || {
+            let text = "a recording is sliced by samples, as in recording[1000:5000]; columns are recording.force_n and so on, and \
+                        recording.crop(from_s, to_s) takes times";
+            PyTypeError::new_err(text)
+        };
+        let slice = index.cast::<PySlice>().map_err(|_| wrong())?;
+        let length = isize::try_from(self.record.len())?;
+        let indices = slice.indices(length).map_err(|_| wrong())?;
+        if indices.step != 1 {
+            let step = indices.step;
+            let text = format!("step {step}: a recording keeps its sampling, expected samples in a row");
+            return Err(ParameterError::new_err(text));
+        }
+        let from = usize::try_from(indices.start)?;
+        self.part(py, from..from + indices.slicelength)
+    }
+
+    /// Force and position over time: matplotlib's axes, or a `Figure` (SVG) where matplotlib is not installed.
+    ///
+    /// `ax` are two axes to draw the force and the position into, or one for the force alone.
+    #[pyo3(signature = (ax=None))]
+    fn plot<'py>(slf: Bound<'py, Self>, ax: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let py = slf.py();
+        py.import(intern!(py, "trocar._plot"))?.call_method1(intern!(py, "recording"), (slf, ax))
+    }
+
+    /// The same figure as SVG: name, title, caption, text.
+    fn _figures(&self, py: Python<'_>) -> PyResult<Vec<Picture>> {
+        let record = self.record.clone();
+        figures(py, move || document(&record))
+    }
+
     /// Writes the recording as CSV, in SI units; the file appears whole or not at all.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let Record { time, position, force, velocity, .. } = &*self.record;
@@ -291,8 +382,9 @@ fn quality_json(quality: &Quality) -> PyResult<String> {
 
 /// Reads a recording from a file of any format that `trocar inspect` lists.
 ///
-/// Columns are found by their names, units included; `columns` names them in order instead, `-` skips one:
-/// `"time_s,position_mm,-,force_n"`, or by name: `"position_mm=x,force_n=-fz"`. `topics` are the tables or topics to look in.
+/// Columns are found by their names, units included; `columns` says instead which they are, by our names:
+/// `{"position_mm": "x", "force_n": "-fz"}` or `"position_mm=x,force_n=-fz"`, where `-` reverses the sign, or in order, where `-`
+/// skips one: `"time_s,position_mm,-,force_n"`. `topics` are the tables or topics to look in.
 /// Rows before `from_s` and from `to_s` on (s after the first row) are left out. `flip_force` reverses the sign of the force;
 /// readings at `sensor_limit_n` count as saturated. `skip_rows` lines at the beginning of a text are skipped, and `rate_hz` is
 /// the number of rows per second of a file without a column of times.
@@ -304,7 +396,7 @@ fn quality_json(quality: &Quality) -> PyResult<String> {
 pub(crate) fn read(
     py: Python<'_>,
     path: PathBuf,
-    columns: Option<String>,
+    columns: Option<&Bound<'_, PyAny>>,
     topics: Vec<String>,
     from_s: Option<f64>,
     to_s: Option<f64>,
@@ -314,6 +406,7 @@ pub(crate) fn read(
     rate_hz: Option<f64>,
 ) -> PyResult<Recording> {
     check_limit(sensor_limit_n)?;
+    let columns = columns.map(columns_in_words).transpose()?;
     let choice =
         Choice { columns, topics, from: from_s, to: to_s, flip_force, skip_rows, rate_hz, ..Choice::default() };
     let options = ReadOptions { choice, sensor_limit: sensor_limit_n, ..ReadOptions::default() };

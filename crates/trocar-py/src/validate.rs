@@ -9,7 +9,6 @@ use trocar::replay::{Replay, replay};
 use trocar::report::validation::document;
 use trocar::validate::Validation;
 use trocar::workflow::MovingMass;
-use trocar_model::Trocar;
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
@@ -28,6 +27,9 @@ struct Job {
     offset: f64,
     mass: f64,
 }
+
+type Forces<'py> =
+    (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>);
 
 /// Compares a model with recordings; `trocar.validate` wraps it.
 #[pyfunction]
@@ -56,23 +58,10 @@ pub(crate) fn validate(
         let prepared = |recording| taken_out.subtracted_from(recording, 0.0)?.with_position_delay(lag);
         let recordings: Vec<Record> = recordings.into_iter().map(prepared).collect::<Result<_, RecordingError>>()?;
         let validation = trocar::validate::validate(&file.trocar, &recordings, offset);
-        Ok(Validated::new(&file.trocar, recordings, validation, offset, mass))
+        let runs = recordings.iter().map(|recording| replay(&file.trocar, recording, offset)).collect();
+        Ok(Validated(Arc::new(Job { recordings, runs, validation, offset, mass })))
     };
     run(py, How { progress: None, threads }, task)?.map_err(|error: RecordingError| error.raise())
-}
-
-impl Validated {
-    /// The scores, and the runs behind them; `recordings` as they were scored.
-    pub(crate) fn new<K: AsRef<[f64]>>(
-        trocar: &Trocar<K>,
-        recordings: Vec<Record>,
-        validation: Validation,
-        offset: f64,
-        mass: f64,
-    ) -> Self {
-        let runs = recordings.iter().map(|recording| replay(trocar, recording, offset)).collect();
-        Self(Arc::new(Job { recordings, runs, validation, offset, mass }))
-    }
 }
 
 #[pymethods]
@@ -87,15 +76,19 @@ impl Validated {
         (self.0.offset, self.0.mass)
     }
 
-    /// Time, measured force less the offset, and the model's force along one recording.
-    fn forces<'py>(&self, py: Python<'py>, index: usize) -> [Bound<'py, PyArray1<f64>>; 3] {
+    /// Time, measured force less the offset, and the model's force along one recording; and whether the latter is independent
+    /// of the unknown state at the start.
+    fn forces<'py>(&self, py: Python<'py>, index: usize) -> Forces<'py> {
         let (recording, run) = (&self.0.recordings[index], &self.0.runs[index]);
         let measured = recording.force.iter().map(|force| force - self.0.offset);
-        [
+        let mut known = vec![false; recording.len()];
+        run.known.iter().cloned().for_each(|range| known[range].fill(true));
+        (
             PyArray1::from_slice(py, &recording.time),
             PyArray1::from_iter(py, measured),
             PyArray1::from_slice(py, &run.force),
-        ]
+            PyArray1::from_vec(py, known),
+        )
     }
 
     /// Measured and computed force of the first recordings.

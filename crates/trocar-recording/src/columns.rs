@@ -452,10 +452,11 @@ impl TableColumns {
     /// # Errors
     /// [`RecordingError`] if a column or its unit is missing or ambiguous.
     pub fn find(table: &str, names: &[String], mapping: Option<&str>) -> Result<Self, RecordingError> {
-        Self::find_with_units(table, names, &[], mapping)
+        Self::find_with_units(table, names, &[], &[], mapping)
     }
 
-    /// The same with the units declared for the names; empty if there are none.
+    /// The same with the units declared for the names, empty if there are none, and the indices of
+    /// the columns that hold timestamps, which count in s.
     ///
     /// # Errors
     /// As for [`TableColumns::find`].
@@ -463,6 +464,7 @@ impl TableColumns {
         table: &str,
         names: &[String],
         units: &[String],
+        timestamps: &[usize],
         mapping: Option<&str>,
     ) -> Result<Self, RecordingError> {
         let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
@@ -470,7 +472,7 @@ impl TableColumns {
             Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
             mapping => {
                 let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                let header = Header { file: table, place: "", names, units, timestamps: &[], first_rows: &Vec::new };
+                let header = Header { file: table, place: "", names, units, timestamps, first_rows: &Vec::new };
                 header.layout(&given, &needed)?
             }
         };

@@ -96,7 +96,9 @@ impl Header<'_> {
                 return Err(RecordingError::BadColumns { entry: names[index].clone(), problem });
             }
             let is_time = named.quantity == Quantity::Time && self.timestamps.contains(&index);
-            slots[index] = Some(if is_time { Slot::of(Quantity::Time, 1.0) } else { named.slot(readings[index])? });
+            let declared = reading_with(named.quantity.name(), self.unit(index), &mut notes);
+            slots[index] =
+                Some(if is_time { Slot::of(Quantity::Time, 1.0) } else { named.slot(readings[index].or(declared))? });
             readings[index] = None;
         }
         let mut doubts = Vec::new();

@@ -231,16 +231,30 @@ impl Recording {
         starts.zip(ends).map(|(from, to)| from..to)
     }
 
-    /// The samples in `range` as a separate recording, with `what` appended to its name; a velocity
-    /// column is omitted.
+    /// The samples in `range` as a separate recording, with `what` appended to its name. It keeps the
+    /// notes, and the readings that are saturated in the whole recording are so in the part.
     ///
     /// # Errors
     /// As for [`Recording::from_columns`].
     pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
-        let cut = |column: &[f64]| column[range.clone()].to_vec();
-        let name = format!("{}, {what}", self.name);
-        let part = Self::from_columns(name, cut(&self.time), cut(&self.position), cut(&self.force))?;
-        Ok(Self { choice: self.choice.clone(), ..part })
+        let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
+        let (time, position, force) = (cut(&self.time), cut(&self.position), cut(&self.force));
+        let readings = Readings { time, position, force, velocity: self.velocity.as_ref().map(cut) };
+        let mut part = Self::from_readings(format!("{}, {what}", self.name), &readings, None)?;
+        part.choice = self.choice.clone();
+        part.quality.notes.extend(self.quality.notes.iter().cloned());
+        for Saturation { level, .. } in self.quality.saturated.iter().copied() {
+            let is_stuck = |force: &&f64| if level < 0.0 { **force <= level } else { **force >= level };
+            let count = part.force.iter().filter(is_stuck).count();
+            let is_known = part.quality.saturated.iter().any(|found| found.level == level);
+            if let (Some(first), false) = (part.force.iter().position(|force| is_stuck(&force)), is_known) {
+                part.quality.saturated.push(Saturation { count, level, first_line: first as u64 });
+                part.quality
+                    .notes
+                    .push(format!("{count} readings at the limit of {level} N that the whole recording has"));
+            }
+        }
+        Ok(part)
     }
 
     /// The recording with the inertia and weight of a moving mass removed from the force:

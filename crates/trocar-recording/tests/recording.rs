@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
-use trocar_recording::{Choice, ReadOptions, Recording, WarningKind, local_acceleration, local_velocity, read, write};
+use trocar_recording::{
+    Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity, read, write,
+};
 
 /// Force noise in N of standard deviation 0.01, the same for every run.
 fn noise(k: usize) -> f64 {
@@ -591,6 +593,25 @@ fn a_saturated_sensor_is_found() {
     assert_eq!(end.level, 1.5);
     assert!(end.count > 300);
     assert_says(&recording.quality.warnings[0].message, &["1.5 N", "line 13"]);
+}
+
+#[test]
+fn a_part_keeps_velocity_notes_and_sensor_limit() {
+    let time: Vec<f64> = (0..400).map(|k| 1e-3 * f64::from(k)).collect();
+    let velocity: Vec<f64> = time.iter().map(|t| 0.1 * (20.0 * t).cos()).collect();
+    let position: Vec<f64> = time.iter().map(|t| 5e-3 * (20.0 * t).sin()).collect();
+    let force: Vec<f64> = velocity.iter().enumerate().map(|(k, v)| (40.0 * v + noise(k)).clamp(-3.0, 3.0)).collect();
+    let readings = Readings { time, position, force, velocity: Some(velocity.clone()) };
+    let mut whole = Recording::from_readings("whole", &readings, Some(3.0)).unwrap();
+    whole.quality.notes.push("declared".to_owned());
+    let part = whole.part(100..350, "middle").unwrap();
+    assert_eq!(part.velocity.as_deref(), Some(&velocity[100..350]));
+    assert_eq!((part.name.as_str(), part.quality.notes.contains(&"declared".to_owned())), ("whole, middle", true));
+    for range in [100..350, 0..40, 250..280] {
+        let part = whole.part(range.clone(), "a part").unwrap();
+        let clipped: Vec<bool> = (0..part.len()).map(|k| part.is_clipped(k)).collect();
+        assert_eq!(clipped, range.map(|k| whole.is_clipped(k)).collect::<Vec<_>>());
+    }
 }
 
 #[test]

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::identify::{
-    DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Parameter, Phase, PositionDelay,
-    SteadyFit, StickSlip, Subject, Warning,
+    Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Parameter, Phase,
+    PositionDelay, SteadyFit, StickSlip, Subject, Warning,
 };
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo};
 use crate::profile::ProfileFit;
@@ -99,6 +99,10 @@ pub struct Summary<'a> {
     pub residual_rms_n: f64,
     /// The likelihood fit with its optional model terms; `None` if it was not made.
     pub fit: Option<&'a FitSummary>,
+    /// Covariance of the parameters of the fit; `None` without a fit.
+    pub covariance: Option<&'a Covariance>,
+    /// Number of model parameters estimated, without the sensor offset and an unmodelled mass.
+    pub free_parameters: usize,
     /// Change of the friction from stroke to stroke.
     pub friction_scale: &'a FrictionScale,
     /// Error of the model by phase.
@@ -145,6 +149,8 @@ impl Workflow {
             two_step_parameters: by_name(&found.two_step_parameters),
             residual_rms_n: found.residual_rms,
             fit: found.fit.as_ref(),
+            covariance: found.covariance.as_ref(),
+            free_parameters: found.free_parameters,
             friction_scale: &found.friction_scale,
             phases: &found.phases,
             stick_slip: found.stick_slip.as_ref(),

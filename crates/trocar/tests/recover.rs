@@ -43,14 +43,34 @@ fn known(truth: &ElementParams, found: &Identification) -> Known {
     ]
 }
 
+/// Error of the sliding force at 60 mm/s, in the standard errors that the covariance gives it.
+fn error_of_sliding_force(truth: &ElementParams, found: &Identification) -> f64 {
+    let covariance = found.covariance.as_ref().expect("there is a fit");
+    let weight = |name: &String| match name.as_str() {
+        "coulomb_force_n" => 1.0,
+        "viscous_damping_n_s_m" => 0.06,
+        _ => 0.0,
+    };
+    let weights: Vec<f64> = covariance.parameters.iter().map(weight).collect();
+    let dot = |row: &Vec<f64>| row.iter().zip(&weights).map(|(entry, weight)| entry * weight).sum::<f64>();
+    let variance: f64 = covariance.rows.iter().zip(&weights).map(|(row, weight)| weight * dot(row)).sum();
+    let [force, damping, _] = known(truth, found).map(|(_, truth, estimate)| estimate.value - truth);
+    (force + 0.06 * damping) / variance.sqrt()
+}
+
 #[test]
 fn intervals_cover_the_truth_as_often_as_they_say() {
     let outcome = |seed: u64| {
         let truth = seal(seed);
-        known(&truth, &found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], seed), seed))
+        let found = found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], seed), seed);
+        (known(&truth, &found), error_of_sliding_force(&truth, &found).abs())
     };
     let (benches, band) = benches();
-    let outcomes: Vec<Known> = (1..=benches).into_par_iter().map(outcome).collect();
+    let (outcomes, errors): (Vec<Known>, Vec<f64>) = (1..=benches).into_par_iter().map(outcome).unzip();
+    // Of a sum only the covariance tells the error: within 2.2 standard errors in 19 of 20 benches.
+    let within = |limit: f64| errors.iter().filter(|error| **error < limit).count() as f64 / benches as f64;
+    println!("sliding force: {:.3} within 2.2 standard errors, {:.3} within 0.3", within(2.2), within(0.3));
+    assert!(within(2.2) >= *band.start() && within(0.3) < 0.5, "{errors:?}");
     let mut outside = Vec::new();
     for k in 0..3 {
         let name = outcomes[0][k].0;

@@ -56,6 +56,7 @@ pub(super) fn conclude(
         None => two_step_parameters.clone(),
     };
     sort(&mut parameters);
+    let covariance = fit.as_ref().map(|fit| numbers::covariance(&fit.fitted, &parameters));
     let warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
     let layout_parameters = fit.as_ref().map_or(3, |f| {
         let layout = f.fitted.best.layout;
@@ -78,6 +79,7 @@ pub(super) fn conclude(
             iterations: f.fitted.iterations,
             converged: element::remaining(&f.fitted) < UNFINISHED,
         }),
+        covariance,
         friction_scale: scale,
         phases: judged.phases,
         stick_slip: judged.stick_slip,
@@ -119,6 +121,7 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
         let value = p.estimate.value;
         p.estimate.ci95 =
             [p.estimate.ci95[0] + (low - 1.0) * value.abs(), p.estimate.ci95[1] + (high - 1.0) * value.abs()];
+        p.estimate.standard_error = None;
         p.estimate.note =
             Some("friction changed during the recordings: the interval holds all values that it had".to_owned());
     }

@@ -19,6 +19,9 @@ pub struct Estimate {
     pub unit: &'static str,
     /// Whether the data determine the parameter.
     pub determined: bool,
+    /// Standard error, to first order, in `unit`; `None` where the interval does not come from one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub standard_error: Option<f64>,
     /// Why it is not determined, or under which condition the value holds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
@@ -35,18 +38,20 @@ impl Estimate {
         if !half.is_finite() {
             return Self::undetermined(value, unit, "too few independent data for an interval");
         }
-        Self { value, ci95: [value - half, value + half], unit, determined: true, note: None }
+        let ci95 = [value - half, value + half];
+        Self { value, ci95, unit, determined: true, standard_error: Some(standard_error), note: None }
     }
 
     /// Estimate with given bounds, widened if necessary to contain the value.
     pub fn from_bounds(value: f64, low: f64, high: f64, unit: &'static str) -> Self {
-        Self { value, ci95: [low.min(value), high.max(value)], unit, determined: true, note: None }
+        let ci95 = [low.min(value), high.max(value)];
+        Self { value, ci95, unit, determined: true, standard_error: None, note: None }
     }
 
     /// A value that the data do not determine: infinite interval, and the reason.
     pub fn undetermined(value: f64, unit: &'static str, why: impl Into<String>) -> Self {
         let ci95 = [f64::NEG_INFINITY, f64::INFINITY];
-        Self { value, ci95, unit, determined: false, note: Some(why.into()) }
+        Self { value, ci95, unit, determined: false, standard_error: None, note: Some(why.into()) }
     }
 
     /// The same estimate with a remark.

@@ -175,5 +175,14 @@ impl Parameter {
     }
 }
 
+/// Covariance of the parameters of a fit that have a standard error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Covariance {
+    /// Their names, in the order of rows and columns.
+    pub parameters: Vec<String>,
+    /// The matrix, row by row; the unit of an entry is the product of the units of its parameters.
+    pub rows: Vec<Vec<f64>>,
+}
+
 /// Callback for a progress display: name of the stage and fraction done, 0 to 1.
 pub type Progress<'a> = &'a (dyn Fn(&str, f64) + Sync);

@@ -23,7 +23,7 @@ pub use candidate::Candidate;
 pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, FullReversal, Limits, bin_centres, legendre};
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
-pub use findings::{IdentifyError, Parameter, Progress, Subject, Warning};
+pub use findings::{Covariance, IdentifyError, Parameter, Progress, Subject, Warning};
 pub use free_motion::FreeMotion;
 pub use numbers::reported;
 pub use options::IdentifyOptions;

@@ -1,10 +1,12 @@
 //! The parameters of a fit, with intervals.
 
+use std::collections::BTreeMap;
+
 use trocar_model::{Direction, ParameterId, Quantity, Unit};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::estimate::Estimate;
-use super::findings::Parameter;
+use super::findings::{Covariance, Parameter};
 use super::likelihood::{Fitted, Trial};
 use super::spread::{Reported, Spread};
 
@@ -144,6 +146,19 @@ pub(super) fn are_determined(fitted: &Fitted<EmsTrial>, ids: &[ParameterId]) -> 
     let spread = Spread::new(fitted);
     let mut own = quantities(fitted.best.layout).into_iter().filter(|(id, _)| ids.contains(id));
     own.all(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)).estimate.determined)
+}
+
+/// Covariance of those of `parameters` that have a standard error.
+pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) -> Covariance {
+    let EmsTrial { candidate: best, layout, .. } = &fitted.best;
+    let spread = Spread::new(fitted);
+    let of_fit = quantities(*layout).into_iter().chain(branch_ids(best).into_iter().map(|id| (id, false)));
+    let logs: BTreeMap<ParameterId, bool> = of_fit.collect();
+    let is_known = |p: &&Parameter| p.estimate.standard_error.is_some() && logs.contains_key(&p.id);
+    let ids: Vec<ParameterId> = parameters.iter().filter(is_known).map(|p| p.id).collect();
+    let gradient = |id: &ParameterId| spread.gradient(logs[id], factor_of(*id), &|t| t.candidate.value(*id));
+    let rows = spread.covariance(&ids.iter().map(gradient).collect::<Vec<_>>());
+    Covariance { parameters: ids.iter().map(ToString::to_string).collect(), rows }
 }
 
 /// Main parameters of the fit with intervals: jackknife over clusters, to first order ([`Spread`]).

@@ -1,6 +1,6 @@
 //! Replicates of a fit, and the intervals derived from them.
 
-use statrs::statistics::{Data, OrderStatistics};
+use statrs::statistics::{Data, Distribution, OrderStatistics};
 
 use super::estimate::Estimate;
 
@@ -31,7 +31,8 @@ impl<T> Replicates<T> {
             }
             Self::Bootstrap(resampled) if resampled.len() >= 20 => {
                 let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());
-                Estimate::from_bounds(value, values.quantile(0.025), values.quantile(0.975), unit)
+                let own = Estimate::from_bounds(value, values.quantile(0.025), values.quantile(0.975), unit);
+                Estimate { standard_error: values.std_dev(), ..own }
             }
             Self::Bootstrap(_) => Estimate::undetermined(value, unit, "too few resamples for an interval"),
         }

@@ -7,7 +7,7 @@ use super::adequacy::Phase;
 use super::candidate::Candidate;
 use super::deformation::DeformationFit;
 use super::estimate::Estimate;
-use super::findings::{Parameter, Warning};
+use super::findings::{Covariance, Parameter, Warning};
 use super::free_motion::FreeMotion;
 use super::scale::FrictionScale;
 use super::steady::SteadyFit;
@@ -53,6 +53,8 @@ pub struct Identification {
     /// The likelihood fit, which then defines the model; `None` when it was not requested or not
     /// possible.
     pub fit: Option<FitSummary>,
+    /// Covariance of the parameters of the fit; `None` without a fit.
+    pub covariance: Option<Covariance>,
     /// Change of friction from stroke to stroke.
     pub friction_scale: FrictionScale,
     /// Content of the recordings beyond full strokes.

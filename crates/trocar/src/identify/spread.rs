@@ -52,6 +52,11 @@ impl Dependent {
         };
         Self { value: of(trial), gradient: DVector::from_fn(free.len(), slope) }
     }
+
+    /// The quantity itself, or its logarithm.
+    fn on<T: Trial>(trial: &T, log: bool, of: &dyn Fn(&T) -> f64) -> Self {
+        if log { Self::new(trial, &|t| of(t).ln()) } else { Self::new(trial, of) }
+    }
 }
 
 /// How a parameter is reported.
@@ -117,10 +122,7 @@ impl<'a, T: Trial> Spread<'a, T> {
     pub(crate) fn estimate(&self, how: Reported, of: &dyn Fn(&T) -> f64) -> Estimate {
         let Reported { unit, log, scale, least, factor } = how;
         let best = &self.found.best;
-        let Dependent { value, gradient } = match log {
-            true => Dependent::new(best, &|t| of(t).ln()),
-            false => Dependent::new(best, of),
-        };
+        let Dependent { value, gradient } = Dependent::on(best, log, of);
         let plain = |u: f64| if log { u.exp() } else { u };
         let direction = &self.covariance * &gradient;
         let remaining = gradient.dot(&self.found.remaining());
@@ -137,7 +139,36 @@ impl<'a, T: Trial> Spread<'a, T> {
         if half > limit {
             return Estimate::undetermined(plain(value), unit, known_no_better(half, log, unit));
         }
-        Estimate { value: plain(value), ci95: own.ci95.map(|bound| plain(bound).max(least)), ..own }
+        let standard_error = Some(if log { plain(value) * error } else { error });
+        Estimate { value: plain(value), ci95: own.ci95.map(|bound| plain(bound).max(least)), standard_error, ..own }
+    }
+
+    /// Gradient of a quantity times the factor on its standard error; from its logarithm if its
+    /// interval is taken on it.
+    pub(super) fn gradient(&self, log: bool, factor: f64, of: &dyn Fn(&T) -> f64) -> DVector<f64> {
+        let Dependent { value, gradient } = Dependent::on(&self.found.best, log, of);
+        gradient * if log { factor * value.exp() } else { factor }
+    }
+
+    /// Covariance of the quantities with these gradients, row by row: the form whose diagonal holds
+    /// the squared standard errors of [`Spread::estimate`].
+    pub(super) fn covariance(&self, gradients: &[DVector<f64>]) -> Vec<Vec<f64>> {
+        let (g, remaining) = (self.departures.len() as f64, self.found.remaining());
+        let variance = self.found.rms[1].powi(2).max(f64::MIN_POSITIVE);
+        let precisions = self.found.prior_precisions();
+        // Of each quantity all deviations that its variance is the sum of squares of.
+        let deviations = |gradient: &DVector<f64>| {
+            let values: Vec<f64> = self.departures.iter().map(|d| gradient.dot(d)).collect();
+            let mean = values.iter().sum::<f64>() / g.max(1.0);
+            let clusters = values.into_iter().map(|v| ((g - 1.0) / g).sqrt() * (v - mean));
+            let direction = &self.covariance * gradient;
+            let scale = (self.inflation / variance).sqrt();
+            let beforehand = precisions.iter().zip(direction.iter()).map(|(p, d)| scale * p.sqrt() * d);
+            let all = clusters.chain(beforehand).chain([gradient.dot(&remaining)]);
+            DVector::from_vec(all.collect())
+        };
+        let all: Vec<DVector<f64>> = gradients.iter().map(deviations).collect();
+        all.iter().map(|a| all.iter().map(|b| a.dot(b)).collect()).collect()
     }
 }
 

@@ -5,8 +5,8 @@
 //!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
 //! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
-//! Only [`identification`], [`comparison`] and [`fleet`] depend on results; they fill documents
-//! from them.
+//! Only [`identification`], [`comparison`], [`fleet`], [`validation`] and [`recording`] depend on
+//! results; they fill documents from them.
 
 mod chart;
 pub mod comparison;
@@ -19,6 +19,7 @@ mod html;
 pub mod identification;
 mod live;
 mod number;
+pub mod recording;
 mod style;
 mod svg;
 pub mod validation;

@@ -54,15 +54,23 @@ pub fn from_file(path: &Path, prefix: &str) -> Result<String, CError> {
     check_prefix(prefix)?;
     let read = || {
         let text = fs::read_to_string(path).map_err(ModelFileError::from)?;
-        let model = ModelFile::from_json(&text)?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        let origin = format!("{name}, SHA-256 {}", sha256(text.as_bytes()));
-        write(&model, &origin, prefix)
+        from_text(&text, &name, prefix)
     };
     read().map_err(|error| match error {
         CError::Model(error) => error.in_file(path).into(),
         other => other,
     })
+}
+
+/// The model file called `name` with this `text` as the text of a C file whose names begin with
+/// `prefix`.
+///
+/// # Errors
+/// As for [`from_file`].
+pub fn from_text(text: &str, name: &str, prefix: &str) -> Result<String, CError> {
+    let origin = format!("{name}, SHA-256 {}", sha256(text.as_bytes()));
+    write(&ModelFile::from_json(text)?, &origin, prefix)
 }
 
 /// `model` as the text of a C file whose names begin with `prefix`; `origin` describes the source

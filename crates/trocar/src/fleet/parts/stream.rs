@@ -32,7 +32,7 @@ pub(super) fn input(
     }
     let names: Vec<String> = offered.iter().map(|column| column.name.clone()).collect();
     let units: Vec<String> = offered.iter().map(|column| column.unit.clone()).collect();
-    let found = TableColumns::find_with_units(name, &names, &units, reading.choice.columns.as_deref())?;
+    let found = TableColumns::find_with_units(name, &names, &units, &[], reading.choice.columns.as_deref())?;
     let columns = found.needed.into_iter().chain(found.velocity);
     let mut chosen: Vec<Chosen> =
         columns.map(|column| Chosen { column: offered[column.index], per_si: column.per_si }).collect();

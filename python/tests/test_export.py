@@ -1,0 +1,91 @@
+"""Exports give the files of the command line."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trocar
+
+from .conftest import CONFORMANCE
+
+MODELS = [CONFORMANCE / "models" / name for name in ("gms.json", "lugre.json")]
+
+
+def program(*arguments: object) -> None:
+    command = os.environ.get("TROCAR_PROGRAM")
+    if command is None:
+        pytest.skip(
+            "TROCAR_PROGRAM does not name the command line; crates/trocar-py/check builds and names it"
+        )
+    subprocess.run([command, "export", *map(str, arguments), "--quiet"], check=True)
+
+
+def parts(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_c_is_that_of_the_command_line(path: Path, tmp_path: Path) -> None:
+    model = trocar.Model.load(path)
+    model.save(tmp_path / "model.json")
+    model.export_c(tmp_path / "python.c", prefix="seal")
+    program("c", tmp_path / "model.json", "--out", tmp_path / "command.c", "--name", "seal")
+    text = (tmp_path / "python.c").read_text()
+    assert text == (tmp_path / "command.c").read_text() and "seal_step(" in text
+    with pytest.raises(trocar.ParameterError, match="the prefix of C names must be .* got '1'"):
+        model.export_c(tmp_path / "none.c", prefix="1")
+    assert not (tmp_path / "none.c").exists()
+
+
+def test_an_fmu_is_that_of_the_command_line(model: trocar.Model, tmp_path: Path) -> None:
+    model.save(tmp_path / "model.json")
+    for fmi, input_ in ((2, "position"), (3, "velocity")):
+        model.export_fmu(tmp_path / "python.fmu", fmi=fmi, input=input_)
+        program(
+            "fmu",
+            tmp_path / "model.json",
+            "--out",
+            tmp_path / "command.fmu",
+            "--fmi",
+            fmi,
+            "--input",
+            input_,
+        )
+        own, other = parts(tmp_path / "python.fmu"), parts(tmp_path / "command.fmu")
+        assert own.keys() == other.keys()
+        assert all(own[name] == other[name] for name in own if not name.startswith("binaries/"))
+        assert all(
+            len(own[name]) > 100_000 for name in own if name.startswith("binaries/") and "." in name
+        )
+    with pytest.raises(trocar.ParameterError, match="fmi must be 2 or 3, got 1"):
+        model.export_fmu(tmp_path / "none.fmu", fmi=1)  # type: ignore[arg-type]
+    with pytest.raises(trocar.ParameterError, match='input "force": expected position or velocity'):
+        model.export_fmu(tmp_path / "none.fmu", input="force")  # type: ignore[arg-type]
+    with pytest.raises(FileNotFoundError):
+        model.export_fmu(tmp_path / "no such folder" / "model.fmu")
+
+
+def test_models_come_back_from_dictionaries() -> None:
+    for path in sorted(CONFORMANCE.glob("models/*.json")):
+        model = trocar.Model.load(path)
+        assert trocar.Model.from_dict(model.to_dict()) == model
+    plausible = trocar.Model.plausible()
+    values = plausible.to_dict()
+    (element,) = values["elements"]
+    for direction, damping in (("insertion", np.float64(7)), ("withdrawal", np.int64(7))):
+        element[direction]["viscous_damping_n_s_m"] = damping
+    changed = trocar.Model.from_dict(values)
+    assert {t.value for t in changed.tunables if "viscous_damping" in t.name} == {7.0}
+    with pytest.raises(trocar.ModelFileError):
+        trocar.Model.from_dict({"version": 1})
+    with pytest.raises(trocar.ParameterError, match="numbers must be finite"):
+        trocar.Model.from_dict({**values, "version": np.nan})
+    with pytest.raises(TypeError, match="expected a dictionary, got str"):
+        trocar.Model.from_dict("model.json")  # type: ignore[arg-type]
